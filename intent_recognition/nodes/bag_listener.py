@@ -7,7 +7,7 @@ executor: a thread waits for them and takes their messages, however busy the nod
 """
 
 import threading
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from contextlib import ExitStack
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -22,7 +22,7 @@ CATCH_UP_S = 1.0
 
 
 class BagListener:
-    """Calls `on_message(key, data, received_ns, sent_ns)` for every message, in its thread.
+    """Calls `on_message(topic, data, received_ns, sent_ns)` for every message, in its thread.
 
     Args:
         node: owner of the subscriptions.
@@ -33,29 +33,29 @@ class BagListener:
     def __init__(
         self,
         node: Node,
-        on_message: Callable[[Hashable, bytes, int, int], None],
+        on_message: Callable[[str, bytes, int, int], None],
         on_error: Callable[[Exception], None],
     ):
         self._node = node
         self._on_message = on_message
         self._on_error = on_error
         self._lock = threading.Lock()
-        self._handles: dict[Hashable, tuple[_rclpy.Subscription, type]] = {}
+        self._handles: dict[str, tuple[_rclpy.Subscription, type]] = {}
         self._stopping = threading.Event()
         self._passes, self._passed = 0, threading.Condition()
         self._thread = threading.Thread(target=self._listen, name="bag_listener", daemon=True)
         self._thread.start()
 
-    def subscribe(self, key: Hashable, kind: type, topic: str, profile: QoSProfile) -> None:
-        """Subscribe to `topic`; replaces the subscription of the same `key`."""
+    def subscribe(self, topic: str, kind: type, profile: QoSProfile) -> None:
+        """Subscribe to a topic; replaces the subscription of before."""
         check_is_valid_msg_type(kind)
         with self._node.handle:
             handle = _rclpy.Subscription(
                 self._node.handle, kind, topic, profile.get_c_qos_profile()
             )
         with self._lock:
-            previous = self._handles.pop(key, None)
-            self._handles[key] = (handle, kind)
+            previous = self._handles.pop(topic, None)
+            self._handles[topic] = (handle, kind)
         if previous is not None:
             previous[0].destroy_when_not_in_use()
 
@@ -94,9 +94,7 @@ class BagListener:
                 if self._node.context.ok() and not isinstance(error, _rclpy.InvalidHandle):
                     self._on_error(error)
 
-    def _wait_and_take(
-        self, sources: list[tuple[Hashable, tuple[_rclpy.Subscription, type]]]
-    ) -> None:
+    def _wait_and_take(self, sources: list[tuple[str, tuple[_rclpy.Subscription, type]]]) -> None:
         with ExitStack() as in_use:  # handles are not destroyed while the thread waits for them
             if (context := self._node.context.handle) is None:
                 return
@@ -109,11 +107,11 @@ class BagListener:
             places = [wait_set.add_subscription(handle) for _, (handle, _) in sources]
             wait_set.wait(WAIT_NS)
             ready = [wait_set.is_ready("subscription", place) for place in places]
-        for is_ready, (key, (handle, kind)) in zip(ready, sources, strict=True):
+        for is_ready, (topic, (handle, kind)) in zip(ready, sources, strict=True):
             if is_ready:
-                self._drain(key, handle, kind)
+                self._drain(topic, handle, kind)
 
-    def _drain(self, key: Hashable, handle: _rclpy.Subscription, kind: type) -> None:
+    def _drain(self, topic: str, handle: _rclpy.Subscription, kind: type) -> None:
         with handle:
             while not self._stopping.is_set():
                 taken = handle.take_message(kind, True)
@@ -123,6 +121,6 @@ class BagListener:
                 received_ns = int(info.get("received_timestamp") or 0)
                 sent_ns = int(info.get("source_timestamp") or 0)
                 try:
-                    self._on_message(key, data, received_ns, sent_ns)
+                    self._on_message(topic, data, received_ns, sent_ns)
                 except Exception as error:  # the thread must outlive one message
                     self._on_error(error)

@@ -4,7 +4,7 @@
 import operator
 import threading
 import time
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -241,26 +241,26 @@ class TopicRecorder(Node):
             if self._writer is not None:
                 self._declare(self._writer, source)
         profile = keep_last(QUEUE_DEPTH, **guarantees._asdict())
-        self._listener.subscribe(resolved, kind, resolved, profile)
+        self._listener.subscribe(resolved, kind, profile)
 
-    def _on_message(self, topic: Hashable, data: bytes, received_ns: int, sent_ns: int) -> None:
+    def _on_message(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         now_ns = simulated_ns(self)
         if now_ns is not None:
             received_ns = sent_ns = now_ns
         else:
             received_ns = received_ns or time.time_ns()
+            sent_ns = sent_ns or received_ns
         with self._lock:
-            source = self._sources[str(topic)]
+            source = self._sources[topic]
             if source.guarantees.latched:
-                source.latched = (data, sent_ns or received_ns)
+                source.latched = (data, sent_ns)
             if received_ns == 0 and self._writer is not None:
                 self.diagnostics.reject("no_clock", f"{topic}, before /clock")
             if received_ns == 0:
                 return
-            self.heard(source.name, source.type, data, received_ns, sent_ns or received_ns)
-            if self._writer is None:
-                return
-            self._write(self._writer, source, data, received_ns, sent_ns or received_ns)
+            self.heard(source.name, source.type, data, received_ns, sent_ns)
+            if self._writer is not None:
+                self._write(self._writer, source, data, received_ns, sent_ns)
 
     def _on_error(self, error: Exception) -> None:
         self.diagnostics.reject("unexpected", repr(error))
