@@ -23,6 +23,7 @@ class HandInput:
 
     Attributes:
         link: that is the hand; empty where it was not named.
+        description: text of the URDF; empty before it has come, and where it holds no arm.
         taught: link that the model names; the hand where `link` is empty and the arm has it.
     """
 
@@ -36,7 +37,7 @@ class HandInput:
             " hand, or a person's wrist in whose place the arm is; empty: that of the model where"
             " the arm has it, else the last one before the fingers.",
         )
-        self._description = ""
+        self.description = ""
         self._arm: Arm | None = None
         subscription = node.create_subscription(
             String, "robot_description", self._take, qos.LATCHED
@@ -44,28 +45,23 @@ class HandInput:
         diagnostics.watch(subscription, "robot_description")
 
     @property
-    def description(self) -> str:
-        """Text of the URDF; empty before it has come, and where no arm can be read from it."""
-        return self._description
-
-    @property
     def arm(self) -> Arm | None:
         """The arm; None before its description has come, or if that cannot be used."""
-        if self._arm is None and self._description:
+        if self._arm is None and self.description:
             try:
                 self._arm = self._read()
                 self._node.get_logger().info(f"the hand is {self._arm.tip}")
             except IntentError as error:
                 self._diagnostics.reject("bad_robot_description", str(error))
-                self._description = ""
+                self.description = ""
         return self._arm
 
     def _read(self) -> Arm:
         if self.taught and not self.link:
             with suppress(ArgumentError):  # of another arm than the model's
-                return arm_in_world(self._description, self.taught)
-        return arm_in_world(self._description, self.link)
+                return arm_in_world(self.description, self.taught)
+        return arm_in_world(self.description, self.link)
 
     def _take(self, message: String) -> None:
-        if message.data != self._description:
-            self._description, self._arm = message.data, None
+        if message.data != self.description:
+            self.description, self._arm = message.data, None

@@ -199,8 +199,11 @@ class PrimitiveActivation(ManagedNode):
     ) -> JointPath:
         """Of the arm's joints, from theirs or from the hand's."""
         if of_hand:
-            times_s, positions = self._joints_along(times_s, positions)
-            velocities = None
+            arm, velocities = self._meet_arm(), None
+            try:
+                times_s, positions = joints_along(arm, times_s, positions, self._rest(arm))
+            except TrajectoryError as error:
+                raise RejectionError("unreachable", str(error)) from error
         return make_path(times_s, positions, self._limits, velocities)
 
     def _path_of(self, trajectory: Trajectory) -> JointPath:
@@ -247,15 +250,6 @@ class PrimitiveActivation(ManagedNode):
         """Posture that the joints are drawn to: home, as far as it is known."""
         home = self._settings.home if self.activation is None else self.activation.home
         return arm.rest if home is None or len(home) != arm.n_joints else home
-
-    def _joints_along(
-        self, times_s: NDArray[np.float64], positions: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        arm = self._meet_arm()
-        try:
-            return joints_along(arm, times_s, positions, self._rest(arm))
-        except TrajectoryError as error:
-            raise RejectionError("unreachable", str(error)) from error
 
     def _on_joint_states(self, message: JointState) -> None:
         self.diagnostics.tick("joint_states")
