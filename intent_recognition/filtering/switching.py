@@ -12,6 +12,8 @@ of the tasks begins at its birth, wherever the hand is. The hypotheses that were
 onset pay for what they pass on.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +33,7 @@ from intent_recognition.filtering.newborn import (
     fading_velocity,
 )
 from intent_recognition.filtering.observation_model import Measurement
+from intent_recognition.filtering.switched_belief import SwitchedBelief
 from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 
@@ -63,22 +66,6 @@ MAX_TASKS = 8
 NEGLIGIBLE_SHARE = 1e-4
 """Probability, as a share of the most probable one's, below which a born hypothesis is left out of
 a prediction. Convention."""
-
-
-class SwitchedBelief(NamedTuple):
-    """What born hypotheses make of a movement's task and timing; zero where there are none.
-
-    Attributes:
-        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
-        staying: log probability with which a task of the onset passed nothing on.
-        phase: expected phase given the task, (K + 1,).
-        duration_s: expected duration given the task, (K + 1,).
-    """
-
-    log_joint: NDArray[np.float64]
-    staying: float
-    phase: NDArray[np.float64]
-    duration_s: NDArray[np.float64]
 
 
 class _Grid(NamedTuple):
@@ -136,6 +123,7 @@ class SwitchedHypotheses:
         self._log_task_prior = known - np.logaddexp.reduce(known)
         self._n = 0
         self._batch = self._batch_of(0, 0)
+        self._due: list[Callable[[], object]] = []
         self._newborn.start()
         self._last_s, self._n_used = 0.0, 0
         self._last_birth_s, self._between_births_s = 0.0, 0.0
@@ -174,22 +162,18 @@ class SwitchedHypotheses:
     def observe(self, measurement: Measurement, log_evidence: NDArray[np.float64]) -> None:
         """Condition on a measurement; give birth to new hypotheses, and give up hopeless ones.
 
+        Births and what else no estimate needs before the next measurement are left to `catch_up`.
+
         Args:
             measurement: as the hypotheses of the onset took it.
             log_evidence: see `left`; this measurement is among the observations.
         """
+        while self.catch_up():
+            pass
         self._newborn.remember_start(measurement)
         self._last_s = max(measurement.elapsed_s, self._last_s)
         self._n_used += 1
-        if self._n_used % self._births_every == 0:
-            self._bear(measurement.elapsed_s, log_evidence)
-        density = self._batch.condition(
-            measurement.dofs,
-            self._rows(measurement)[:, None],
-            measurement.values,
-            measurement.noise_covariance,
-            self.library.evidence_freedom,
-        )
+        density = self._condition(self._batch, measurement, slice(0, self._n))
         seen, log_joint = self._seen[: self._n], self._log_joint[: self._n]
         seen += 1
         log_joint[seen > self._settling] += density[seen > self._settling]
@@ -200,22 +184,29 @@ class SwitchedHypotheses:
             task, pace = self._task[settled], self._log_pace(log_evidence)
             which = (task == self.library.n_tasks).astype(np.int64)
             log_joint[settled] = share[task] + pace[which, self._duration[settled]]
-        self._give_up(float(np.logaddexp.reduce(total)))
+        self._due.append(partial(self._forget, self._give_up(float(np.logaddexp.reduce(total)))))
+        if self._n_used % self._births_every == 0:
+            self._due.append(partial(self._give_birth, measurement, log_evidence))
+        self._due.append(self._downdate)
 
-    def belief(self, elapsed_s: float) -> SwitchedBelief:
-        """What they make of task and timing so long after onset."""
-        total, n = self.log_joint, self._n
-        some = np.flatnonzero(np.isfinite(self._log_joint[:n]))
-        task, duration_s, onset_s = (
-            array[some] for array in (self._task, self._duration_s, self._onset_s)
-        )
+    def catch_up(self) -> bool:
+        """Do a part of what is due before the next measurement; False if nothing is.
+
+        It makes no difference to what they say, only to when the time is spent.
+        """
+        if self._due:
+            self._due.pop(0)()
+        return bool(self._due)
+
+    def belief(self) -> SwitchedBelief:
+        """What they make of task and timing."""
+        total = self.log_joint
+        some = np.flatnonzero(np.isfinite(self._log_joint[: self._n]))
+        task, duration_s, onset_s = self._task[some], self._duration_s[some], self._onset_s[some]
         weight = np.exp(self._log_joint[some] - total[task])
-        phase = np.clip((elapsed_s - onset_s) / duration_s, 0.0, 1.0)
+        expected_s = np.bincount(task, weight * (onset_s + duration_s), len(total))
         return SwitchedBelief(
-            total,
-            self.staying,
-            np.bincount(task, weight * phase, len(total)).astype(np.float64),
-            np.bincount(task, weight * (onset_s + duration_s), len(total)).astype(np.float64),
+            total, self.staying, expected_s.astype(np.float64), task, weight, onset_s, duration_s
         )
 
     def of_task(self, task: int) -> tuple[FilterBank, NDArray[np.float64], NDArray[np.float64]]:
@@ -260,6 +251,33 @@ class SwitchedHypotheses:
         table -= np.logaddexp.reduce(table, axis=1, keepdims=True)
         return np.asarray(table - np.log(len(FADINGS)), dtype=np.float64)
 
+    def _condition(
+        self, batch: GaussianBatch, measurement: Measurement, some: slice
+    ) -> NDArray[np.float64]:
+        """Condition some hypotheses, those of a batch: log density of the measurement, (n,)."""
+        return batch.condition(
+            measurement.dofs,
+            self._rows(measurement, some)[:, None],
+            measurement.values,
+            measurement.noise_covariance,
+            self.library.evidence_freedom,
+        )
+
+    def _give_birth(self, measurement: Measurement, log_evidence: NDArray[np.float64]) -> None:
+        """Add newborn hypotheses, and condition them on the measurement of their birth."""
+        first = self._n
+        self._bear(measurement.elapsed_s, log_evidence)
+        born, n_pending = slice(first, self._n), self._batch.n_pending - len(measurement.dofs)
+        state, pending = self._state[born], self._pending[born]
+        newborn = GaussianBatch(state, self._width, pending, n_pending)
+        self._condition(newborn, measurement, born)
+        self._seen[born] += 1
+
+    def _downdate(self) -> None:
+        """Subtract what is pending, a part at a time, if the next measurement may not fit."""
+        if self._batch.catch_up(self.library.n_observed):
+            self._due.append(self._downdate)
+
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
         self._between_births_s = max(birth_s - self._last_birth_s, 0.0)
@@ -283,9 +301,9 @@ class SwitchedHypotheses:
         self._n = born.stop
         self._batch = self._batch_of(self._n, self._batch.n_pending)
 
-    def _rows(self, measurement: Measurement) -> NDArray[np.float64]:
-        """Row of the observation matrix of each hypothesis, (n, N + 3)."""
-        some, basis = slice(0, self._n), self.library.basis
+    def _rows(self, measurement: Measurement, some: slice) -> NDArray[np.float64]:
+        """Row of the observation matrix of some hypotheses, (n, N + 3)."""
+        basis = self.library.basis
         duration_s, since_s = self._duration_s[some], measurement.elapsed_s - self._birth_s[some]
         into_s = measurement.elapsed_s - self._onset_s[some]
         phase = np.clip(into_s / duration_s, 0.0, 1.0)
@@ -296,8 +314,8 @@ class SwitchedHypotheses:
             offset = fading_velocity(since_s, self._rate[some])
         return np.concatenate([course, offset], axis=1)
 
-    def _give_up(self, total: float) -> None:
-        """Forget hypotheses that explain far less than all together, and the worst of too many."""
+    def _give_up(self, total: float) -> NDArray[np.bool_]:
+        """Give up what explains far less than all together, and the worst of too many: which."""
         n = self._n
         log_joint = self._log_joint[:n]
         settled = self._seen[:n] >= self._settling
@@ -308,7 +326,12 @@ class SwitchedHypotheses:
         if len(kept) > self._n_kept:
             worst = np.argpartition(log_joint[kept], -self._n_kept)[: -self._n_kept]
             hopeless[kept[worst]] = True
-        self._n = n - int(np.count_nonzero(hopeless))
+        self._log_joint[:n][hopeless] = -np.inf
+        return hopeless
+
+    def _forget(self, hopeless: NDArray[np.bool_]) -> None:
+        """Use the memory of hypotheses that were given up for the last of the others."""
+        self._n = len(hopeless) - int(np.count_nonzero(hopeless))
         free = np.flatnonzero(hopeless[: self._n])
         moved = self._n + np.flatnonzero(~hopeless[self._n :])
         for array in (

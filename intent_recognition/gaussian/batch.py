@@ -22,6 +22,11 @@ CACHE_FLOATS = 2**16
 """Numbers subtracted from covariances at a time. Convention: half a megabyte fits the core's cache.
 """
 
+PART_FLOATS = 5 * CACHE_FLOATS
+"""Numbers that `GaussianBatch.catch_up` subtracts from covariances at a time. Convention: less than
+an observation takes.
+"""
+
 Run = tuple[slice, slice, NDArray[np.float64]]
 """Observed values that are projected together: which values, which DOFs, and their row (n, N)."""
 
@@ -71,6 +76,7 @@ class GaussianBatch:
         # into V turns H m - y and the innovation covariance into these.
         n, n_rows, n_columns = pending.shape
         self._pending, self._n_pending, self._limit = pending, 0, n_rows
+        self._n_up_to_date = 0
         self._most_values = min(n_rows, n_columns - self._size - 1)
         by_dof = pending[:, :, : self._size]
         by_dof = by_dof.reshape(n, n_rows, self._size // self._n_basis, self._n_basis)
@@ -117,7 +123,7 @@ class GaussianBatch:
             log_scale = np.add.reduce(np.log(np.diagonal(own, axis1=1, axis2=2)), axis=1)
         if not isfinite(np.add.reduce(log_scale)):
             self._refuse(runs, values, noise_covariance)
-        self._n_pending = first + m
+        self._n_pending, self._n_up_to_date = first + m, 0
         whitened = new[:, :, self._size]
         squares = np.matmul(whitened[:, None, :], whitened[:, :, None])[:, 0, 0]
         return student_log_density(squares, log_scale, m, degrees_of_freedom)
@@ -184,17 +190,42 @@ class GaussianBatch:
 
     def apply_downdates(self) -> None:
         """Bring mean and covariance up to date."""
-        if not self._n_pending:
-            return
+        if self._n_pending:
+            self._apply(slice(self._n_up_to_date, len(self.mean)))
+        self._n_pending, self._n_up_to_date = 0, 0
+        self._limit = self._pending.shape[1]
+
+    def catch_up(self, n_values: int) -> bool:
+        """Apply a part of the downdates that an observation would first have to apply.
+
+        Args:
+            n_values: of the observation.
+
+        Returns:
+            Whether there is more of it.
+        """
+        if self._n_pending + n_values <= self._limit:
+            return False
+        first = self._n_up_to_date
+        some = slice(first, first + max(1, PART_FLOATS // self._size**2))
+        if some.stop >= len(self.mean):
+            self.apply_downdates()
+            return False
+        self._apply(some)
+        self._pending[some, : self._n_pending] = 0.0
+        self._n_up_to_date = some.stop
+        return True
+
+    def _apply(self, some: slice) -> None:
+        """Subtract what is pending for some."""
         step = max(1, CACHE_FLOATS // self._size**2)
-        work = np.empty((min(step, len(self.mean)), self._size, self._size))
-        for start in range(0, len(self.mean), step):
-            some = slice(start, start + step)
-            mean, covariance = self.mean[some], self.covariance[some]
-            change, downdate = self._pending_change(some, out=work[: len(mean)])
+        work = np.empty((step, self._size, self._size))
+        for start in range(some.start, some.stop, step):
+            few = slice(start, min(start + step, some.stop))
+            mean, covariance = self.mean[few], self.covariance[few]
+            change, downdate = self._pending_change(few, out=work[: len(mean)])
             mean -= change
             covariance -= downdate
-        self._n_pending, self._limit = 0, self._pending.shape[1]
 
     def current(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Means (k, P N) and covariances (k, P N, P N) of some, up to date; nothing changes."""
