@@ -187,10 +187,10 @@ class MovementFilter:
         """From the hypotheses of the onset, or from those born since if they are more probable."""
         born = self._switched
         if born is not None and born.log_joint[task] > born.left(self._bank.log_evidence)[task]:
-            bank, durations_s, weights = born.of_task(task)
-            unseen = self._bank.history.of(0, 0)
+            courses, durations_s, weights = born.of_task(task)
+            unseen = self._bank.history.until_now(0, 0)
             return TaskPrediction(
-                self.library, task, bank, durations_s, weights, unseen, self._elapsed_s
+                self.library, task, courses, durations_s, weights, unseen, self._elapsed_s
             )
         bank, first = self.task(task), task * self.hypotheses.n_scales
         return TaskPrediction(
@@ -198,7 +198,7 @@ class MovementFilter:
             task,
             bank,
             *self.hypotheses.durations(task, bank.log_evidence),
-            self._bank.history.of(first, first + self.hypotheses.n_scales),
+            self._bank.history.until_now(first, first + self.hypotheses.n_scales),
             self._elapsed_s,
         )
 

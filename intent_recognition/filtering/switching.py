@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.hypotheses import (
     N_SCALES,
     Hypotheses,
@@ -33,7 +32,7 @@ from intent_recognition.filtering.newborn import (
     fading_velocity,
 )
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.switched_belief import SwitchedBelief
+from intent_recognition.filtering.switched_belief import CourseWeights, SwitchedBelief
 from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 
@@ -209,21 +208,15 @@ class SwitchedHypotheses:
             total, self.staying, expected_s.astype(np.float64), task, weight, onset_s, duration_s
         )
 
-    def of_task(self, task: int) -> tuple[FilterBank, NDArray[np.float64], NDArray[np.float64]]:
+    def of_task(self, task: int) -> tuple[CourseWeights, NDArray[np.float64], NDArray[np.float64]]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,)."""
         log_joint = np.where(self._task[: self._n] == task, self._log_joint[: self._n], -np.inf)
         weight = np.exp(log_joint - np.max(log_joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
-        weight = weight[index] / weight[index].sum()
-        mean, covariance = self._batch.current(index)
-        n, p, n_basis = len(index), self.library.n_observed, self.library.basis.n_basis
-        by_dof = covariance.reshape(n, p, self._width, p, self._width)
-        bank = FilterBank(
-            mean.reshape(n, p, self._width)[:, :, :n_basis].reshape(n, p * n_basis),
-            by_dof[:, :, :n_basis, :, :n_basis].reshape(n, p * n_basis, p * n_basis),
-            self._log_joint[index],
-        )
-        return bank, self._duration_s[index], weight
+        own = self._width * np.arange(self.library.n_observed)[:, None]
+        own = (own + np.arange(self.library.basis.n_basis)).ravel()
+        courses = CourseWeights(self._batch.part(index), own, self._log_joint[index])
+        return courses, self._duration_s[index], weight[index] / weight[index].sum()
 
     def _shares(self, total: NDArray[np.float64]) -> NDArray[np.float64]:
         """What passes to the hypotheses of the last birth."""

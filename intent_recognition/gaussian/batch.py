@@ -14,7 +14,8 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian.linalg import cholesky, student_log_density
+from intent_recognition.gaussian.linalg import cholesky, student_log_density, symmetrize
+from intent_recognition.gaussian.normal import Gaussian
 
 PENDING_ROWS = 24
 """Rows of V kept before they are subtracted. Measured: about the least time (docs/speed.md)."""
@@ -142,11 +143,12 @@ class GaussianBatch:
         """
         m, size, pending = len(dofs), self._size, self._pending[:, : self._n_pending]
         runs = _runs(dofs, row[:, None])
-        cross = np.empty((len(row), m, self._width))
+        cross = np.empty((len(row), m, size))
         for observed, some, _ in runs:
-            np.matmul(row[:, None, None], self._by_dof[:, some], out=cross[:, observed, None])
-        by_dof = cross[:, :, :size].reshape(len(row), m, -1, self._n_basis)[:, :, dofs]
-        covariance = np.matmul(by_dof, row[:, None, :, None])[..., 0]
+            known = self._by_dof[:, some, :, :size]
+            np.matmul(row[:, None, None], known, out=cross[:, observed, None])
+        by_dof = cross.reshape(len(row), m, -1, self._n_basis)
+        covariance = np.matmul(by_dof, row[:, None, :, None])[:, :, dofs, 0]
         mean = self.mean
         if self._n_pending:
             product = np.empty((len(row), m, self._n_pending))
@@ -231,6 +233,29 @@ class GaussianBatch:
         """Means (k, P N) and covariances (k, P N, P N) of some, up to date; nothing changes."""
         change, downdate = self._pending_change(index)
         return self.mean[index] - change, self.covariance[index] - downdate
+
+    def part(self, index: NDArray[np.int64]) -> "GaussianBatch":
+        """Some of them as they are now, a copy."""
+        state = self._by_dof[index].reshape(len(index), self._size, self._width)
+        pending = self._pending[index, : self._n_pending]
+        return GaussianBatch(state, self._n_basis, pending, self._n_pending)
+
+    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
+        """Mean and covariance of their mixture, up to date.
+
+        Args:
+            weight: probability of each, (n,).
+        """
+        root = np.sqrt(weight)
+        pending = self._pending[:, : self._n_pending, : self._size]
+        change = np.matmul(self._pending[:, None, : self._n_pending, self._size], pending)
+        means = self.mean - change[:, 0]
+        mean = weight @ means
+        apart = (means - mean) * root[:, None]
+        downdate = (pending * root[:, None, None]).reshape(-1, self._size)
+        covariance = np.tensordot(weight, self._by_dof, axes=1)
+        covariance = covariance.reshape(self._size, self._width)[:, : self._size]
+        return Gaussian(mean, symmetrize(covariance - downdate.T @ downdate + apart.T @ apart))
 
     def _pending_change(
         self, some: slice | NDArray[np.int64], out: NDArray[np.float64] | None = None

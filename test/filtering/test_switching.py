@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
 from intent_recognition.filtering import (
+    FilterBank,
     MovementFilter,
     SwitchedHypotheses,
     make_hypotheses,
@@ -238,8 +239,24 @@ def test_it_does_not_matter_when_one_catches_up(library, rng, monkeypatch, n_par
             for one, other in zip(*(posterior(run, elapsed_s) for run in runs), strict=True):
                 np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
     assert not (runs[0].catch_up() and n_parts == 100)
-    for one, other in zip(*(switched.of_task(1)[0] for switched in memories), strict=True):
+    courses = [switched.of_task(1)[0] for switched in memories]
+    for name in ("mean", "covariance", "log_evidence"):
+        one, other = (getattr(course, name) for course in courses)
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+def test_the_mixture_of_born_hypotheses_is_that_of_their_courses(library, rng):
+    switched = SwitchedHypotheses(library)
+    times_s = np.arange(0.0, 1.5, 0.05)
+    filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
+    courses, _, weight = switched.of_task(1)
+    bank = FilterBank(courses.mean, courses.covariance, courses.log_evidence)
+    for ours, expected in zip(courses.mixture(weight), bank.mixture(weight), strict=True):
+        np.testing.assert_allclose(ours, expected, rtol=1e-12, atol=1e-12)
+    mean = np.einsum("n,np->p", weight, bank.mean)
+    square = np.einsum("n,npq->pq", weight, bank.covariance)
+    square += np.einsum("n,np,nq->pq", weight, bank.mean, bank.mean) - np.outer(mean, mean)
+    np.testing.assert_allclose(courses.mixture(weight).covariance, square, atol=1e-10)
 
 
 def test_velocities_are_those_of_the_positions(library, rng):
