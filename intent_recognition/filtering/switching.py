@@ -167,8 +167,8 @@ class SwitchedHypotheses:
             measurement: as the hypotheses of the onset took it.
             log_evidence: see `left`; this measurement is among the observations.
         """
-        while self.catch_up():
-            pass
+        while self._due:
+            self._due.pop(0)()
         self._newborn.remember_start(measurement)
         self._last_s = max(measurement.elapsed_s, self._last_s)
         self._n_used += 1
@@ -186,16 +186,16 @@ class SwitchedHypotheses:
         self._due.append(partial(self._forget, self._give_up(float(np.logaddexp.reduce(total)))))
         if self._n_used % self._births_every == 0:
             self._due.append(partial(self._give_birth, measurement, log_evidence))
-        self._due.append(self._downdate)
 
     def catch_up(self) -> bool:
-        """Do a part of what is due before the next measurement; False if nothing is.
+        """Do a part of what is due before the next measurement; whether there was something to do.
 
         It makes no difference to what they say, only to when the time is spent.
         """
         if self._due:
             self._due.pop(0)()
-        return bool(self._due)
+            return True
+        return self._batch.catch_up()
 
     def belief(self) -> SwitchedBelief:
         """What they make of task and timing."""
@@ -265,11 +265,6 @@ class SwitchedHypotheses:
         newborn = GaussianBatch(state, self._width, pending, n_pending)
         self._condition(newborn, measurement, born)
         self._seen[born] += 1
-
-    def _downdate(self) -> None:
-        """Subtract what is pending, a part at a time, if the next measurement may not fit."""
-        if self._batch.catch_up(self.library.n_observed):
-            self._due.append(self._downdate)
 
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
