@@ -23,9 +23,9 @@ CACHE_FLOATS = 2**16
 """Numbers subtracted from covariances at a time. Convention: half a megabyte fits the core's cache.
 """
 
-N_PARTS = 4
-"""Parts in which `GaussianBatch.catch_up` applies downdates. Convention: about as many observations
-come between two that a filter uses."""
+N_PARTS = 2
+"""Parts in which `GaussianBatch.catch_up` applies downdates. Measured: all at once take as long as
+an observation, and more parts fall on more than half of the poses (docs/speed.md)."""
 
 Run = tuple[slice, slice, NDArray[np.float64]]
 """Observed values that are projected together: which values, which DOFs, and their row (n, N)."""
