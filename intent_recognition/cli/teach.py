@@ -65,7 +65,11 @@ def add_parser(subparsers: Subparsers) -> None:
         help="record so long instead of waiting for Enter",
     )
     parser.add_argument(
-        "--count", type=number(int, 0), default=0, metavar="N", help="demonstrations (default: until q)"
+        "--count",
+        type=number(int, 0),
+        default=0,
+        metavar="N",
+        help="demonstrations (default: until q)",
     )
     parser.set_defaults(run=run)
 

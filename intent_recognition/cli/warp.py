@@ -97,10 +97,17 @@ def add_parser(subparsers: Subparsers) -> None:
         help="points taken of the target (default: %(default)s)",
     )
     parser.add_argument(
-        "--scale", type=number(float, *SCALES), default=1.0, help="factor to metres; 0.001 for millimetres"
+        "--scale",
+        type=number(float, *SCALES),
+        default=1.0,
+        help="factor to metres; 0.001 for millimetres",
     )
     parser.add_argument(
-        "--toward", nargs=3, type=number(float), metavar=("X", "Y", "Z"), help="the other container [m]"
+        "--toward",
+        nargs=3,
+        type=number(float),
+        metavar=("X", "Y", "Z"),
+        help="the other container [m]",
     )
     parser.add_argument(
         "--viewpoint",
