@@ -154,6 +154,10 @@ class DashboardPage:
             asked, self._asked = self._asked, {}
         for action in asked:
             self._perform(action)
+        with self._server.atomic():  # one transmission: each costs more than what is in it
+            self._show()
+
+    def _show(self) -> None:
         now_s = self._clock()
         state = self._state
         self._choose_colours()

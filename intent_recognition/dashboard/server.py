@@ -46,9 +46,9 @@ LARGEST_MESSAGE = 2**16
 """Bytes of a message from a browser: it sends where a handle is. Convention."""
 MOST_WAITING = 8
 """Messages of one browser that wait to be read. Convention."""
-WINDOW = 16
+WINDOW = 32
 """Messages that viser packs into one transmission, which is what a slow browser holds in memory.
-Convention."""
+Convention: an update of the page has fewer."""
 CLIENT = Path(viser.__file__).parent / "client/build/index.html"
 WELCOME = '<!doctype html><meta http-equiv="refresh" content="0;url=/"><title>opening</title>'
 

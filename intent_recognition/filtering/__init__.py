@@ -14,7 +14,8 @@ from intent_recognition.filtering.hypotheses import (
 from intent_recognition.filtering.movement import MovementFilter, make_memory, run_bank
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switching import NEGLIGIBLE, SwitchedBelief, SwitchedHypotheses
+from intent_recognition.filtering.switched_belief import SwitchedBelief
+from intent_recognition.filtering.switching import NEGLIGIBLE, SwitchedHypotheses
 from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid, deviations_at
 
 __all__ = [

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.observation_model import check_observation
-from intent_recognition.gaussian import GaussianBatch, make_state
+from intent_recognition.gaussian import Gaussian, GaussianBatch, make_state, symmetrize
 from intent_recognition.promp import TaskLibrary
 
 
@@ -29,6 +29,13 @@ class FilterBank(NamedTuple):
     mean: NDArray[np.float64]
     covariance: NDArray[np.float64]
     log_evidence: NDArray[np.float64]
+
+    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
+        """Mean and covariance of their mixture, each of a probability, (B,)."""
+        mean = weight @ self.mean
+        apart = (self.mean - mean) * np.sqrt(weight)[:, None]
+        covariance = np.tensordot(weight, self.covariance, axes=1)
+        return Gaussian(mean, symmetrize(covariance + apart.T @ apart))
 
 
 def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:

@@ -7,6 +7,8 @@ additional noise (assumed-density filtering). At steady progress there is a sing
 this is the exact update (Maeda et al. 2014, Eq. 6).
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -135,10 +137,20 @@ class DeviationHistory:
         """
         self._steps.append((elapsed_s, hypotheses, np.stack([deviation, likelihood], axis=1)))
 
-    def of(self, first: int, stop: int) -> Deviations:
-        """Those of a range of hypotheses, which were conditioned together."""
+    def until_now(self, first: int, stop: int) -> Callable[[], Deviations]:
+        """`of`, to be asked for later: of the measurements so far."""
+        return partial(self.of, first, stop, len(self._steps))
+
+    def of(self, first: int, stop: int, n_steps: int | None = None) -> Deviations:
+        """Those of a range of hypotheses, which were conditioned together.
+
+        Args:
+            first: hypothesis.
+            stop: the one after the last.
+            n_steps: how many calls of `add` count, from the first on; None for all.
+        """
         found = []
-        for elapsed_s, hypotheses, both in self._steps:
+        for elapsed_s, hypotheses, both in self._steps[:n_steps]:
             inside = np.flatnonzero((hypotheses >= first) & (hypotheses < stop))
             if inside.size:
                 order = inside[np.argsort(hypotheses[inside])]

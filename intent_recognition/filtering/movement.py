@@ -15,7 +15,8 @@ from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.pruning import PrunedBank
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switching import SwitchedBelief, SwitchedHypotheses
+from intent_recognition.filtering.switched_belief import SwitchedBelief
+from intent_recognition.filtering.switching import SwitchedHypotheses
 from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
 from intent_recognition.promp import (
     ControlGrid,
@@ -102,19 +103,33 @@ class MovementFilter:
     def observe(self, observation: Observation) -> None:
         """Condition every hypothesis on an observation, unless it follows too closely on the last.
 
+        Then there is time for a part of what the next observation would wait for (`catch_up`).
+
         Raises:
             ShapeError: values, DOFs and covariance do not fit each other.
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
         measurement = self.observation_model.measurement(observation)
         if measurement is None:
+            self.catch_up()
             return
+        if self._switched is not None:
+            self._switched.finish()
         self._bank.condition(measurement)
         if self._switched is not None:
             self._switched.observe(measurement, self._bank.log_evidence, self.memory)
         self._n_used += 1
         self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
         self._predictions.clear()
+
+    def catch_up(self) -> bool:
+        """Do a part of the work that is due before the next observation; False if none is left.
+
+        It makes no difference to any estimate.
+        """
+        if self._switched is not None and self._switched.catch_up():
+            return True
+        return self.memory.catch_up()
 
     @property
     def log_evidence(self) -> NDArray[np.float64]:
@@ -143,11 +158,16 @@ class MovementFilter:
             found = self._predictions[task] = self._predict(task)
         return found
 
-    def switched(self, elapsed_s: float) -> SwitchedBelief | None:
+    @property
+    def n_used(self) -> int:
+        """How many observations every hypothesis was conditioned on."""
+        return self._n_used
+
+    def switched(self) -> SwitchedBelief | None:
         """What hypotheses that were born on the way make of task and timing; None without any."""
         if self._switched is None or not self._n_used:
             return None
-        return self._switched.belief(elapsed_s)
+        return self._switched.belief()
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
@@ -169,10 +189,10 @@ class MovementFilter:
         """From the hypotheses of the onset, or from those born since if they are more probable."""
         born = self._switched
         if born is not None and born.log_joint[task] > born.left(self._bank.log_evidence)[task]:
-            bank, durations_s, weights = born.of_task(task)
-            unseen = self._bank.history.of(0, 0)
+            courses, durations_s, weights = born.of_task(task)
+            unseen = self._bank.history.until_now(0, 0)
             return TaskPrediction(
-                self.library, task, bank, durations_s, weights, unseen, self._elapsed_s
+                self.library, task, courses, durations_s, weights, unseen, self._elapsed_s
             )
         bank, first = self.task(task), task * self.hypotheses.n_scales
         return TaskPrediction(
@@ -180,7 +200,7 @@ class MovementFilter:
             task,
             bank,
             *self.hypotheses.durations(task, bank.log_evidence),
-            self._bank.history.of(first, first + self.hypotheses.n_scales),
+            self._bank.history.until_now(first, first + self.hypotheses.n_scales),
             self._elapsed_s,
         )
 

@@ -164,6 +164,15 @@ class RunningBank:
         for _, _, block in self._blocks:
             block.apply_downdates()
 
+    def catch_up(self) -> bool:
+        """Apply a part of the downdates that an observation of all DOFs would wait for.
+
+        Returns:
+            Whether there is more of it.
+        """
+        n_values = self.shape[2]
+        return any(block.catch_up(n_values) for _, _, block in self._blocks)
+
     def distributions(
         self, hypotheses: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -6,12 +6,12 @@ the way. What may happen, and how often, is in `births`; what a born hypothesis 
 in `newborn`. Here they are filtered, judged, and given up when they explain too little.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.births import (
     DELAYS,
     birth_grid,
@@ -28,6 +28,7 @@ from intent_recognition.filtering.newborn import (
 )
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.running_bank import RunningBank
+from intent_recognition.filtering.switched_belief import CourseWeights, SwitchedBelief
 from intent_recognition.gaussian import Gaussian, GaussianBatch, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 
@@ -50,22 +51,6 @@ MAX_TASKS = 8
 NEGLIGIBLE_SHARE = 1e-4
 """Probability, as a share of the most probable one's, below which a born hypothesis is left out of
 a prediction. Convention."""
-
-
-class SwitchedBelief(NamedTuple):
-    """What born hypotheses make of a movement's task and timing; zero where there are none.
-
-    Attributes:
-        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
-        staying: log probability with which a task of the onset passed nothing on.
-        phase: expected phase given the task, (K + 1,).
-        duration_s: expected duration given the task, (K + 1,).
-    """
-
-    log_joint: NDArray[np.float64]
-    staying: float
-    phase: NDArray[np.float64]
-    duration_s: NDArray[np.float64]
 
 
 _BORN = np.dtype(
@@ -122,6 +107,7 @@ class SwitchedHypotheses:
         self._log_task_prior = known - np.logaddexp.reduce(known)
         self._n = 0
         self._batch = self._batch_of(0, 0)
+        self._due: list[Callable[[], object]] = []
         self._newborn.start()
         self._last_s, self._n_used = 0.0, 0
         self._last_birth_s, self._between_births_s = 0.0, 0.0
@@ -162,6 +148,9 @@ class SwitchedHypotheses:
     ) -> None:
         """Condition on a measurement; give birth to new hypotheses, and give up hopeless ones.
 
+        Births and what else no estimate needs before the next measurement are left to `catch_up`
+        and `finish`.
+
         Args:
             measurement: as the hypotheses of the onset took it.
             log_evidence: see `left`; this measurement is among the observations.
@@ -170,17 +159,8 @@ class SwitchedHypotheses:
         self._newborn.remember_start(measurement)
         self._last_s = max(measurement.elapsed_s, self._last_s)
         self._n_used += 1
-        bears = self._n_used % self._births_every == 0
-        if bears:
-            self._bear(measurement.elapsed_s, log_evidence)
-        density = self._batch.condition(
-            measurement.dofs,
-            self._rows(measurement)[:, None],
-            measurement.values,
-            measurement.noise_covariance,
-            self.library.evidence_freedom,
-        )
         born = self._born[: self._n]
+        density = self._condition(self._batch, measurement, born)
         born["seen"] += 1
         log_joint, judged = born["log_joint"], born["seen"] > self._settling
         log_joint[judged] += density[judged]
@@ -189,25 +169,39 @@ class SwitchedHypotheses:
         if settled.size:
             passed = self._shares(total)[settled["kind"]] + settled["log_part"]
             log_joint[born["seen"] == self._settling] = passed
-        self._give_up(float(np.logaddexp.reduce(total)))
-        if bears:
-            self._bear_held_up(measurement.elapsed_s, log_evidence, onset)
+        self._due.append(partial(self._forget, self._give_up(float(np.logaddexp.reduce(total)))))
+        if self._n_used % self._births_every == 0:
+            self._due.append(partial(self._give_birth, measurement, log_evidence))
+            held_up = partial(self._bear_held_up, measurement.elapsed_s, log_evidence, onset)
+            self._due.append(held_up)
+        self._due.append(self._downdate)
 
-    def belief(self, elapsed_s: float) -> SwitchedBelief:
-        """What they make of task and timing so long after onset."""
+    def catch_up(self) -> bool:
+        """Do a part of what is due before the next measurement; False if nothing is.
+
+        It makes no difference to what they say, only to when the time is spent.
+        """
+        if self._due:
+            self._due.pop(0)()
+        return bool(self._due)
+
+    def finish(self) -> None:
+        """Do all that is due, before the hypotheses of the onset take the next measurement."""
+        while self.catch_up():
+            pass
+
+    def belief(self) -> SwitchedBelief:
+        """What they make of task and timing."""
         total, born = self.log_joint, self._born[: self._n]
         some = born[np.isfinite(born["log_joint"])]
         task, onset_s, duration_s = some["task"], some["onset_s"], some["duration_s"]
         weight = np.exp(some["log_joint"] - total[task])
-        phase = np.clip((elapsed_s - onset_s) / duration_s, 0.0, 1.0)
+        expected_s = np.bincount(task, weight * (onset_s + duration_s), len(total))
         return SwitchedBelief(
-            total,
-            self.staying,
-            np.bincount(task, weight * phase, len(total)).astype(np.float64),
-            np.bincount(task, weight * (onset_s + duration_s), len(total)).astype(np.float64),
+            total, self.staying, expected_s.astype(np.float64), task, weight, onset_s, duration_s
         )
 
-    def of_task(self, task: int) -> tuple[FilterBank, NDArray[np.float64], NDArray[np.float64]]:
+    def of_task(self, task: int) -> tuple[CourseWeights, NDArray[np.float64], NDArray[np.float64]]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
 
         A duration reaches from the movement's onset to its end.
@@ -216,20 +210,15 @@ class SwitchedHypotheses:
         log_joint = np.where(born["task"] == task, born["log_joint"], -np.inf)
         weight = np.exp(log_joint - np.max(log_joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
-        weight = weight[index] / weight[index].sum()
         some = born[index]
-        bank = FilterBank(*self._courses(index), some["log_joint"])
-        return bank, some["onset_s"] + some["duration_s"], weight
+        until_s = some["onset_s"] + some["duration_s"]
+        return self._courses(index), until_s, weight[index] / weight[index].sum()
 
-    def _courses(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Means (n, P N) and covariances (n, P N, P N) of weights, those of offsets left out."""
-        mean, covariance = self._batch.current(index)
-        n, p, n_basis = len(index), self.library.n_observed, self.library.basis.n_basis
-        by_dof = covariance.reshape(n, p, self._width, p, self._width)
-        return (
-            mean.reshape(n, p, self._width)[:, :, :n_basis].reshape(n, p * n_basis),
-            by_dof[:, :, :n_basis, :, :n_basis].reshape(n, p * n_basis, p * n_basis),
-        )
+    def _courses(self, index: NDArray[np.int64]) -> CourseWeights:
+        """The courses of some of them, without their offsets."""
+        own = self._width * np.arange(self.library.n_observed)[:, None]
+        own = (own + np.arange(self.library.basis.n_basis)).ravel()
+        return CourseWeights(self._batch.part(index), own, self._born["log_joint"][index])
 
     def _shares(self, total: NDArray[np.float64]) -> NDArray[np.float64]:
         """What passes to the hypotheses of the last birth."""
@@ -243,6 +232,32 @@ class SwitchedHypotheses:
 
     def _batch_of(self, n: int, n_pending: int) -> GaussianBatch:
         return GaussianBatch(self._state[:n], self._width, self._pending[:n], n_pending)
+
+    def _condition(
+        self, batch: GaussianBatch, measurement: Measurement, born: NDArray[np.void]
+    ) -> NDArray[np.float64]:
+        """Condition some hypotheses, those of a batch: log density of the measurement, (n,)."""
+        return batch.condition(
+            measurement.dofs,
+            self._rows(measurement, born)[:, None],
+            measurement.values,
+            measurement.noise_covariance,
+            self.library.evidence_freedom,
+        )
+
+    def _give_birth(self, measurement: Measurement, log_evidence: NDArray[np.float64]) -> None:
+        """Add newborn hypotheses, and condition them on the measurement of their birth."""
+        first = self._n
+        self._bear(measurement.elapsed_s, log_evidence)
+        new, n_pending = slice(first, self._n), self._batch.n_pending - len(measurement.dofs)
+        newborn = GaussianBatch(self._state[new], self._width, self._pending[new], n_pending)
+        self._condition(newborn, measurement, self._born[new])
+        self._born["seen"][new] += 1
+
+    def _downdate(self) -> None:
+        """Subtract what is pending, a part at a time, if the next measurement may not fit."""
+        if self._batch.catch_up(self.library.n_observed):
+            self._due.append(self._downdate)
 
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
@@ -274,16 +289,12 @@ class SwitchedHypotheses:
         of_born = np.where(born["task"] < n_tasks, born["log_joint"], -np.inf)
         first, best = int(np.argmax(joint)), int(np.argmax(of_born))
         if of_born[best] > joint[first]:
-            task, onset_s, duration_s = (
-                born[best][name] for name in ("task", "onset_s", "duration_s")
-            )
-            mean, covariance = self._courses(np.array([best]))
+            task, onset_s, duration_s = born[["task", "onset_s", "duration_s"]][best]
+            courses = self._courses(np.array([best]))
+            mean, covariance = courses.mean, courses.covariance
         else:
-            task, onset_s, duration_s = (
-                first // n_scales,
-                0.0,
-                self._hypotheses.duration_s[first],
-            )
+            task, onset_s = first // n_scales, 0.0
+            duration_s = self._hypotheses.duration_s[first]
             mean, covariance = onset.distributions(np.array([first]))
         delay, rate = np.divmod(np.arange(len(DELAYS) * len(FADINGS)), len(FADINGS))
         states = self._newborn.held_up(Gaussian(mean[0], covariance[0]))
@@ -304,10 +315,9 @@ class SwitchedHypotheses:
         born["seen"], born["birth_s"], born["log_joint"] = 0, birth_s, -np.inf
         return born
 
-    def _rows(self, measurement: Measurement) -> NDArray[np.float64]:
-        """Row of the observation matrix of each hypothesis, (n, N + 3)."""
-        born, basis = self._born[: self._n], self.library.basis
-        duration_s, rate = born["duration_s"], born["rate"]
+    def _rows(self, measurement: Measurement, born: NDArray[np.void]) -> NDArray[np.float64]:
+        """Row of the observation matrix of some hypotheses, (n, N + 3)."""
+        basis, duration_s, rate = self.library.basis, born["duration_s"], born["rate"]
         since_s = measurement.elapsed_s - born["birth_s"]
         into_s = measurement.elapsed_s - born["onset_s"]
         phase = np.clip(into_s / duration_s, 0.0, 1.0)
@@ -318,9 +328,9 @@ class SwitchedHypotheses:
             offset = fading_velocity(since_s, rate)
         return np.concatenate([course, offset], axis=1)
 
-    def _give_up(self, total: float) -> None:
-        """Forget hypotheses that explain far less than all together, and the worst of too many."""
-        n, born = self._n, self._born[: self._n]
+    def _give_up(self, total: float) -> NDArray[np.bool_]:
+        """Give up what explains far less than all together, and the worst of too many: which."""
+        born = self._born[: self._n]
         settled = born["seen"] >= self._settling
         is_none = born["task"] == self.library.n_tasks
         log_joint = born["log_joint"] + self._hypotheses.none_margin * is_none
@@ -329,7 +339,12 @@ class SwitchedHypotheses:
         if len(kept) > self._n_kept:
             worst = np.argpartition(log_joint[kept], -self._n_kept)[: -self._n_kept]
             hopeless[kept[worst]] = True
-        self._n = n - int(np.count_nonzero(hopeless))
+        born["log_joint"][hopeless] = -np.inf
+        return hopeless
+
+    def _forget(self, hopeless: NDArray[np.bool_]) -> None:
+        """Use the memory of hypotheses that were given up for the last of the others."""
+        self._n = len(hopeless) - int(np.count_nonzero(hopeless))
         free = np.flatnonzero(hopeless[: self._n])
         moved = self._n + np.flatnonzero(~hopeless[self._n :])
         for array in (self._state, self._pending, self._born):

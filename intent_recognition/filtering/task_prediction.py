@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """One task's trajectories, from the hypotheses of a movement under way."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.deviation import Deviations
-from intent_recognition.gaussian import Gaussian, symmetrize
+from intent_recognition.filtering.switched_belief import CourseWeights
+from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import (
     ControlGrid,
     PhaseDeviation,
@@ -37,7 +40,7 @@ class TaskPrediction:
         bank: S filtered hypotheses of the task.
         durations_s: of the whole movement under each, (S,).
         duration_weights: their posterior probabilities, (S,).
-        deviations: what was believed of their phase deviations.
+        deviations: gives what was believed of their phase deviations.
         elapsed_s: time of the last observation after onset.
     """
 
@@ -45,10 +48,10 @@ class TaskPrediction:
         self,
         library: TaskLibrary,
         task: int,
-        bank: FilterBank,
+        bank: FilterBank | CourseWeights,
         durations_s: NDArray[np.float64],
         duration_weights: NDArray[np.float64],
-        deviations: Deviations,
+        deviations: Callable[[], Deviations],
         elapsed_s: float,
     ):
         self.library, self.task, self.bank, self.elapsed_s = library, task, bank, elapsed_s
@@ -62,16 +65,12 @@ class TaskPrediction:
 
     def observed_weights(self) -> Gaussian:
         """Observed weights, durations marginalised by matching moments."""
-        weight, means = self.duration_weights, self.bank.mean
-        mean = weight @ means
-        deviation = (means - mean) * np.sqrt(weight)[:, None]
-        covariance = np.tensordot(weight, self.bank.covariance, axes=1)
-        return Gaussian(mean, symmetrize(covariance + deviation.T @ deviation))
+        return self.bank.mixture(self.duration_weights)
 
     def deviations_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Probability of each deviation at times after onset given all observations, (S, T, E)."""
         model, durations = self.library.phase_deviation, self.durations_s
-        return deviations_at(model, durations, self._deviations, times_s)
+        return deviations_at(model, durations, self._deviations(), times_s)
 
     def controlled_phases_at(
         self, times_s: NDArray[np.float64]

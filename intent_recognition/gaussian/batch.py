@@ -14,12 +14,18 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian.linalg import cholesky, student_log_density
+from intent_recognition.gaussian.linalg import cholesky, student_log_density, symmetrize
+from intent_recognition.gaussian.normal import Gaussian
 
 PENDING_ROWS = 24
 """Rows of V kept before they are subtracted. Measured: about the least time (docs/speed.md)."""
 CACHE_FLOATS = 2**16
 """Numbers subtracted from covariances at a time. Convention: half a megabyte fits the core's cache.
+"""
+
+PART_FLOATS = 5 * CACHE_FLOATS
+"""Numbers that `GaussianBatch.catch_up` subtracts from covariances at a time. Convention: less than
+an observation takes.
 """
 
 Run = tuple[slice, slice, NDArray[np.float64]]
@@ -71,6 +77,7 @@ class GaussianBatch:
         # into V turns H m - y and the innovation covariance into these.
         n, n_rows, n_columns = pending.shape
         self._pending, self._n_pending, self._limit = pending, 0, n_rows
+        self._n_up_to_date = 0
         self._most_values = min(n_rows, n_columns - self._size - 1)
         by_dof = pending[:, :, : self._size]
         by_dof = by_dof.reshape(n, n_rows, self._size // self._n_basis, self._n_basis)
@@ -117,7 +124,7 @@ class GaussianBatch:
             log_scale = np.add.reduce(np.log(np.diagonal(own, axis1=1, axis2=2)), axis=1)
         if not isfinite(np.add.reduce(log_scale)):
             self._refuse(runs, values, noise_covariance)
-        self._n_pending = first + m
+        self._n_pending, self._n_up_to_date = first + m, 0
         whitened = new[:, :, self._size]
         squares = np.matmul(whitened[:, None, :], whitened[:, :, None])[:, 0, 0]
         return student_log_density(squares, log_scale, m, degrees_of_freedom)
@@ -136,11 +143,12 @@ class GaussianBatch:
         """
         m, size, pending = len(dofs), self._size, self._pending[:, : self._n_pending]
         runs = _runs(dofs, row[:, None])
-        cross = np.empty((len(row), m, self._width))
+        cross = np.empty((len(row), m, size))
         for observed, some, _ in runs:
-            np.matmul(row[:, None, None], self._by_dof[:, some], out=cross[:, observed, None])
-        by_dof = cross[:, :, :size].reshape(len(row), m, -1, self._n_basis)[:, :, dofs]
-        covariance = np.matmul(by_dof, row[:, None, :, None])[..., 0]
+            known = self._by_dof[:, some, :, :size]
+            np.matmul(row[:, None, None], known, out=cross[:, observed, None])
+        by_dof = cross.reshape(len(row), m, -1, self._n_basis)
+        covariance = np.matmul(by_dof, row[:, None, :, None])[:, :, dofs, 0]
         mean = self.mean
         if self._n_pending:
             product = np.empty((len(row), m, self._n_pending))
@@ -184,22 +192,70 @@ class GaussianBatch:
 
     def apply_downdates(self) -> None:
         """Bring mean and covariance up to date."""
-        if not self._n_pending:
-            return
+        if self._n_pending:
+            self._apply(slice(self._n_up_to_date, len(self.mean)))
+        self._n_pending, self._n_up_to_date = 0, 0
+        self._limit = self._pending.shape[1]
+
+    def catch_up(self, n_values: int) -> bool:
+        """Apply a part of the downdates that an observation would first have to apply.
+
+        Args:
+            n_values: of the observation.
+
+        Returns:
+            Whether there is more of it.
+        """
+        if self._n_pending + n_values <= self._limit:
+            return False
+        first = self._n_up_to_date
+        some = slice(first, first + max(1, PART_FLOATS // self._size**2))
+        if some.stop >= len(self.mean):
+            self.apply_downdates()
+            return False
+        self._apply(some)
+        self._pending[some, : self._n_pending] = 0.0
+        self._n_up_to_date = some.stop
+        return True
+
+    def _apply(self, some: slice) -> None:
+        """Subtract what is pending for some."""
         step = max(1, CACHE_FLOATS // self._size**2)
-        work = np.empty((min(step, len(self.mean)), self._size, self._size))
-        for start in range(0, len(self.mean), step):
-            some = slice(start, start + step)
-            mean, covariance = self.mean[some], self.covariance[some]
-            change, downdate = self._pending_change(some, out=work[: len(mean)])
+        work = np.empty((step, self._size, self._size))
+        for start in range(some.start, some.stop, step):
+            few = slice(start, min(start + step, some.stop))
+            mean, covariance = self.mean[few], self.covariance[few]
+            change, downdate = self._pending_change(few, out=work[: len(mean)])
             mean -= change
             covariance -= downdate
-        self._n_pending, self._limit = 0, self._pending.shape[1]
 
     def current(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Means (k, P N) and covariances (k, P N, P N) of some, up to date; nothing changes."""
         change, downdate = self._pending_change(index)
         return self.mean[index] - change, self.covariance[index] - downdate
+
+    def part(self, index: NDArray[np.int64]) -> "GaussianBatch":
+        """Some of them as they are now, a copy."""
+        state = self._by_dof[index].reshape(len(index), self._size, self._width)
+        pending = self._pending[index, : self._n_pending]
+        return GaussianBatch(state, self._n_basis, pending, self._n_pending)
+
+    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
+        """Mean and covariance of their mixture, up to date.
+
+        Args:
+            weight: probability of each, (n,).
+        """
+        root = np.sqrt(weight)
+        pending = self._pending[:, : self._n_pending, : self._size]
+        change = np.matmul(self._pending[:, None, : self._n_pending, self._size], pending)
+        means = self.mean - change[:, 0]
+        mean = weight @ means
+        apart = (means - mean) * root[:, None]
+        downdate = (pending * root[:, None, None]).reshape(-1, self._size)
+        covariance = np.tensordot(weight, self._by_dof, axes=1)
+        covariance = covariance.reshape(self._size, self._width)[:, : self._size]
+        return Gaussian(mean, symmetrize(covariance - downdate.T @ downdate + apart.T @ apart))
 
     def _pending_change(
         self, some: slice | NDArray[np.int64], out: NDArray[np.float64] | None = None

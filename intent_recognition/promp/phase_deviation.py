@@ -89,11 +89,14 @@ def deviation_transition(
     grid = phase_deviation.grid
     if len(grid) == 1:
         return np.ones((*np.shape(passed), 1, 1))
-    decay, left, right = _modes(len(grid))
+    decay, modes = _modes(len(grid))
     share = np.maximum(passed, 0.0) / phase_deviation.correlation
-    kernel = (left * np.exp(-share[..., None, None] * decay)) @ right
-    kernel = np.maximum(kernel, 0.0) + JUMP * _student(grid)
-    return kernel / kernel.sum(axis=-1, keepdims=True)
+    kernel = np.exp(-share[..., None] * decay) @ modes
+    kernel = kernel.reshape(*share.shape, len(grid), len(grid))
+    np.maximum(kernel, 0.0, out=kernel)
+    kernel += JUMP * _student(grid)
+    kernel /= kernel.sum(axis=-1, keepdims=True)
+    return kernel
 
 
 def reference_phase(
@@ -114,10 +117,8 @@ def _student(grid: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=4)
-def _modes(
-    n_deviations: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Modes of an Ornstein-Uhlenbeck process on a grid: decay (E,), left and right, (E, E) each.
+def _modes(n_deviations: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Modes of an Ornstein-Uhlenbeck process on a grid: decay (E,), transitions flat (E, E E).
 
     Neighbours i and j change places at a rate of sqrt(p_j / p_i), which keeps the prior p by
     detailed balance; rates are relative to that of the slowest mode, the process's own.
@@ -128,4 +129,5 @@ def _modes(
     rate, vectors = np.linalg.eigh(generator)
     rate = np.maximum(-rate[::-1], 0.0)
     vectors = vectors[:, ::-1]
-    return rate / rate[1], vectors / root[:, None], vectors.T * root
+    modes = (vectors / root[:, None]).T[:, :, None] * (vectors.T * root)[:, None]
+    return rate / rate[1], modes.reshape(n_deviations, -1)

@@ -13,7 +13,7 @@ from intent_recognition.filtering import (
     make_memory,
 )
 from intent_recognition.promp import ControlGrid, TaskLibrary
-from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
+from intent_recognition.recognition.posterior import TaskBelief, TaskPosterior, task_belief
 from intent_recognition.signals import Observation, every_second
 
 MAX_OBSERVATIONS = 2**14
@@ -36,6 +36,7 @@ class Movement:
 
     def __init__(self, movement_filter: MovementFilter):
         self.filter, self.observations = movement_filter, list[Observation]()
+        self._believed: tuple[int, TaskBelief] | None = None
 
     @property
     def onset_ns(self) -> int:
@@ -51,9 +52,11 @@ class Movement:
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
         """What is believed of task and progress at a stamp."""
-        elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
         run = self.filter
-        return task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched(elapsed_s))
+        if self._believed is None or self._believed[0] != run.n_used:
+            belief = task_belief(run.log_evidence, run.hypotheses, run.switched())
+            self._believed = run.n_used, belief
+        return self._believed[1].at((stamp_ns - self.onset_ns) * 1e-9)
 
 
 class MovementMemory:

@@ -41,6 +41,31 @@ class TaskPosterior(NamedTuple):
     scale_weights: NDArray[np.float64]
 
 
+class TaskBelief(NamedTuple):
+    """A posterior but for the phase, which goes on while nothing new is observed.
+
+    Attributes:
+        hypotheses: the grid of tasks and durations.
+        posterior: with the phase of no time.
+        share: of the hypotheses that were born on the way, in the posterior of a task, (K + 1,).
+        switched: what these say; None without any.
+    """
+
+    hypotheses: Hypotheses
+    posterior: TaskPosterior
+    share: NDArray[np.float64]
+    switched: SwitchedBelief | None
+
+    def at(self, elapsed_s: float) -> TaskPosterior:
+        """The posterior so long after onset."""
+        hypotheses, posterior = self.hypotheses, self.posterior
+        phase = hypotheses.phase(elapsed_s).reshape(-1, hypotheses.n_scales)
+        expected = np.add.reduce(posterior.scale_weights * phase, axis=1)
+        if self.switched is not None:
+            expected += self.share * (self.switched.phase(elapsed_s) - expected)
+        return posterior._replace(phase=expected)
+
+
 def task_posterior(
     log_evidence: NDArray[np.float64],
     hypotheses: Hypotheses,
@@ -55,6 +80,15 @@ def task_posterior(
         elapsed_s: time since onset.
         switched: what hypotheses that were born on the way say; None without any.
     """
+    return task_belief(log_evidence, hypotheses, switched).at(elapsed_s)
+
+
+def task_belief(
+    log_evidence: NDArray[np.float64],
+    hypotheses: Hypotheses,
+    switched: SwitchedBelief | None = None,
+) -> TaskBelief:
+    """What holds of `task_posterior` until the next observation is filtered."""
     shape = (-1, hypotheses.n_scales)
     log_prior = hypotheses.log_prior.reshape(shape)
     log_scale_evidence = log_evidence.reshape(shape)
@@ -81,16 +115,13 @@ def task_posterior(
     scale_weights /= scale_weights.sum(axis=1, keepdims=True)
     probabilities = np.exp(log_task - np.max(log_task))
     probabilities /= probabilities.sum()
-    phase = hypotheses.phase(elapsed_s).reshape(shape)
-    duration = hypotheses.duration_s.reshape(shape)
-    expected_phase = np.sum(scale_weights * phase, axis=1)
-    expected_s = np.sum(scale_weights * duration, axis=1)
+    expected_s = np.sum(scale_weights * hypotheses.duration_s.reshape(shape), axis=1)
     if switched is not None:
-        expected_phase += share * (switched.phase - expected_phase)
         expected_s += share * (switched.duration_s - expected_s)
-    return TaskPosterior(
-        probabilities, log_task_evidence, expected_phase, expected_s, scale_weights
+    posterior = TaskPosterior(
+        probabilities, log_task_evidence, np.zeros_like(expected_s), expected_s, scale_weights
     )
+    return TaskBelief(hypotheses, posterior, share, switched)
 
 
 def counted_none(

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from intent_recognition.dashboard.scene_file import load_scene
+from intent_recognition.dashboard.server import WINDOW
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.scenarios.toolbox.scene import HOME, arm_posture, stand_pose
@@ -42,6 +43,28 @@ def pose(position):
 
 def joints(q):
     return JointState(name=list(JOINT_NAMES), position=list(map(float, q)))
+
+
+def test_an_update_goes_out_in_one_transmission(fed, monkeypatch):
+    fed.hear("/robot_description", String(data=lwr_urdf()))
+    fed.hear("/joint_states", joints(HOME))
+    buffer = fed.page._server._websock_server.get_message_buffer()
+    grouped, push = [], buffer.push
+
+    def counted(message):
+        grouped.append(buffer.atomic_counter > 0)
+        push(message)
+
+    monkeypatch.setattr(buffer, "push", counted)
+    for k in range(1, 20):
+        fed.observe(1)
+        grouped.clear()
+        fed.now_s += 0.2 * k
+        fed.state.take_joints(JOINT_NAMES, np.array(HOME) + 0.01 * k, fed.now_s)
+        fed.state.take_wrist(WRIST + 0.01 * k, fed.now_s)
+        fed.page.update()
+        assert all(grouped)
+        assert 10 < len(grouped) <= WINDOW
 
 
 def test_all_of_the_scene_is_drawn_and_the_figure_comes_with_the_wrist(fed):

@@ -61,7 +61,7 @@ def test_what_is_not_used_leaves_no_trace(library):
         if model.measurement(observation) is not None:
             runs[1].observe(observation)
     for ours, theirs in zip(runs[0].bank, runs[1].bank, strict=True):
-        assert np.array_equal(ours, theirs)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
 def test_stamps_that_jitter_by_a_microsecond_lose_no_observation(model):

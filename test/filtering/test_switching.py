@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
 from intent_recognition.filtering import (
+    FilterBank,
     MovementFilter,
     SwitchedHypotheses,
     births,
@@ -19,6 +20,7 @@ from intent_recognition.filtering import (
 )
 from intent_recognition.filtering.births import shares
 from intent_recognition.filtering.newborn import fading, fading_velocity
+from intent_recognition.gaussian import batch
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
@@ -52,7 +54,7 @@ def filtered(library, times_s, values, switched):
 
 
 def posterior(run, elapsed_s):
-    return task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched(elapsed_s))
+    return task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched())
 
 
 def test_an_offset_fades_as_a_critically_damped_spring():
@@ -112,11 +114,12 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     run = filtered(library, times_s, values, switched)
     bank, durations_s, weight = switched.of_task(1)
     assert np.isclose(weight.sum(), 1.0)
-    born = 4  # those of the fifth observation come fifth, and stay where they are
-    density = [bank.log_evidence[born]]
+    # Nothing passes on at the first observation; those of the fifth come fourth, and stay there.
+    born, at = 4, 3
+    density = [bank.log_evidence[at]]
     run.observe(Observation(START_NS + round(1.2e9), 0, values[-1]))
     later = switched.of_task(1)[0]
-    density.append(later.log_evidence[born])
+    density.append(later.log_evidence[at])
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
     size = p * (n + 3)
@@ -128,7 +131,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     covariance[p * n :, p * n :] = np.diag(np.outer(std, scale).ravel() ** 2)
 
     def rows(elapsed_s, offset):
-        phase = np.array([min(elapsed_s / durations_s[born], 1.0)])
+        phase = np.array([min(elapsed_s / durations_s[at], 1.0)])
         row = np.zeros((p, size))
         row[:, : p * n] = np.kron(np.eye(p), library.basis.design_matrix(phase))
         if offset:
@@ -149,7 +152,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     assert np.isclose(density[1] - density[0], log_density(len(y)) - log_density(len(y) - p))
     gain = covariance @ h.T @ np.linalg.inv(joint)
     np.testing.assert_allclose(
-        later.mean[born], (mean + gain @ (y - h @ mean))[: p * n], rtol=1e-6, atol=1e-8
+        later.mean[at], (mean + gain @ (y - h @ mean))[: p * n], rtol=1e-6, atol=1e-8
     )
 
 
@@ -267,6 +270,46 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
     born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(newborn.FADINGS)
     assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * born
+
+
+@pytest.mark.parametrize("n_parts", [1, 2, 100])
+def test_it_does_not_matter_when_one_catches_up(library, rng, monkeypatch, n_parts):
+    monkeypatch.setattr(batch, "PART_FLOATS", 20 * (3 * (6 + newborn.OFFSET_BASIS)) ** 2)
+    times_s = np.arange(0.0, 2.0, 0.05)
+    values = changed(library, rng, (0, 1), 0.5, times_s)
+    memories = [SwitchedHypotheses(library) for _ in range(2)]
+    runs = [
+        MovementFilter(library, make_hypotheses(library), START_NS, switched=switched)
+        for switched in memories
+    ]
+    for elapsed_s, row in zip(times_s, values, strict=True):
+        for run in runs:
+            run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
+        for _ in range(n_parts):
+            runs[0].catch_up()
+            for one, other in zip(*(posterior(run, elapsed_s) for run in runs), strict=True):
+                np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+    assert not (runs[0].catch_up() and n_parts == 100)
+    for switched in memories:
+        switched.finish()
+    courses = [switched.of_task(1)[0] for switched in memories]
+    for name in ("mean", "covariance", "log_evidence"):
+        one, other = (getattr(course, name) for course in courses)
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+def test_the_mixture_of_born_hypotheses_is_that_of_their_courses(library, rng):
+    switched = SwitchedHypotheses(library)
+    times_s = np.arange(0.0, 1.5, 0.05)
+    filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
+    courses, _, weight = switched.of_task(1)
+    bank = FilterBank(courses.mean, courses.covariance, courses.log_evidence)
+    for ours, expected in zip(courses.mixture(weight), bank.mixture(weight), strict=True):
+        np.testing.assert_allclose(ours, expected, rtol=1e-12, atol=1e-12)
+    mean = np.einsum("n,np->p", weight, bank.mean)
+    square = np.einsum("n,npq->pq", weight, bank.covariance)
+    square += np.einsum("n,np,nq->pq", weight, bank.mean, bank.mean) - np.outer(mean, mean)
+    np.testing.assert_allclose(courses.mixture(weight).covariance, square, atol=1e-10)
 
 
 def test_velocities_are_those_of_the_positions(library, rng):

@@ -69,6 +69,24 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
         )
 
 
+def test_between_used_observations_the_phase_goes_on(library, truth, rng):
+    """The estimate after an observation that is not used equals the posterior at its time."""
+    observations = list(merge(movement(truth, 2, rng).observed))
+    estimator = IntentEstimator(library)
+    n_used, unused = 0, 0
+    for observation in observations:
+        estimate = estimator.update(observation)
+        if not estimate.moving:
+            continue
+        run = estimator._movement.filter
+        unused, n_used = unused + (run.n_used == n_used), run.n_used
+        elapsed_s = (observation.stamp_ns - estimate.onset_ns) * 1e-9
+        expected = task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched())
+        np.testing.assert_allclose(estimate.phase[:-1], expected.phase[:-1], atol=1e-12)
+        np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
+    assert unused > 20 and n_used > 20
+
+
 def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, rng):
     """At steady progress: both agents' weights from all samples at once, for each duration."""
     library = replace(

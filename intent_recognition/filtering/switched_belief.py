@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What hypotheses that were born on the way make of a movement, between two observations."""
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import Gaussian, GaussianBatch
+
+
+class SwitchedBelief(NamedTuple):
+    """What born hypotheses make of a movement's task and timing; zero where there are none.
+
+    Attributes:
+        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
+        staying: log probability with which a task of the onset passed nothing on.
+        duration_s: expected duration given the task, (K + 1,).
+        task: number of the task of each hypothesis, (n,).
+        weight: their probabilities given the task, (n,).
+        begin_s: when the course of each began, after onset, (n,).
+        course_s: how long it takes, (n,).
+    """
+
+    log_joint: NDArray[np.float64]
+    staying: float
+    duration_s: NDArray[np.float64]
+    task: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    begin_s: NDArray[np.float64]
+    course_s: NDArray[np.float64]
+
+    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
+        """Expected phase given the task, so long after onset, (K + 1,)."""
+        phase = np.minimum(np.maximum((elapsed_s - self.begin_s) / self.course_s, 0.0), 1.0)
+        expected = np.bincount(self.task, self.weight * phase, len(self.log_joint))
+        return expected.astype(np.float64)
+
+
+class CourseWeights:
+    """Weights of some hypotheses' courses, as a `FilterBank`; those of their offsets left out.
+
+    Each covariance is formed only when it is asked for: their mixture takes less.
+
+    Args:
+        weights: with those of the offsets, a copy that nothing changes.
+        own: which of these are the course's, (P N,).
+        log_evidence: of each hypothesis, (n,).
+    """
+
+    def __init__(
+        self, weights: GaussianBatch, own: NDArray[np.int64], log_evidence: NDArray[np.float64]
+    ):
+        self._weights, self._own, self.log_evidence = weights, own, log_evidence
+
+    @cached_property
+    def _current(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        mean, covariance = self._weights.current(np.arange(len(self.log_evidence)))
+        return mean[:, self._own], covariance[:, self._own[:, None], self._own]
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """(n, P N)."""
+        return self._current[0]
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(n, P N, P N)."""
+        return self._current[1]
+
+    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
+        """Mean and covariance of their mixture, each of a probability, (n,)."""
+        mean, covariance = self._weights.mixture(weight)
+        return Gaussian(mean[self._own], covariance[np.ix_(self._own, self._own)])
