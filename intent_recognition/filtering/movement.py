@@ -123,7 +123,7 @@ class MovementFilter:
         self._predictions.clear()
 
     def catch_up(self) -> bool:
-        """Do a part of the work that is due before the next observation; False if none is left.
+        """Do a part of the work that is due before the next observation; whether there was some.
 
         It makes no difference to any estimate.
         """

@@ -165,13 +165,8 @@ class RunningBank:
             block.apply_downdates()
 
     def catch_up(self) -> bool:
-        """Apply a part of the downdates that an observation of all DOFs would wait for.
-
-        Returns:
-            Whether there is more of it.
-        """
-        n_values = self.shape[2]
-        return any(block.catch_up(n_values) for _, _, block in self._blocks)
+        """Apply a part of the downdates where many are pending; whether there were some."""
+        return any(block.catch_up() for _, _, block in self._blocks)
 
     def distributions(
         self, hypotheses: NDArray[np.int64]

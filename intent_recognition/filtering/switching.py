@@ -174,21 +174,21 @@ class SwitchedHypotheses:
             self._due.append(partial(self._give_birth, measurement, log_evidence))
             held_up = partial(self._bear_held_up, measurement.elapsed_s, log_evidence, onset)
             self._due.append(held_up)
-        self._due.append(self._downdate)
 
     def catch_up(self) -> bool:
-        """Do a part of what is due before the next measurement; False if nothing is.
+        """Do a part of what is due before the next measurement; whether there was something to do.
 
         It makes no difference to what they say, only to when the time is spent.
         """
         if self._due:
             self._due.pop(0)()
-        return bool(self._due)
+            return True
+        return self._batch.catch_up()
 
     def finish(self) -> None:
         """Do all that is due, before the hypotheses of the onset take the next measurement."""
-        while self.catch_up():
-            pass
+        while self._due:
+            self._due.pop(0)()
 
     def belief(self) -> SwitchedBelief:
         """What they make of task and timing."""
@@ -253,11 +253,6 @@ class SwitchedHypotheses:
         newborn = GaussianBatch(self._state[new], self._width, self._pending[new], n_pending)
         self._condition(newborn, measurement, self._born[new])
         self._born["seen"][new] += 1
-
-    def _downdate(self) -> None:
-        """Subtract what is pending, a part at a time, if the next measurement may not fit."""
-        if self._batch.catch_up(self.library.n_observed):
-            self._due.append(self._downdate)
 
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""

@@ -23,10 +23,9 @@ CACHE_FLOATS = 2**16
 """Numbers subtracted from covariances at a time. Convention: half a megabyte fits the core's cache.
 """
 
-PART_FLOATS = 5 * CACHE_FLOATS
-"""Numbers that `GaussianBatch.catch_up` subtracts from covariances at a time. Convention: less than
-an observation takes.
-"""
+N_PARTS = 4
+"""Parts in which `GaussianBatch.catch_up` applies downdates. Convention: about as many observations
+come between two that a filter uses."""
 
 Run = tuple[slice, slice, NDArray[np.float64]]
 """Observed values that are projected together: which values, which DOFs, and their row (n, N)."""
@@ -197,25 +196,25 @@ class GaussianBatch:
         self._n_pending, self._n_up_to_date = 0, 0
         self._limit = self._pending.shape[1]
 
-    def catch_up(self, n_values: int) -> bool:
-        """Apply a part of the downdates that an observation would first have to apply.
+    def catch_up(self) -> bool:
+        """Apply a part of the downdates if half of the working memory is in use.
 
-        Args:
-            n_values: of the observation.
+        Called while there is time, it spares an observation the work, and what the rows cost that
+        are still pending.
 
         Returns:
-            Whether there is more of it.
+            Whether there was something to do.
         """
-        if self._n_pending + n_values <= self._limit:
+        if 2 * self._n_pending < self._limit:
             return False
-        first = self._n_up_to_date
-        some = slice(first, first + max(1, PART_FLOATS // self._size**2))
-        if some.stop >= len(self.mean):
+        first, n = self._n_up_to_date, len(self.mean)
+        some = slice(first, first + -(-n // N_PARTS))
+        if some.stop >= n:
             self.apply_downdates()
-            return False
-        self._apply(some)
-        self._pending[some, : self._n_pending] = 0.0
-        self._n_up_to_date = some.stop
+        else:
+            self._apply(some)
+            self._pending[some, : self._n_pending] = 0.0
+            self._n_up_to_date = some.stop
         return True
 
     def _apply(self, some: slice) -> None:
