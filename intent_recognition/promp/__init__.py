@@ -30,6 +30,7 @@ from intent_recognition.promp.phase_deviation import (
 from intent_recognition.promp.prediction import (
     USUAL_END_STD,
     StartPosture,
+    controlled_spread,
     controlled_weights,
     end_std_limits,
     largest_by_unit,
@@ -74,6 +75,7 @@ __all__ = [
     "co_activate",
     "condition_response",
     "controlled_at",
+    "controlled_spread",
     "controlled_weights",
     "deviation_prior",
     "deviation_transition",

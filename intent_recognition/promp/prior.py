@@ -17,12 +17,14 @@ coupling of the agents at one phase is not diluted by other phases, as it is in 
 prior. `learn` chooses it by leave-one-out prediction (`learning.selection`).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.gaussian import symmetrize
+from intent_recognition.signals import SPATIAL_UNITS
 
 FLOOR_OF_RANGE = 1e-3
 """Smallest standard deviation of a weight, in parts of its DOF's range over all demonstrations.
@@ -91,20 +93,33 @@ class StructuredTarget(NamedTuple):
         return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
 
 
-def weight_extent(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Range of the weights of each DOF over all demonstrations, 1 where there is none, (D,).
+def weight_extent(
+    weights: NDArray[np.float64], units: Sequence[str] | None = None
+) -> NDArray[np.float64]:
+    """Range of the weights of each DOF over all demonstrations, (D,).
+
+    Where there is none it is 1 m or rad; in another unit it is the widest of this unit's DOFs, and
+    if none of them moves, the largest value among them.
 
     Args:
         weights: (n, D, N).
+        units: of the DOFs, (D,); None for metres and radians.
     """
     of_dof = np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1)
-    extent = np.ptp(of_dof, axis=1)
-    return np.where(extent > STILL * np.abs(of_dof).max(axis=1), extent, 1.0)
+    extent, size = np.ptp(of_dof, axis=1), np.abs(of_dof).max(axis=1)
+    moves, least = extent > STILL * size, np.ones(len(extent))
+    for unit in set(units or ()) - set(SPATIAL_UNITS):
+        alike = np.array(units) == unit
+        widest = np.max(extent[alike & moves], initial=0.0)
+        least[alike] = widest or np.max(size[alike]) or 1.0
+    return np.where(moves, extent, least)
 
 
-def weight_floor(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance floor per DOF from the range of its weights (n, D, N), (D,)."""
-    return (FLOOR_OF_RANGE * weight_extent(weights)) ** 2
+def weight_floor(
+    weights: NDArray[np.float64], units: Sequence[str] | None = None
+) -> NDArray[np.float64]:
+    """Variance floor per DOF from the range of its weights (`weight_extent`), (D,)."""
+    return (FLOOR_OF_RANGE * weight_extent(weights, units)) ** 2
 
 
 def structured_target(
