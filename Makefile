@@ -14,6 +14,8 @@ SOURCES := setup.py setup.cfg pyproject.toml package.xml
 PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export MPLBACKEND ?= Agg
+# A demo or a test starts many processes: each would compile every module again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help venv demo test coverage quick lint format bench docs reference clean
 .DEFAULT_GOAL := help
