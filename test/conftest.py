@@ -3,6 +3,7 @@
 
 import atexit
 import fcntl
+import gc
 import os
 import pkgutil
 import shutil
@@ -63,6 +64,17 @@ LEFT_OUT = {
 """In tests so few demonstrations are left out while learning, which takes half of the time."""
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Modules and tests stay: the garbage collector need not pass over them again and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 @pytest.fixture(autouse=True, scope="session")
 def usual() -> Iterator[dict[str, int]]:
     """What `LEFT_OUT` is outside of tests."""
@@ -84,6 +96,18 @@ def left_out(numbers: dict[str, int]) -> Iterator[None]:
 def usually_left_out(usual) -> Iterator[None]:
     """Learn as outside of tests, from here to the end of the file."""
     with left_out(usual):
+        yield
+
+
+@pytest.fixture(scope="module")
+def few_basis_functions() -> Iterator[None]:
+    """Learn aligned primitives of 10 basis functions per DOF: a third of the time, no finer data.
+
+    For tests of what is around learning; of what is learned, its settings are given.
+    """
+    from few_functions import aligned_basis
+
+    with aligned_basis():
         yield
 
 
@@ -122,6 +146,8 @@ def toolbox_model(repository, tmp_path_factory, usual) -> Path:
 
 
 def _learn_toolbox(repository: Path, path: Path) -> None:
+    from few_functions import USUAL, aligned_basis
+
     from intent_recognition.demonstrations import load_dofs, read_demonstrations
     from intent_recognition.learning import learn_with_report
     from intent_recognition.model import Model, save_model
@@ -129,7 +155,8 @@ def _learn_toolbox(repository: Path, path: Path) -> None:
     dofs = load_dofs(repository / "config" / "dofs.yaml")
     demonstrations, rejections = read_demonstrations(repository / "bags/toolbox/train", dofs)
     assert not rejections and len(demonstrations) == 48
-    report = learn_with_report(demonstrations)
+    with aligned_basis(USUAL):
+        report = learn_with_report(demonstrations)
     save_model(path, Model(report.library, dofs), report.trained)
 
 

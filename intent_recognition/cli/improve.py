@@ -90,7 +90,7 @@ def add_parser(subparsers: Subparsers) -> None:
 def _add_task_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--beside",
-        type=float,
+        type=number(float),
         nargs=3,
         metavar=("X", "Y", "Z"),
         help="where the robot's hand must be, from where the person's comes to rest, in m along"
@@ -98,7 +98,7 @@ def _add_task_options(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--moved",
-        type=float,
+        type=number(float),
         nargs=3,
         default=(0.0, 0.0, 0.0),
         metavar=("X", "Y", "Z"),

@@ -18,10 +18,12 @@ NAME = rf"(?:~/|/)?{PART}(?:/{PART})*"
 
 
 def number(
-    kind: type[Number], minimum: float, maximum: float = math.inf
+    kind: type[Number], minimum: float = -math.inf, maximum: float = math.inf
 ) -> Callable[[str], Number]:
     """The `type` of an option that takes a finite number within limits, both included."""
     limits = f"{minimum:g} or more" if maximum == math.inf else f"{minimum:g} to {maximum:g}"
+    if minimum == -math.inf:
+        limits = "a finite number"
 
     def read(text: str) -> Number:
         value = kind(text)

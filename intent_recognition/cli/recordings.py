@@ -10,7 +10,7 @@ from rich.console import Console
 
 from intent_recognition import __version__
 from intent_recognition.cli.console import progress_bar
-from intent_recognition.cli.options import a_path
+from intent_recognition.cli.options import a_path, number
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
 from intent_recognition.errors import BagError, describe
 from intent_recognition.learning import SEGMENTATIONS, Preprocessing, TrainingSettings
@@ -18,6 +18,8 @@ from intent_recognition.model import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.signals import Demonstration, Rejection
 
 DEFAULTS = TrainingSettings()
+MOST_BASIS = 200
+"""Basis functions that can be asked for; covariances grow with the square. Convention."""
 MOST_KINDS = 3
 """Kinds of reasons that a message tells when nothing could be read. Convention."""
 
@@ -37,7 +39,7 @@ def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) ->
     )
     group.add_argument(
         "--basis",
-        type=int,
+        type=number(int, 3, MOST_BASIS),
         default=DEFAULTS.n_basis,
         metavar="N",
         help="basis functions per DOF (default: %(default)s)",

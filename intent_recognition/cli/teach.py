@@ -20,6 +20,7 @@ from intent_recognition.cli.options import (
     a_path,
     add_node_options,
     node_arguments,
+    number,
 )
 from intent_recognition.errors import BagError, IntentError, describe
 
@@ -59,12 +60,16 @@ def add_parser(subparsers: Subparsers) -> None:
     add_library_options(parser)
     parser.add_argument(
         "--seconds",
-        type=float,
+        type=number(float, 0.1),
         metavar="S",
         help="record so long instead of waiting for Enter",
     )
     parser.add_argument(
-        "--count", type=int, default=0, metavar="N", help="demonstrations (default: until q)"
+        "--count",
+        type=number(int, 0),
+        default=0,
+        metavar="N",
+        help="demonstrations (default: until q)",
     )
     parser.set_defaults(run=run)
 

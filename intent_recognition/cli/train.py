@@ -35,7 +35,7 @@ from intent_recognition.cli.unlabelled import (
     n_components,
     train_unlabelled,
 )
-from intent_recognition.demonstrations import load_dofs, settle_orientations
+from intent_recognition.demonstrations import find_bags, load_dofs, settle_orientations
 from intent_recognition.learning import TrainingReport, TrainingSettings, learn_accumulated
 from intent_recognition.model import Model, Run, save_model
 from intent_recognition.promp import TaskLibrary
@@ -88,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
     settings = training_settings(args)
     wanted = n_components(args)
     check_adding(args)
+    for path in args.sessions:
+        find_bags(path)
     if args.unlabelled:
         check_alone(args)
         model, report = train_unlabelled(args.bags, args.dofs, settings, wanted, console)

@@ -11,6 +11,7 @@ from functools import partial
 from multiprocessing import get_context
 from typing import Any
 
+from intent_recognition.cli.options import number
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
 from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
@@ -28,7 +29,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     group = where.add_mutually_exclusive_group()
     group.add_argument(
         "--jobs",
-        type=int,
+        type=number(int, 1),
         default=1,
         metavar="N",
         help="processes that read the bags (default: %(default)s); the model is the same",

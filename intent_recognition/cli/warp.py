@@ -21,7 +21,7 @@ from intent_recognition.cli.output import (
     check_output,
     write_json,
 )
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
     Grasp,
@@ -35,6 +35,8 @@ from intent_recognition.warping import (
     warp_object,
 )
 
+SCALES = (1e-9, 1e9)
+"""Factors to metres that can be asked for. Convention."""
 ROWS = (
     ("opening radius", "opening_radius_m", 1e3, "mm"),
     ("volume", "volume_m3", 1e6, "ml"),
@@ -95,15 +97,22 @@ def add_parser(subparsers: Subparsers) -> None:
         help="points taken of the target (default: %(default)s)",
     )
     parser.add_argument(
-        "--scale", type=float, default=1.0, help="factor to metres; 0.001 for millimetres"
+        "--scale",
+        type=number(float, *SCALES),
+        default=1.0,
+        help="factor to metres; 0.001 for millimetres",
     )
     parser.add_argument(
-        "--toward", nargs=3, type=float, metavar=("X", "Y", "Z"), help="the other container [m]"
+        "--toward",
+        nargs=3,
+        type=number(float),
+        metavar=("X", "Y", "Z"),
+        help="the other container [m]",
     )
     parser.add_argument(
         "--viewpoint",
         nargs=3,
-        type=float,
+        type=number(float),
         metavar=("X", "Y", "Z"),
         help="where the camera was [m], for clouds without normals",
     )
@@ -127,9 +136,6 @@ def run(args: argparse.Namespace) -> int:
     """
     check_json(args.json, {"--report": args.report})
     check_output("--report", args.report)
-    if not (np.isfinite(args.scale) and args.scale > 0.0):
-        cure = "Use 0.001 for millimetres."
-        raise ArgumentError(describe("--scale", "a factor above 0", args.scale, cure))
     source = ObjectModel.learn(load_object(find_object(args.source)))
     viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
     target = load_target(args.target, args.points, args.scale, viewpoint, args.seed)

@@ -113,9 +113,11 @@ class MovementFilter:
         if measurement is None:
             self.catch_up()
             return
+        if self._switched is not None:
+            self._switched.finish()
         self._bank.condition(measurement)
         if self._switched is not None:
-            self._switched.observe(measurement, self._bank.log_evidence)
+            self._switched.observe(measurement, self._bank.log_evidence, self.memory)
         self._n_used += 1
         self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
         self._predictions.clear()

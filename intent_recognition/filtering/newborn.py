@@ -9,13 +9,17 @@ start, plus an offset that begins where the hand is at t and fades:
 This is a critically damped spring of rate r (a and b: the offset and its velocity at birth) with
 an initial push that fades as fast (c). a, b and c are weights beside w, so that the same Gaussian
 update filters them (Maeda et al. 2014, Eq. 6).
+
+Who is held up goes on with the same movement later. Such a hypothesis is a copy of one that is
+there, with all that the path has told of its weights, whose clock is set back; a small offset makes
+up for the step.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.gaussian import GaussianBatch, make_state
+from intent_recognition.gaussian import Gaussian, GaussianBatch, make_state
 from intent_recognition.promp import TaskLibrary
 
 FADINGS = (12.0, 30.0)
@@ -24,6 +28,9 @@ sixth of it (docs/decisions/change_of_mind.md)."""
 PUSH = 0.5
 """Standard deviation of the push c, in standard deviations of the offset a times r^2.
 Convention."""
+HELD_UP_OFFSET = 0.3
+"""Standard deviation of the offset of who is held up, in those of another offset
+(docs/decisions/change_of_mind.md)."""
 OFFSET_BASIS = 3
 """Weights of an offset: a, b and c."""
 
@@ -74,6 +81,16 @@ class NewbornStates:
             self._made = {key: self._make(tasks)}
         return self._made[key]
 
+    def held_up(self, course: Gaussian) -> NDArray[np.float64]:
+        """States of who goes on with a known course later, by the rates of fading.
+
+        Args:
+            course: its weights without an offset, (P N,).
+        """
+        n_basis = self.library.basis.n_basis
+        state = make_state(course.mean[None], course.covariance[None], n_basis)
+        return self._with_offset(state, HELD_UP_OFFSET)
+
     def _make(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
         library, n_basis = self.library, self.library.basis.n_basis
         mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
@@ -83,15 +100,20 @@ class NewbornStates:
         for dofs, values, noise in self._first:
             known.condition(dofs, row, values, noise)
         known.apply_downdates()
+        return self._with_offset(state)
+
+    def _with_offset(self, state: NDArray[np.float64], scale: float = 1.0) -> NDArray[np.float64]:
+        """States of courses by the rates of fading, with weights of an offset beside theirs."""
+        n_basis, p = self.library.basis.n_basis, self.library.n_observed
         courses = GaussianBatch(state, n_basis)
-        shape, p = (len(tasks), len(FADINGS)), library.n_observed
+        shape = len(state), len(FADINGS)
         mean = np.zeros((*shape, p, self.width))
         mean[..., :n_basis] = courses.mean.reshape(shape[0], 1, p, n_basis)
         covariance = np.zeros((*shape, p, self.width, p, self.width))
         own = courses.covariance.reshape(shape[0], 1, p, n_basis, p, n_basis)
         covariance[:, :, :, :n_basis, :, :n_basis] = own
         dof, offset = np.arange(p)[:, None], n_basis + np.arange(OFFSET_BASIS)
-        covariance[:, :, dof, offset, dof, offset] = self._offset_variance
+        covariance[:, :, dof, offset, dof, offset] = scale**2 * self._offset_variance
         size = p * self.width
         return make_state(mean.reshape(-1, size), covariance.reshape(-1, size, size), self.width)
 

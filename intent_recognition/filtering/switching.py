@@ -2,29 +2,24 @@
 """Changes of mind: hypotheses that are born while a movement is under way.
 
 As in interacting multiple models (Blom and Bar-Shalom 1988), the task of a movement may change on
-the way, at a rate that is relative to how long the tasks usually take. What a born hypothesis says
-of the hand is in `newborn`; the rate at which its offset fades is on a grid, as the duration is.
-
-A born hypothesis takes its share of what all hypotheses are worth at its birth: a new task from all
-others, and the old task again, for a hesitation or a detour on its way. Its pace, the duration in
-standard deviations of the task's, is as probable as the pace of the movement so far. What is none
-of the tasks begins at its birth, wherever the hand is. The hypotheses that were there from the
-onset pay for what they pass on.
+the way. What may happen, and how often, is in `births`; what a born hypothesis says of the hand is
+in `newborn`. Here they are filtered, judged, and given up when they explain too little.
 """
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.hypotheses import (
-    N_SCALES,
-    Hypotheses,
-    duration_offsets,
-    make_hypotheses,
+from intent_recognition.filtering.births import (
+    DELAYS,
+    birth_grid,
+    log_pace,
+    log_staying,
+    shares,
 )
+from intent_recognition.filtering.hypotheses import N_SCALES, Hypotheses, make_hypotheses
 from intent_recognition.filtering.newborn import (
     FADINGS,
     NewbornStates,
@@ -32,20 +27,11 @@ from intent_recognition.filtering.newborn import (
     fading_velocity,
 )
 from intent_recognition.filtering.observation_model import Measurement
+from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.filtering.switched_belief import CourseWeights, SwitchedBelief
-from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
+from intent_recognition.gaussian import Gaussian, GaussianBatch, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 
-SWITCHES = 0.04
-"""Rate at which a person turns to another task, per usual duration of the tasks
-(docs/decisions/change_of_mind.md)."""
-DETOURS = 0.12
-"""Rate at which a person goes on with the same task in another way, likewise."""
-STRAYS = 0.3
-"""Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
-library's margin only."""
-N_DURATIONS = 7
-"""Durations per task at each birth. Convention: offsets make up for what lies between."""
 BIRTHS_EVERY = 2
 """Used observations of each signal between births (docs/decisions/change_of_mind.md)."""
 SETTLING = 2
@@ -67,20 +53,20 @@ NEGLIGIBLE_SHARE = 1e-4
 a prediction. Convention."""
 
 
-class _Grid(NamedTuple):
-    """What is born at a time: tasks by rates by durations, n hypotheses.
-
-    Attributes:
-        prior: number of the task among those that are born of, times the rates, and of the rate.
-        duration: number of the duration.
-        rate: at which the offset of the hand fades, per usual duration.
-        offsets: of the durations, in standard deviations of their logarithm, (S',).
-    """
-
-    prior: NDArray[np.int64]
-    duration: NDArray[np.int64]
-    rate: NDArray[np.float64]
-    offsets: NDArray[np.float64]
+_BORN = np.dtype(
+    [
+        ("task", np.int64),
+        ("kind", np.int64),  # number of what passes to it in `shares`
+        ("seen", np.int64),  # observations since birth
+        ("duration_s", np.float64),
+        ("onset_s", np.float64),  # where its phase begins
+        ("birth_s", np.float64),
+        ("rate", np.float64),  # at which its offset fades [1/s]
+        ("log_part", np.float64),  # of what passes to its kind
+        ("log_joint", np.float64),
+    ]
+)
+"""What is known of a born hypothesis beside its state."""
 
 
 class SwitchedHypotheses:
@@ -95,18 +81,17 @@ class SwitchedHypotheses:
         self.library = library
         self._newborn = NewbornStates(library)
         self._width, self._usual_s = self._newborn.width, self._newborn.usual_s
-        self._grid = _grid(min(library.n_tasks, MAX_TASKS) + 1, min(n_scales, N_DURATIONS))
+        self._grid = birth_grid(min(library.n_tasks, MAX_TASKS) + 1, n_scales)
         self._settling = SETTLING * len(library.observed_groups)
         self._births_every = BIRTHS_EVERY * len(library.observed_groups)
         shape = library.n_observed, self._width
         fitting = MAX_FLOATS // (shape[0] * shape[1] * state_width(*shape))
         self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
-        room = self._n_kept + len(self._grid.prior) * -(-SETTLING // BIRTHS_EVERY)
+        n_born = len(self._grid.prior) + len(DELAYS) * len(FADINGS)
+        room = self._n_kept + n_born * -(-SETTLING // BIRTHS_EVERY)
         self._state = np.zeros((room, shape[0] * shape[1], state_width(*shape)))
         self._pending = np.zeros((room, *pending_shape(*shape)))
-        self._task, self._seen, self._duration = np.zeros((3, room), dtype=np.int64)
-        self._duration_s, self._rate, self._birth_s, self._onset_s = np.zeros((4, room))
-        self._log_joint = np.zeros(room)
+        self._born = np.zeros(room, dtype=_BORN)
         self._log_mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
         self._log_std = np.r_[library.log_duration_std, library.none_log_duration[1]]
         self.start(make_hypotheses(library, n_scales=n_scales))
@@ -136,14 +121,14 @@ class SwitchedHypotheses:
     def log_joint(self) -> NDArray[np.float64]:
         """Log of prior and density of all observations, of the K tasks and none, (K + 1,)."""
         total = np.full(self.library.n_tasks + 1, -np.inf)
-        np.logaddexp.at(total, self._task[: self._n], self._log_joint[: self._n])
+        born = self._born[: self._n]
+        np.logaddexp.at(total, born["task"], born["log_joint"])
         return total
 
     @property
     def staying(self) -> float:
         """Log probability with which a task of the onset passed nothing on to tasks."""
-        rate = SWITCHES * np.exp(-self.library.switch_margin) + DETOURS
-        return float(-rate * self._last_s / self._usual_s)
+        return log_staying(self.library, self._last_s / self._usual_s)
 
     def left(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
@@ -158,34 +143,37 @@ class SwitchedHypotheses:
         left[:-1] += self.staying
         return left
 
-    def observe(self, measurement: Measurement, log_evidence: NDArray[np.float64]) -> None:
+    def observe(
+        self, measurement: Measurement, log_evidence: NDArray[np.float64], onset: RunningBank
+    ) -> None:
         """Condition on a measurement; give birth to new hypotheses, and give up hopeless ones.
 
-        Births and what else no estimate needs before the next measurement are left to `catch_up`.
+        Births and what else no estimate needs before the next measurement are left to `catch_up`
+        and `finish`.
 
         Args:
             measurement: as the hypotheses of the onset took it.
             log_evidence: see `left`; this measurement is among the observations.
+            onset: the hypotheses of the onset.
         """
-        while self._due:
-            self._due.pop(0)()
         self._newborn.remember_start(measurement)
         self._last_s = max(measurement.elapsed_s, self._last_s)
         self._n_used += 1
-        density = self._condition(self._batch, measurement, slice(0, self._n))
-        seen, log_joint = self._seen[: self._n], self._log_joint[: self._n]
-        seen += 1
-        log_joint[seen > self._settling] += density[seen > self._settling]
+        born = self._born[: self._n]
+        density = self._condition(self._batch, measurement, born)
+        born["seen"] += 1
+        log_joint, judged = born["log_joint"], born["seen"] > self._settling
+        log_joint[judged] += density[judged]
         total = np.logaddexp(self.log_joint, self.left(log_evidence))
-        settled = np.flatnonzero(seen == self._settling)
+        settled = born[born["seen"] == self._settling]
         if settled.size:
-            share = self._shares(total)
-            task, pace = self._task[settled], self._log_pace(log_evidence)
-            which = (task == self.library.n_tasks).astype(np.int64)
-            log_joint[settled] = share[task] + pace[which, self._duration[settled]]
+            passed = self._shares(total)[settled["kind"]] + settled["log_part"]
+            log_joint[born["seen"] == self._settling] = passed
         self._due.append(partial(self._forget, self._give_up(float(np.logaddexp.reduce(total)))))
         if self._n_used % self._births_every == 0:
             self._due.append(partial(self._give_birth, measurement, log_evidence))
+            held_up = partial(self._bear_held_up, measurement.elapsed_s, log_evidence, onset)
+            self._due.append(held_up)
 
     def catch_up(self) -> bool:
         """Do a part of what is due before the next measurement; whether there was something to do.
@@ -197,26 +185,40 @@ class SwitchedHypotheses:
             return True
         return self._batch.catch_up()
 
+    def finish(self) -> None:
+        """Do all that is due, before the hypotheses of the onset take the next measurement."""
+        while self._due:
+            self._due.pop(0)()
+
     def belief(self) -> SwitchedBelief:
         """What they make of task and timing."""
-        total = self.log_joint
-        some = np.flatnonzero(np.isfinite(self._log_joint[: self._n]))
-        task, duration_s, onset_s = self._task[some], self._duration_s[some], self._onset_s[some]
-        weight = np.exp(self._log_joint[some] - total[task])
+        total, born = self.log_joint, self._born[: self._n]
+        some = born[np.isfinite(born["log_joint"])]
+        task, onset_s, duration_s = some["task"], some["onset_s"], some["duration_s"]
+        weight = np.exp(some["log_joint"] - total[task])
         expected_s = np.bincount(task, weight * (onset_s + duration_s), len(total))
         return SwitchedBelief(
             total, self.staying, expected_s.astype(np.float64), task, weight, onset_s, duration_s
         )
 
     def of_task(self, task: int) -> tuple[CourseWeights, NDArray[np.float64], NDArray[np.float64]]:
-        """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,)."""
-        log_joint = np.where(self._task[: self._n] == task, self._log_joint[: self._n], -np.inf)
+        """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
+
+        A duration reaches from the movement's onset to its end.
+        """
+        born = self._born[: self._n]
+        log_joint = np.where(born["task"] == task, born["log_joint"], -np.inf)
         weight = np.exp(log_joint - np.max(log_joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
+        some = born[index]
+        until_s = some["onset_s"] + some["duration_s"]
+        return self._courses(index), until_s, weight[index] / weight[index].sum()
+
+    def _courses(self, index: NDArray[np.int64]) -> CourseWeights:
+        """The courses of some of them, without their offsets."""
         own = self._width * np.arange(self.library.n_observed)[:, None]
         own = (own + np.arange(self.library.basis.n_basis)).ravel()
-        courses = CourseWeights(self._batch.part(index), own, self._log_joint[index])
-        return courses, self._duration_s[index], weight[index] / weight[index].sum()
+        return CourseWeights(self._batch.part(index), own, self._born["log_joint"][index])
 
     def _shares(self, total: NDArray[np.float64]) -> NDArray[np.float64]:
         """What passes to the hypotheses of the last birth."""
@@ -231,26 +233,13 @@ class SwitchedHypotheses:
     def _batch_of(self, n: int, n_pending: int) -> GaussianBatch:
         return GaussianBatch(self._state[:n], self._width, self._pending[:n], n_pending)
 
-    def _log_pace(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Log probability of duration and rate of newborn hypotheses of a task, and of none."""
-        offsets, hypotheses = self._grid.offsets, self._hypotheses
-        at, log_prior = duration_offsets(hypotheses.n_scales)
-        joint = (hypotheses.log_prior + log_evidence).reshape(-1, len(at))[:-1]
-        own = np.logaddexp.reduce(joint, axis=1)
-        tempered = log_prior + hypotheses.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
-        tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
-        so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
-        table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
-        table -= np.logaddexp.reduce(table, axis=1, keepdims=True)
-        return np.asarray(table - np.log(len(FADINGS)), dtype=np.float64)
-
     def _condition(
-        self, batch: GaussianBatch, measurement: Measurement, some: slice
+        self, batch: GaussianBatch, measurement: Measurement, born: NDArray[np.void]
     ) -> NDArray[np.float64]:
         """Condition some hypotheses, those of a batch: log density of the measurement, (n,)."""
         return batch.condition(
             measurement.dofs,
-            self._rows(measurement, some)[:, None],
+            self._rows(measurement, born)[:, None],
             measurement.values,
             measurement.noise_covariance,
             self.library.evidence_freedom,
@@ -260,11 +249,10 @@ class SwitchedHypotheses:
         """Add newborn hypotheses, and condition them on the measurement of their birth."""
         first = self._n
         self._bear(measurement.elapsed_s, log_evidence)
-        born, n_pending = slice(first, self._n), self._batch.n_pending - len(measurement.dofs)
-        state, pending = self._state[born], self._pending[born]
-        newborn = GaussianBatch(state, self._width, pending, n_pending)
-        self._condition(newborn, measurement, born)
-        self._seen[born] += 1
+        new, n_pending = slice(first, self._n), self._batch.n_pending - len(measurement.dofs)
+        newborn = GaussianBatch(self._state[new], self._width, self._pending[new], n_pending)
+        self._condition(newborn, measurement, self._born[new])
+        self._born["seen"][new] += 1
 
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
@@ -277,44 +265,76 @@ class SwitchedHypotheses:
             tasks = np.sort(np.argpartition(known, -MAX_TASKS)[-MAX_TASKS:])
         tasks = np.r_[tasks, n_tasks]
         prior, duration, rate, offsets = self._grid
-        born = slice(self._n, self._n + len(prior))
-        self._state[born] = self._newborn.states(tasks)[prior]
-        self._pending[born] = 0.0  # what is pending for the others is nothing to these
+        born = self._add(self._newborn.states(tasks)[prior], birth_s)
         task = tasks[prior // len(FADINGS)]
-        self._task[born], self._seen[born], self._birth_s[born] = task, 0, birth_s
-        self._onset_s[born] = np.where(task == n_tasks, birth_s, 0.0)
-        log_duration = self._log_mean[task] + self._log_std[task] * offsets[duration]
-        self._duration[born], self._duration_s[born] = duration, np.exp(log_duration)
-        self._rate[born], self._log_joint[born] = rate / self._usual_s, -np.inf
-        self._n = born.stop
-        self._batch = self._batch_of(self._n, self._batch.n_pending)
+        pace = log_pace(self._hypotheses, log_evidence, offsets) - np.log(len(FADINGS))
+        born["task"] = born["kind"] = task
+        born["onset_s"] = np.where(task == n_tasks, birth_s, 0.0)
+        born["duration_s"] = np.exp(self._log_mean[task] + self._log_std[task] * offsets[duration])
+        born["rate"] = rate / self._usual_s
+        born["log_part"] = pace[(task == n_tasks).astype(np.int64), duration]
 
-    def _rows(self, measurement: Measurement, some: slice) -> NDArray[np.float64]:
+    def _bear_held_up(
+        self, birth_s: float, log_evidence: NDArray[np.float64], onset: RunningBank
+    ) -> None:
+        """Add copies of the most probable hypothesis of a known task, set back in time."""
+        n_tasks, n_scales = self.library.n_tasks, self._hypotheses.n_scales
+        joint = (self._hypotheses.log_prior + log_evidence)[: n_tasks * n_scales] + self.staying
+        born = self._born[: self._n]
+        of_born = np.where(born["task"] < n_tasks, born["log_joint"], -np.inf)
+        first, best = int(np.argmax(joint)), int(np.argmax(of_born))
+        if of_born[best] > joint[first]:
+            task, onset_s, duration_s = born[["task", "onset_s", "duration_s"]][best]
+            courses = self._courses(np.array([best]))
+            mean, covariance = courses.mean, courses.covariance
+        else:
+            task, onset_s = first // n_scales, 0.0
+            duration_s = self._hypotheses.duration_s[first]
+            mean, covariance = onset.distributions(np.array([first]))
+        delay, rate = np.divmod(np.arange(len(DELAYS) * len(FADINGS)), len(FADINGS))
+        states = self._newborn.held_up(Gaussian(mean[0], covariance[0]))
+        born = self._add(states[rate], birth_s)
+        born["task"], born["kind"] = task, n_tasks + 1 + task
+        born["onset_s"] = onset_s + np.array(DELAYS)[delay] * self._usual_s
+        born["duration_s"], born["rate"] = duration_s, np.array(FADINGS)[rate] / self._usual_s
+        born["log_part"] = -np.log(len(delay))
+
+    def _add(self, states: NDArray[np.float64], birth_s: float) -> NDArray[np.void]:
+        """Add newborn hypotheses; returns what is to be filled in of them."""
+        new = slice(self._n, self._n + len(states))
+        self._state[new] = states
+        self._pending[new] = 0.0  # what is pending for the others is nothing to these
+        self._n = new.stop
+        self._batch = self._batch_of(self._n, self._batch.n_pending)
+        born = self._born[new]
+        born["seen"], born["birth_s"], born["log_joint"] = 0, birth_s, -np.inf
+        return born
+
+    def _rows(self, measurement: Measurement, born: NDArray[np.void]) -> NDArray[np.float64]:
         """Row of the observation matrix of some hypotheses, (n, N + 3)."""
-        basis = self.library.basis
-        duration_s, since_s = self._duration_s[some], measurement.elapsed_s - self._birth_s[some]
-        into_s = measurement.elapsed_s - self._onset_s[some]
+        basis, duration_s, rate = self.library.basis, born["duration_s"], born["rate"]
+        since_s = measurement.elapsed_s - born["birth_s"]
+        into_s = measurement.elapsed_s - born["onset_s"]
         phase = np.clip(into_s / duration_s, 0.0, 1.0)
-        course, offset = basis.design_matrix(phase), fading(since_s, self._rate[some])
+        course, offset = basis.design_matrix(phase), fading(since_s, rate)
         if measurement.derivative:
             moving = into_s <= duration_s
             course = basis.derivative_matrix(phase) * (moving / duration_s)[:, None]
-            offset = fading_velocity(since_s, self._rate[some])
+            offset = fading_velocity(since_s, rate)
         return np.concatenate([course, offset], axis=1)
 
     def _give_up(self, total: float) -> NDArray[np.bool_]:
         """Give up what explains far less than all together, and the worst of too many: which."""
-        n = self._n
-        log_joint = self._log_joint[:n]
-        settled = self._seen[:n] >= self._settling
-        is_none = self._task[:n] == self.library.n_tasks
-        log_joint = log_joint + self._hypotheses.none_margin * is_none
+        born = self._born[: self._n]
+        settled = born["seen"] >= self._settling
+        is_none = born["task"] == self.library.n_tasks
+        log_joint = born["log_joint"] + self._hypotheses.none_margin * is_none
         hopeless = settled & (log_joint < total - NEGLIGIBLE)
         kept = np.flatnonzero(settled & ~hopeless)
         if len(kept) > self._n_kept:
             worst = np.argpartition(log_joint[kept], -self._n_kept)[: -self._n_kept]
             hopeless[kept[worst]] = True
-        self._log_joint[:n][hopeless] = -np.inf
+        born["log_joint"][hopeless] = -np.inf
         return hopeless
 
     def _forget(self, hopeless: NDArray[np.bool_]) -> None:
@@ -322,51 +342,6 @@ class SwitchedHypotheses:
         self._n = len(hopeless) - int(np.count_nonzero(hopeless))
         free = np.flatnonzero(hopeless[: self._n])
         moved = self._n + np.flatnonzero(~hopeless[self._n :])
-        for array in (
-            self._state,
-            self._pending,
-            self._task,
-            self._seen,
-            self._duration_s,
-            self._rate,
-            self._birth_s,
-            self._onset_s,
-            self._duration,
-            self._log_joint,
-        ):
+        for array in (self._state, self._pending, self._born):
             array[free] = array[moved]
         self._batch = self._batch_of(self._n, self._batch.n_pending)
-
-
-def _grid(n_tasks: int, n_durations: int) -> _Grid:
-    """What is born of so many tasks, none among them."""
-    offsets, _ = duration_offsets(n_durations)
-    n_rates = len(FADINGS)
-    prior, duration = np.divmod(np.arange(n_tasks * n_rates * n_durations), n_durations)
-    return _Grid(prior, duration, np.array(FADINGS)[prior % n_rates], offsets)
-
-
-def shares(
-    total: NDArray[np.float64],
-    log_prior: NDArray[np.float64],
-    passed: float,
-    *,
-    none_margin: float = 0.0,
-    switch_margin: float = 0.0,
-) -> NDArray[np.float64]:
-    """Log of what passes to newborn hypotheses of each task and none in a time, (K + 1,).
-
-    Args:
-        total: log joint of the tasks and none, everything together, (K + 1,).
-        log_prior: of the tasks, (K,).
-        passed: the time, in usual durations.
-        none_margin: evidence that a known task must have over none before it counts, in nats.
-        switch_margin: evidence that another task must have over the old one, likewise.
-    """
-    known, n_tasks = total[:-1], len(total) - 1
-    everything = np.logaddexp.reduce(known)
-    with np.errstate(divide="ignore"):
-        others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
-        turning = others + log_prior + np.log(SWITCHES * n_tasks / max(n_tasks - 1, 1))
-        own = np.logaddexp(known + np.log(DETOURS), turning - switch_margin)
-        return np.r_[own, everything + np.log(STRAYS) - none_margin] + np.log(passed)

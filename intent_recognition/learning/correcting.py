@@ -6,7 +6,8 @@ are wrong: the rule by which the robot follows from the person has moved,
 
     w_c = A w_o + b + W x + e,   x = (1, (w_o - m) / s),   s^2 = tr S_oo,
 
-with mean m and covariance S_oo of the observed weights. All controlled weights share x, so that W
+with mean m and covariance S_oo of the observed weights (`place_scale` where they have several
+units). All controlled weights share x, so that W
 has one covariance P in parts of that of e, and one gain k. Each correction, with its residual
 r = w_c - A w_o - b, makes
 
@@ -40,7 +41,7 @@ from intent_recognition.learning.preprocessing import example_of
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.learning.training import Trained
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, commensurate
 
 OFFSET_VARIANCE = 20.0
 """Variance of the rule's offset before the first correction, in parts of that of one correction.
@@ -94,14 +95,26 @@ def move_task(
         raise TrainingError(describe("task", known, label, cure))
     task, n = library.labels.index(label), library.n_observed_weights
     seen = [inferred_weights(trained, one) for one in (*earlier, example)]
-    mean, covariance = library.weight_mean[task], library.weight_covariance[task]
-    scale = np.sqrt(np.trace(covariance[:n, :n]))
+    mean, scale = library.weight_mean[task], place_scale(library, task)
     gain = correction_gain([(one - mean[:n]) / scale for one in seen])
     rule = library.regressions[task]
     controlled = _chosen(trained, example).weights[library.n_observed :].ravel()
     residual = controlled - rule.matrix @ seen[-1] - rule.offset
     change = RuleChange(np.outer(residual, gain[1:] / scale), gain[0] * residual)
     return change_rule(trained, label, change)
+
+
+def place_scale(library: TaskLibrary, task: int) -> NDArray[np.float64]:
+    """What each observed weight's distance from its mean is divided by, s, (P N,).
+
+    DOFs with commensurate units (`signals.commensurate`) have one scale, that of all where they
+    have; each kind counts as much as it has DOFs.
+    """
+    n, scale = library.n_observed, np.empty(library.n_observed_weights)
+    variance = np.diagonal(library.weight_covariance[task])[: len(scale)].reshape(n, -1)
+    for dofs in commensurate(library.observed_units):
+        scale.reshape(n, -1)[dofs] = np.sqrt(variance[dofs].sum() * n / len(dofs))
+    return scale
 
 
 def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:

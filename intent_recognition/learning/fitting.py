@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
-from intent_recognition.learning.none_model import departure, none_primitive, none_timing
+from intent_recognition.learning.none_model import departures, none_primitive, none_timing
 from intent_recognition.learning.preprocessing import Preprocessing
 from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import (
@@ -23,6 +23,7 @@ from intent_recognition.promp import (
     ContextModel,
     TaskLibrary,
     observed_block,
+    predictive_inflation,
     shared_covariance,
     shrunk_covariance,
     structured_target,
@@ -101,16 +102,18 @@ def learned_from(
 ) -> LearnedFields:
     """The fields of the library that change with every demonstration."""
     n_observed, over = preprocessing.n_observed, statistics_of(tasks, chosen.aligned)
-    floor, noise = variance_scales(over)
+    floor, noise = variance_scales(over, preprocessing.units)
     log_mean, log_std = _durations(list(tasks.values()))
     n = np.array([task.n for task in tasks.values()])
     means = np.array([task.mean[:n_observed] for task in over.values()])
     pooled = observed_block(pooled_moments(over.values()), means[0].size)
     shared = shared_covariance(pooled, floor[:n_observed], STRENGTH)
     covariance = (1.0 + 1.0 / n)[:, None, None] * shared
-    none = none_primitive(means, covariance, departure(list(over.values()), n_observed))
+    departed = departures(list(over.values()), preprocessing.units[:n_observed])
+    none = none_primitive(means, covariance, departed)
     mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
-    context, weight_covariance = None, predictive_covariances(over, REGRESSION_STRENGTH)
+    context = None
+    weight_covariance = predictive_covariances(over, REGRESSION_STRENGTH, floor)
     if preprocessing.context:
         found = fit_context(over, preprocessing.context, n_observed, floor)
         context, weight_covariance, covariance = found
@@ -148,15 +151,21 @@ def statistics_of(
 
 
 def predictive_covariances(
-    tasks: Mapping[str, TaskStatistics], strength: float
+    tasks: Mapping[str, TaskStatistics], strength: float, floor: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Predictive covariance of each task's next demonstration, (K, D N, D N)."""
-    floor, _ = variance_scales(tasks)
+    """Predictive covariance of each task's next demonstration, (K, D N, D N).
+
+    Args:
+        tasks: statistics of each label.
+        strength: equivalent sample size of the target, in demonstrations.
+        floor: variance floor per DOF, (D,).
+    """
     pooled = pooled_moments(tasks.values())
     covariances = []
     for task in tasks.values():
         target = structured_target(task.moments, pooled, floor).covariance()
-        covariances.append(shrunk_covariance(task.scatter, task.n, target, strength))
+        covariance = shrunk_covariance(task.scatter, task.n, target, strength)
+        covariances.append(predictive_inflation(task.moments, pooled) * covariance)
     return np.array(covariances)
 
 

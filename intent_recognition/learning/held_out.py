@@ -26,6 +26,7 @@ from intent_recognition.promp import (
     leave_one_out_scatter,
     reference_phase,
 )
+from intent_recognition.signals import commensurate
 
 MAX_RIVALS = 8
 """Other tasks, those with the nearest means, that a demonstration is compared with. Convention: it
@@ -137,13 +138,26 @@ def without_demonstration(
 
 
 def nearest_tasks(
-    tasks: Sequence[TaskStatistics], example: TrainingExample, others: NDArray[np.int64]
+    tasks: Sequence[TaskStatistics],
+    example: TrainingExample,
+    others: NDArray[np.int64],
+    units: Sequence[str],
 ) -> NDArray[np.int64]:
-    """The tasks whose mean weights come nearest to an example's, at most `MAX_RIVALS`."""
+    """The tasks whose mean weights come nearest to an example's, at most `MAX_RIVALS`.
+
+    Args:
+        tasks: their statistics.
+        example: what they are compared with.
+        others: numbers of those that are compared.
+        units: of the observed DOFs, (P,); distances in incommensurate ones are each divided by
+            their mean.
+    """
     if len(others) <= MAX_RIVALS:
         return others
-    n_observed = example.observed.shape[1]
-    apart = [np.sum((tasks[k].mean - example.weights)[:n_observed] ** 2) for k in others]
+    apart = np.zeros(len(others))
+    for dofs in commensurate(units):
+        squares = [np.sum((tasks[k].mean - example.weights)[dofs] ** 2) for k in others]
+        apart += len(dofs) * np.array(squares) / (np.mean(squares) or 1.0)
     return others[np.argsort(apart)[:MAX_RIVALS]]
 
 

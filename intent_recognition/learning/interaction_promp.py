@@ -53,12 +53,15 @@ def fit_interaction_promp(
     if basis is None:
         basis = NormalizedRBFBasis(TrainingSettings.n_basis, TrainingSettings.width)
     task = summarize([make_example(recorded, basis, ridge) for recorded in demonstrations])
-    (covariance,) = predictive_covariances({"": task}, strength)
+    signals = (*demonstrations[0].observed, *demonstrations[0].controlled)
+    units = [signal.unit for signal in signals for _ in signal.names]
+    floor, noise = variance_scales({"": task}, units)
+    (covariance,) = predictive_covariances({"": task}, strength, floor)
     return InteractionProMP(
         basis,
         Gaussian(task.mean.ravel(), covariance),
         sum(len(signal.names) for signal in demonstrations[0].observed),
-        variance_scales({"": task})[1],
+        noise,
         float(np.exp(task.log_duration_mean)),
     )
 

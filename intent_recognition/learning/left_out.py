@@ -5,7 +5,7 @@ From the tasks' statistics, without learning anew: the hyperparameters, the timi
 what people's phases deviate by stay as all demonstrations gave them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.held_out import without_demonstration
-from intent_recognition.learning.none_model import departure, none_primitive, none_timing
+from intent_recognition.learning.none_model import (
+    Departure,
+    departures,
+    none_primitive,
+    none_timing,
+)
 from intent_recognition.learning.selection import STRENGTH
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import Scatter, TaskLibrary, observed_block, shared_covariance
@@ -67,8 +72,8 @@ class LeavingOut:
         self.statistics = list(tasks.values())
         size = library.n_observed_weights
         self._pooled = observed_block(pooled_moments(self.statistics), size)
-        self._floor = variance_scales(tasks)[0][: library.n_observed]
-        self._departed = departure(self.statistics, library.n_observed)
+        self._floor = variance_scales(tasks, library.units)[0][: library.n_observed]
+        self._departed = departures(self.statistics, library.observed_units)
 
     def nothing(self) -> LeftOut:
         """With every demonstration."""
@@ -82,9 +87,9 @@ class LeavingOut:
         own = observed_block(self.tasks[label].moments, self.library.n_observed_weights)
         rest = Scatter(self._pooled.matrix - own.matrix, self._pooled.freedom - own.freedom)
         kept = {other: task for other, task in self.tasks.items() if other != label}
-        floor = variance_scales(kept)[0][:n_observed]
+        floor = variance_scales(kept, self.library.units)[0][:n_observed]
         covariance = shared_covariance(rest if rest.freedom else self._pooled, floor, STRENGTH)
-        departed = departure(list(kept.values()), n_observed)
+        departed = departures(list(kept.values()), self.library.observed_units)
         return self._left_out(covariance, departed, without=number)
 
     def can_spare_one_of(self, number: int) -> bool:
@@ -106,7 +111,7 @@ class LeavingOut:
     def _left_out(
         self,
         covariance: NDArray[np.float64],
-        departed: NDArray[np.float64],
+        departed: Sequence[Departure],
         mean: NDArray[np.float64] | None = None,
         n: NDArray[np.int64] | None = None,
         without: int | None = None,

@@ -7,12 +7,14 @@ hardly known, so it is shrunk towards how far movements depart from their starts
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.statistics import TaskStatistics
+from intent_recognition.signals import commensurate
 
 DEPARTURE_SAMPLE_SIZE = 0.25
 """Equivalent sample size, in tasks, of the prior that tasks differ as much as movements depart from
@@ -25,19 +27,41 @@ UNKNOWN_AMPLITUDE_WIDTH = 0.1
 """
 
 
-def departure(tasks: Sequence[TaskStatistics], n_observed: int) -> NDArray[np.float64]:
+class Departure(NamedTuple):
+    """How far movements depart from their starts in some observed DOFs.
+
+    Attributes:
+        dofs: which, (p,).
+        square: mean square distance per basis function, (N,).
+    """
+
+    dofs: NDArray[np.int64]
+    square: NDArray[np.float64]
+
+
+def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[Departure]:
+    """Of the observed DOFs, by what their units have in common (`signals.commensurate`).
+
+    Args:
+        tasks: their statistics.
+        units: of the observed DOFs, (P,).
+    """
+    return [Departure(dofs, departure(tasks, dofs)) for dofs in commensurate(units)]
+
+
+def departure(tasks: Sequence[TaskStatistics], dofs: NDArray[np.int64]) -> NDArray[np.float64]:
     """Mean square distance of movements from where they start, per basis function, (N,).
 
-    The variance of the starts is added; mean over the P observed DOFs.
+    The variance of the starts is added; mean over the given DOFs (p,).
     """
     n_basis = tasks[0].mean.shape[1]
     count = np.array([task.n for task in tasks], dtype=np.float64)
-    means = np.array([task.mean[:n_observed] for task in tasks])
+    means = np.array([task.mean[dofs] for task in tasks])
     centre = np.einsum("k,kp->p", count, means[:, :, 0]) / count.sum()
     total = np.zeros(n_basis)
     for task, mean in zip(tasks, means, strict=True):
         rows = task.scatter.reshape(len(task.mean), n_basis, len(task.mean), n_basis)
-        own = np.einsum("dkdl->dkl", rows)[:n_observed]
+        own = np.einsum("dkdl->dkl", rows)[dofs]
         variance, at_start = np.einsum("pkk->k", own), np.sum(own[:, 0, 0])
         total += (
             variance
@@ -46,30 +70,34 @@ def departure(tasks: Sequence[TaskStatistics], n_observed: int) -> NDArray[np.fl
             + task.n * np.sum((mean - mean[:, :1]) ** 2, axis=0)
         )
         total += at_start + task.n * np.sum((mean[:, 0] - centre) ** 2)
-    return total / (count.sum() * n_observed)
+    return total / (count.sum() * len(dofs))
 
 
 def none_primitive(
-    means: NDArray[np.float64], covariances: NDArray[np.float64], departed: NDArray[np.float64]
+    means: NDArray[np.float64], covariances: NDArray[np.float64], departed: Sequence[Departure]
 ) -> Gaussian:
     """Observed weights of a movement that is none of K tasks but of their kind.
 
     Args:
         means: of the tasks' observed weights, (K, P, N).
         covariances: theirs, (K, P N, P N).
-        departed: see `departure`, (N,).
+        departed: see `departures`; tasks differ alike in the DOFs of each.
     """
     n_tasks, n_dofs, n_basis = means.shape
     centre = means.mean(axis=0)
-    scatter = np.sum(np.mean((means - centre) ** 2, axis=1), axis=0)
     phase = np.linspace(0.0, 1.0, n_basis)
     distance = phase[:, None] - phase
     average = np.exp(-0.5 * (distance / UNKNOWN_AMPLITUDE_WIDTH) ** 2)
     average /= average.sum(axis=1, keepdims=True)
-    variance = (scatter + DEPARTURE_SAMPLE_SIZE * departed) / (n_tasks - 1 + DEPARTURE_SAMPLE_SIZE)
-    amplitude = np.sqrt(average @ variance * (1.0 + 1.0 / n_tasks))
     correlation = np.exp(-0.5 * (distance / UNKNOWN_DEVIATION_WIDTH) ** 2)
-    between = np.kron(np.eye(n_dofs), correlation * np.outer(amplitude, amplitude))
+    between = np.zeros((centre.size, centre.size))
+    for dofs, square in departed:
+        scatter = np.sum(np.mean((means[:, dofs] - centre[dofs]) ** 2, axis=1), axis=0)
+        variance = scatter + DEPARTURE_SAMPLE_SIZE * square
+        variance /= n_tasks - 1 + DEPARTURE_SAMPLE_SIZE
+        amplitude = np.sqrt(average @ variance * (1.0 + 1.0 / n_tasks))
+        these = np.diag(np.isin(np.arange(n_dofs), dofs).astype(np.float64))
+        between += np.kron(these, correlation * np.outer(amplitude, amplitude))
     return Gaussian(centre.ravel(), symmetrize(covariances.mean(axis=0) + between))
 
 

@@ -57,6 +57,11 @@ class Preprocessing:
         """Number of observed DOFs."""
         return sum(len(signal.names) for signal in self.observed)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of all DOFs, observed first, (D,)."""
+        return tuple(s.unit for s in (*self.observed, *self.controlled) for _ in s.names)
+
     def cut(self, recorded: Demonstration) -> Demonstration:
         """The recording cut to the movement, or whole if the settings say so."""
         if self.settings.segmentation == "movement":

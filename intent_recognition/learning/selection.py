@@ -39,6 +39,7 @@ from intent_recognition.promp import (
     shared_covariance,
     shrunk_covariance,
 )
+from intent_recognition.signals import is_spatial
 
 STRENGTH = 4.0
 """Equivalent sample size of the target of the shared covariance, in demonstrations
@@ -108,7 +109,7 @@ def choose(
     """
     tried = []
     for aligned, (library, tasks) in enumerate(candidates):
-        left_out = _leave_out(tasks, recorded)
+        left_out = _leave_out(tasks, recorded, library.units)
         if not left_out:
             return Hyperparameters(), (Hyperparameters(),)
         for noise_scale in NOISE_SCALES:
@@ -122,7 +123,9 @@ def validate(
     library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[float, float]:
     """Log loss of the task and relative error of the controlled agent, the duration known."""
-    variance = np.maximum(np.var(np.concatenate([one.truth for one in left_out]), axis=0), 1e-12)
+    truth = np.concatenate([one.truth for one in left_out])
+    size = np.where(is_spatial(library.controlled_units), 1.0, np.abs(truth).max(axis=0))
+    variance = np.maximum(np.var(truth, axis=0), 1e-12 * np.where(size > 0.0, size, 1.0) ** 2)
     n_hypotheses = 1 + max(len(one.rivals) for one in left_out)
     most = max(1, MAX_FLOATS // (library.n_observed_weights**2 * n_hypotheses))
     losses, errors = [], []
@@ -191,15 +194,17 @@ def _predict(
 
 
 def _leave_out(
-    tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics]
+    tasks: Mapping[str, TaskStatistics],
+    recorded: Mapping[str, TaskStatistics],
+    units: Sequence[str],
 ) -> list[_LeftOut]:
     """Demonstrations of tasks that have two or more, each with its task without it."""
     statistics = list(tasks.values())
-    floor, _ = variance_scales(tasks)
+    floor, _ = variance_scales(tasks, units)
     pooled = pooled_moments(statistics)
     several = {label: task for label, task in tasks.items() if task.n > 1}
     return [
-        _without(statistics, k, pooled, floor, example, as_recorded)
+        _without(statistics, k, pooled, floor, units, example, as_recorded)
         for k, example, as_recorded in paired_examples(several, recorded, MAX_VALIDATED)
     ]
 
@@ -209,6 +214,7 @@ def _without(
     number: int,
     pooled: Scatter,
     floor: NDArray[np.float64],
+    units: Sequence[str],
     example: TrainingExample,
     as_recorded: TrainingExample,
 ) -> _LeftOut:
@@ -226,6 +232,6 @@ def _without(
     gain = np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
     mean = (task.mean - deviation[0] / (task.n - 1)).ravel()
     others = np.delete(np.arange(len(tasks)), number)
-    rivals = nearest_tasks(tasks, example, others)
+    rivals = nearest_tasks(tasks, example, others, units[:n_observed])
     truth, samples = as_recorded.controlled, as_recorded.observed
     return _LeftOut(number, mean, shared, gain, rivals, samples, truth)

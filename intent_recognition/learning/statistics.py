@@ -144,13 +144,18 @@ def pooled_moments(tasks: Iterable[TaskStatistics]) -> Scatter:
 
 
 def variance_scales(
-    tasks: Mapping[str, TaskStatistics],
+    tasks: Mapping[str, TaskStatistics], units: Sequence[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Variance floor and noise variance of each DOF over all demonstrations, (D,) each."""
+    """Variance floor and noise variance of each DOF over all demonstrations, (D,) each.
+
+    Args:
+        tasks: statistics of each label.
+        units: of the DOFs, (D,).
+    """
     statistics = tasks.values()
     lowest = np.min([task.lowest for task in statistics], axis=0)
     highest = np.max([task.highest for task in statistics], axis=0)
-    floor = weight_floor(np.stack([lowest, highest], axis=1)[None])
+    floor = weight_floor(np.stack([lowest, highest], axis=1)[None], units)
     residual = np.sum([task.residual_sum for task in statistics], axis=0)
     return floor, np.maximum(residual / sum(task.n for task in statistics), floor)
 

@@ -26,6 +26,7 @@ from intent_recognition.learning.held_out import (
 from intent_recognition.learning.left_out import LeavingOut, LeftOut
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import is_spatial
 
 UNKNOWN_ACCEPTED = 0.05
 """Share of unknown movements that may count as known (docs/recognition.md). Convention."""
@@ -67,12 +68,12 @@ def learn_none_margin(
         if len(rivals):
             if k not in without:
                 without[k] = leaving_out.task(k)
-            compared = nearest_tasks(statistics, example, rivals)
+            compared = nearest_tasks(statistics, example, rivals, library.observed_units)
             comparisons.append(Comparison(without[k], compared, len(rivals), as_recorded))
             is_known.append(False)
         if leaving_out.can_spare_one_of(k):
             left_out = leaving_out.demonstration(k, example)
-            compared = np.r_[k, nearest_tasks(statistics, example, rivals)]
+            compared = np.r_[k, nearest_tasks(statistics, example, rivals, library.observed_units)]
             comparisons.append(Comparison(left_out, compared, len(calibrating), as_recorded))
             is_known.append(True)
     if library.n_tasks == 1:
@@ -201,7 +202,12 @@ def _simulated_unknown(whole: LeftOut) -> list[Comparison]:
     rng = np.random.default_rng(N_SIMULATED)
     every = np.arange(library.n_tasks)
     design = library.basis.design_matrix(sample_phases())
-    weights = rng.multivariate_normal(whole.none.mean, whole.none.covariance, size=N_SIMULATED)
+    mean, covariance = whole.none
+    scale = _unit_scale(library, covariance)  # of what is drawn, too, the unit must not matter
+    weights = rng.multivariate_normal(
+        mean / scale, covariance / np.outer(scale, scale), size=N_SIMULATED
+    )
+    weights *= scale
     noise_std = np.sqrt(library.noise_variance[: library.n_observed])
     drawn = []
     for one in weights.reshape(N_SIMULATED, library.n_observed, -1):
@@ -211,3 +217,10 @@ def _simulated_unknown(whole: LeftOut) -> list[Comparison]:
         simulated = TrainingExample("", "", nothing, nothing, duration_s, values, nothing)
         drawn.append(Comparison(whole, every, len(every), simulated))
     return drawn
+
+
+def _unit_scale(library: TaskLibrary, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """1 for weights in metres and radians, else their largest standard deviation, (P N,)."""
+    std = np.sqrt(np.diagonal(covariance)).reshape(library.n_observed, -1).max(axis=1)
+    scale = np.where(is_spatial(library.observed_units), 1.0, std)
+    return np.repeat(scale, library.basis.n_basis)

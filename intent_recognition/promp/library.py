@@ -122,6 +122,11 @@ class TaskLibrary:
         )
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Units of all DOFs, observed first, (D,)."""
+        return (*self.observed_units, *self.controlled_units)
+
+    @property
     def n_tasks(self) -> int:
         """Number of tasks K, without none."""
         return len(self.labels)

@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 from intent_recognition.gaussian import Gaussian, condition, symmetrize
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.trajectory import dof_variance
+from intent_recognition.signals import SPATIAL_UNITS
 
 USUAL_END_STD = {"rad": 0.35, "m": 0.1}
 """Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m].
 Convention."""
+USUAL_END_SHARE = 0.5
+"""The same in other units, in parts of the demonstrations' own spread in them
+(`controlled_spread`). Convention: about what 0.1 m are of a reach, or 0.35 rad of a joint's path.
+"""
 CERTAIN_END = 1.5
 """Where a whole movement leaves more than that, its standard deviation may be this many times as
 large (docs/decisions/end_certainty.md)."""
@@ -53,6 +58,20 @@ def largest_by_unit(std: NDArray[np.float64], units: Sequence[str]) -> dict[str,
     return largest
 
 
+def controlled_spread(library: TaskLibrary) -> NDArray[np.float64]:
+    """How far the demonstrations go in the unit of each controlled DOF, (Q,).
+
+    Standard deviation over all tasks, phases and demonstrations, the largest of the DOFs that have
+    the unit: what a constant is measured by where it can be in neither metres nor radians.
+    """
+    n, size = library.n_controlled, library.n_observed_weights
+    mean = library.weight_mean[:, size:].reshape(library.n_tasks, n, -1)
+    variance = np.diagonal(library.weight_covariance, axis1=1, axis2=2)[:, size:]
+    square = (mean - mean.mean(axis=(0, 2), keepdims=True)) ** 2 + variance.reshape(mean.shape)
+    of_unit = largest_by_unit(np.sqrt(square.mean(axis=(0, 2))), library.controlled_units)
+    return np.array([of_unit[unit] for unit in library.controlled_units])
+
+
 def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) -> dict[str, float]:
     """Least uncertainty of a task's predicted end, however much is observed, by unit.
 
@@ -79,9 +98,12 @@ def end_std_limits(library: TaskLibrary) -> dict[str, dict[str, float]]:
     `USUAL_END_STD`, but never what even the whole movement cannot give: at least `CERTAIN_END`
     times the least standard deviation that observing it leaves.
     """
+    spread = zip(library.controlled_units, controlled_spread(library).tolist(), strict=True)
+    share = {unit: USUAL_END_SHARE * std for unit, std in spread if unit not in SPATIAL_UNITS}
+    usual = USUAL_END_STD | share
     return {
         label: {
-            unit: max(CERTAIN_END * std, USUAL_END_STD.get(unit, 0.0))
+            unit: max(CERTAIN_END * std, usual.get(unit, 0.0))
             for unit, std in least_end_std(library, k, start_known=False).items()
         }
         for k, label in enumerate(library.labels)

@@ -17,12 +17,14 @@ coupling of the agents at one phase is not diluted by other phases, as it is in 
 prior. `learn` chooses it by leave-one-out prediction (`learning.selection`).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.gaussian import symmetrize
+from intent_recognition.signals import SPATIAL_UNITS
 
 FLOOR_OF_RANGE = 1e-3
 """Smallest standard deviation of a weight, in parts of its DOF's range over all demonstrations.
@@ -91,20 +93,33 @@ class StructuredTarget(NamedTuple):
         return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
 
 
-def weight_extent(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Range of the weights of each DOF over all demonstrations, 1 where there is none, (D,).
+def weight_extent(
+    weights: NDArray[np.float64], units: Sequence[str] | None = None
+) -> NDArray[np.float64]:
+    """Range of the weights of each DOF over all demonstrations, (D,).
+
+    Where there is none it is 1 m or rad; in another unit it is the widest of this unit's DOFs, and
+    if none of them moves, the largest value among them.
 
     Args:
         weights: (n, D, N).
+        units: of the DOFs, (D,); None for metres and radians.
     """
     of_dof = np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1)
-    extent = np.ptp(of_dof, axis=1)
-    return np.where(extent > STILL * np.abs(of_dof).max(axis=1), extent, 1.0)
+    extent, size = np.ptp(of_dof, axis=1), np.abs(of_dof).max(axis=1)
+    moves, least = extent > STILL * size, np.ones(len(extent))
+    for unit in set(units or ()) - set(SPATIAL_UNITS):
+        alike = np.array(units) == unit
+        widest = np.max(extent[alike & moves], initial=0.0)
+        least[alike] = widest or np.max(size[alike]) or 1.0
+    return np.where(moves, extent, least)
 
 
-def weight_floor(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance floor per DOF from the range of its weights (n, D, N), (D,)."""
-    return (FLOOR_OF_RANGE * weight_extent(weights)) ** 2
+def weight_floor(
+    weights: NDArray[np.float64], units: Sequence[str] | None = None
+) -> NDArray[np.float64]:
+    """Variance floor per DOF from the range of its weights (`weight_extent`), (D,)."""
+    return (FLOOR_OF_RANGE * weight_extent(weights, units)) ** 2
 
 
 def structured_target(
@@ -122,11 +137,11 @@ def structured_target(
         floor: variance floor per DOF, (D,).
     """
     scatter, demonstrations = _borrow(own, pooled)
+    inflation = _target_inflation(demonstrations)
     n_dofs = len(floor)
     variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
     weight = demonstrations / (demonstrations + AMPLITUDE_SAMPLE_SIZE)
-    inflation = (FEW / max(demonstrations, 2.0)) ** 6
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     n_basis = amplitude.shape[1]
     scale = amplitude.ravel()
@@ -212,17 +227,43 @@ def observed_block(scatter: Scatter, size: int) -> Scatter:
     return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
+def predictive_inflation(own: Scatter, pooled: Scatter) -> float:
+    """Factor by which a task's covariance is too small for its next demonstration.
+
+    The next draw of a normal distribution whose covariance was estimated with m degrees of freedom
+    is Student, and its covariance m / (m - 2) times the estimate (Gelman et al. 2013, Section 3.6).
+    What `structured_target` inflates already is not inflated twice.
+
+    Args:
+        own: scatter of the task.
+        pooled: sum over all tasks, this one included.
+    """
+    freedom = _borrowed(own, pooled)[1]
+    if freedom <= 2.0:
+        return 1.0
+    return max(1.0, freedom / (freedom - 2.0) / (1.0 + _target_inflation(freedom)))
+
+
+def _target_inflation(demonstrations: float) -> float:
+    """What is added to the target's variances, in parts of them; next to nothing beyond `FEW`."""
+    return float((FEW / max(demonstrations, 2.0)) ** 6)
+
+
 def _borrow(own: Scatter, pooled: Scatter) -> tuple[NDArray[np.float64], float]:
     """Covariance of a task from its own and all demonstrations, and its equivalent sample size.
 
     Each task's outer products are divided by its degrees of freedom, so that they estimate a
     covariance without bias; these estimates are averaged by their equivalent sample sizes.
     """
+    share, size = _borrowed(own, pooled)
+    return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size
+
+
+def _borrowed(own: Scatter, pooled: Scatter) -> tuple[float, float]:
+    """Share of all demonstrations in a task's covariance, and its equivalent sample size."""
     others = float(pooled.freedom - own.freedom)
     borrowed = min(OTHERS_SAMPLE_SIZE, others)
-    share = borrowed / others if others else 0.0
-    size = own.freedom + borrowed
-    return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size
+    return borrowed / others if others else 0.0, own.freedom + borrowed
 
 
 def shrunk_covariance(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
-from intent_recognition.promp import StartPosture, TaskLibrary
+from intent_recognition.promp import StartPosture, TaskLibrary, controlled_spread
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
@@ -29,6 +29,11 @@ START_STD_M = 0.02
 """The same for a controlled DOF in metres, such as a wrist that returns to its place [m].
 
 Convention.
+"""
+START_SHARE = 0.05
+"""The same in other units, in parts of the demonstrations' own spread in them
+(`promp.controlled_spread`): the bias of a wrench or of a camera. Convention: of a joint that moves
+by 1 rad it is about `START_STD_RAD`.
 """
 OUTSIDE_QUANTILE = 0.999
 """Share of the trained starts that count as inside. Convention: one start in a thousand is refused.
@@ -131,8 +136,10 @@ class OnsetPosture:
 
 def start_variance(library: TaskLibrary) -> NDArray[np.float64]:
     """Variance of a posture about the one that an arm was sent to, per controlled DOF, (Q,)."""
-    metres = np.array(library.controlled_units) == "m"
-    return np.where(metres, START_STD_M, START_STD_RAD) ** 2
+    std = START_SHARE * controlled_spread(library)
+    fixed = {"m": START_STD_M, "rad": START_STD_RAD}
+    units = library.controlled_units
+    return np.array([fixed.get(unit, own) for unit, own in zip(units, std, strict=True)]) ** 2
 
 
 def start_distance(library: TaskLibrary, task: int, position: NDArray[np.float64]) -> float:

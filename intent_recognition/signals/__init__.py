@@ -30,10 +30,12 @@ from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import movement_span, onset_settings
 from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.streams import common_span, stream_defect
+from intent_recognition.signals.units import SPATIAL_UNITS, commensurate, is_spatial
 
 __all__ = [
     "LARGEST_ANGLE_RAD",
     "MIN_SAMPLES",
+    "SPATIAL_UNITS",
     "Demonstration",
     "Observation",
     "OnsetSettings",
@@ -45,6 +47,7 @@ __all__ = [
     "SpeedCorrelation",
     "StreamFinding",
     "at_rest",
+    "commensurate",
     "common_span",
     "correlate_speeds",
     "detect_onset",
@@ -52,6 +55,7 @@ __all__ = [
     "every_second",
     "from_tangent",
     "is_slow",
+    "is_spatial",
     "mean_orientation",
     "merge",
     "movement_span",

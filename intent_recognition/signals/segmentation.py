@@ -13,6 +13,7 @@ from intent_recognition.signals.onset import (
     speed_noise,
 )
 from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.units import SPATIAL_UNITS
 
 END_MARGIN_S = 0.3
 """Rest after the last motion that belongs to the interaction [s].
@@ -28,6 +29,10 @@ ABOVE_NOISE = 3.0
 
 Convention: three standard deviations.
 """
+
+SLOWEST = 1e-6
+"""Least reference speed [m/s or rad/s]; in other units in parts of the signal's largest value, per
+second. Numerical safeguard: a signal that never moved has some."""
 
 
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:
@@ -59,16 +64,17 @@ def least_reference(signals: Sequence[Signal], window_s: float) -> float:
 def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
     """Thresholds for one signal from all of its recordings."""
     signals = [signal for signal in signals if signal.stamps_ns.size]
+    slowest = _slowest(signals)
     periods = [np.median(np.diff(s.stamps_ns)) * 1e-9 for s in signals if s.stamps_ns.size > 1]
     period_s = float(np.median(periods)) if periods else 0.0
     shortest_s = max(OnsetSettings.window_s, (SAMPLES_IN_WINDOW - 1) * period_s)
     shortest_s = window_s = min(shortest_s, LONGEST_WINDOW_S)
-    best = 0.0, 1e-6, shortest_s
+    best = 0.0, slowest, shortest_s
     while window_s <= LONGEST_WINDOW_S and signals:
         peak = _typical_peak(signals, window_s)
         least = least_reference(signals, window_s)
         if peak >= least:
-            best = 1.0, max(peak, 1e-6), window_s
+            best = 1.0, max(peak, slowest), window_s
             break
         best = max(best, (peak / least, least, window_s))
         window_s *= 2.0
@@ -76,6 +82,13 @@ def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
     # Longer than a window is only partly filled: its slope is noisier until then.
     persistence_s = OnsetSettings.persistence_s * (window_s / OnsetSettings.window_s)
     return OnsetSettings(reference, window_s=window_s, persistence_s=persistence_s)
+
+
+def _slowest(signals: Sequence[Signal]) -> float:
+    """Least reference speed of a signal, per second."""
+    size = max((float(np.abs(s.values).max(initial=0.0)) for s in signals), default=0.0)
+    in_unit = size if signals and signals[0].unit not in SPATIAL_UNITS else 1.0
+    return SLOWEST * (in_unit or 1.0)
 
 
 def _typical_peak(signals: Sequence[Signal], window_s: float) -> float:

@@ -66,6 +66,18 @@ def test_no_path_is_empty(capsys):
     assert ended.value.code == 2 and "got nothing" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "option", [("--basis", "2"), ("--basis", "1e5"), ("--basis", "201"), ("--jobs", "0")]
+)
+def test_numbers_have_limits_before_anything_is_read(option, capsys):
+    (commands,) = (a for a in cli.make_parser()._actions if a.choices and not a.option_strings)
+    for parser in commands.choices.values():
+        assert all(action.type not in (int, float) for action in parser._actions)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["train", "/no/bag", "--output", "m.npz", *option])
+    assert ended.value.code == 2 and f"argument {option[0]}" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("argv", [[], ["dance"], ["train"], ["train", "bag"], ["replay", "bag"]])
 def test_wrong_use_is_exit_code_two(argv, capsys):
     with pytest.raises(SystemExit) as ended:

@@ -7,6 +7,7 @@ from cli.recorded import DOFS, TRUTH, write_all
 from rich.console import Console
 
 from intent_recognition.bags.writer import BagWriter
+from intent_recognition.cli.main import main
 from intent_recognition.cli.train_sessions import with_sessions
 from intent_recognition.errors import BagError
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
@@ -52,6 +53,12 @@ def test_sessions_give_the_transition_prior_and_nothing_else(run_command, record
     assert library.provenance["transition_counts"] == counts.astype(int).tolist()
     np.testing.assert_array_equal(library.weight_mean, plain.weight_mean)
     assert "which task follows which" in text and "dance" in text and "no task" in text
+
+
+def test_sessions_are_looked_for_before_the_work(recorded, tmp_path, capsys):
+    words = ["train", str(recorded / "no_bags"), "--output", str(tmp_path / "m.npz")]
+    assert main([*words, "--sessions", str(tmp_path / "elsewhere")]) == 1
+    assert "elsewhere" in capsys.readouterr().err
 
 
 def test_sessions_without_a_task_of_the_model_are_refused(recorded, tmp_path):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
@@ -12,12 +13,13 @@ from intent_recognition.filtering import (
     FilterBank,
     MovementFilter,
     SwitchedHypotheses,
+    births,
     make_hypotheses,
     newborn,
     switching,
 )
+from intent_recognition.filtering.births import shares
 from intent_recognition.filtering.newborn import fading, fading_velocity
-from intent_recognition.filtering.switching import shares
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
@@ -74,16 +76,17 @@ def test_what_passes_on_is_what_the_rates_say(rng):
     total = rng.normal(size=5)
     passed = np.exp(shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
     known = np.exp(total[:-1]).sum()
-    rate = switching.SWITCHES + switching.DETOURS
-    assert np.isclose(passed[:-1].sum(), 0.02 * rate * known)
-    assert np.isclose(passed[-1], 0.02 * switching.STRAYS * np.exp(-1.5) * known)
+    rate = births.SWITCHES + births.DETOURS
+    assert np.isclose(passed[:4].sum(), 0.02 * rate * known)
+    assert np.isclose(passed[4], 0.02 * births.STRAYS * np.exp(-1.5) * known)
+    np.testing.assert_allclose(passed[5:], 0.02 * births.HOLD_UPS * np.exp(total[:-1]))
 
 
 def test_a_margin_makes_turning_to_another_task_rarer(rng):
     total, log_prior = rng.normal(size=4), np.log([0.2, 0.3, 0.5])
-    detours = np.exp(total[:-1]) * switching.DETOURS * 0.02
-    turning = np.exp(shares(total, log_prior, 0.02))[:-1] - detours
-    rarer = np.exp(shares(total, log_prior, 0.02, switch_margin=2.0))[:-1] - detours
+    detours = np.exp(total[:-1]) * births.DETOURS * 0.02
+    turning = np.exp(shares(total, log_prior, 0.02))[:3] - detours
+    rarer = np.exp(shares(total, log_prior, 0.02, switch_margin=2.0))[:3] - detours
     np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
 
 
@@ -93,13 +96,14 @@ def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_on
     passed = np.exp(shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))
     assert passed[2] == 0.0 and passed[0] > 0.0
     alone = np.exp(shares(np.zeros(2), np.zeros(1), 0.1))
-    assert np.isclose(alone[0], 0.1 * switching.DETOURS)
+    assert np.isclose(alone[0], 0.1 * births.DETOURS)
 
 
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
-    for module in (newborn, switching):
+    for module in (newborn, births, switching):
         monkeypatch.setattr(module, "FADINGS", (12.0,))
-    monkeypatch.setattr(switching, "N_DURATIONS", 1)
+    monkeypatch.setattr(births, "N_DURATIONS", 1)
+    monkeypatch.setattr(births, "HOLD_UPS", 0.0)
     monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(switching, "BIRTHS_EVERY", 1)
@@ -151,22 +155,69 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     )
 
 
-def test_a_change_is_followed_with_births_and_not_without(library, rng):
+def test_who_is_held_up_goes_on_with_all_that_was_seen(library, rng, monkeypatch):
+    for module in (newborn, births, switching):
+        monkeypatch.setattr(module, "FADINGS", (12.0,))
+    monkeypatch.setattr(switching, "DELAYS", (0.12,))
+    monkeypatch.setattr(births, "N_DURATIONS", 1)
+    monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
+    monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
+    monkeypatch.setattr(switching, "BIRTHS_EVERY", 5)
+    times_s = np.arange(0.0, 1.0, 0.1)
+    values = changed(library, rng, (0, 0), 5.0, times_s)
+    until = filtered(library, times_s[:5], values[:5], None)
+    joint = until.hypotheses.log_prior + until.log_evidence
+    parent = int(np.argmax(joint[: -until.hypotheses.n_scales]))
+    task, duration_s = parent // until.hypotheses.n_scales, until.hypotheses.duration_s[parent]
+    switched = SwitchedHypotheses(library)
+    run = filtered(library, times_s[:9], values[:9], switched)
+    before = switched.of_task(task)[0].log_evidence
+    run.observe(Observation(START_NS + round(times_s[9] * 1e9), 0, values[9]))
+    bank, durations_s, _ = switched.of_task(task)
+    (late,) = np.flatnonzero(durations_s > duration_s + 0.1)
+
+    p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
+    usual_s = newborn.NewbornStates(library).usual_s
+    assert np.isclose(durations_s[late], duration_s + 0.12 * usual_s)
+    std = newborn.HELD_UP_OFFSET * np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
+    scale = (12.0 / usual_s) ** np.arange(3) * [1.0, 1.0, newborn.PUSH]
+    mean = np.r_[until.bank.mean[parent], np.zeros(3 * p)]
+    covariance = block_diag(
+        until.bank.covariance[parent], np.diag(np.outer(std, scale).ravel() ** 2)
+    )
+    h = []
+    for elapsed_s in times_s[5:]:
+        phase = np.clip((elapsed_s - 0.12 * usual_s) / duration_s, 0.0, 1.0)
+        course = np.kron(np.eye(p), library.basis.design_matrix(np.array([phase])))
+        offset = fading(np.array([elapsed_s - times_s[4]]), np.array([12.0 / usual_s]))
+        h.append(np.hstack([course, np.kron(np.eye(p), offset)]))
+    h, y = np.vstack(h), values[5:].ravel()
+    spread = h @ covariance @ h.T + noise * np.eye(len(y))
+    m = len(y) - p
+    expected = multivariate_normal.logpdf(y, h @ mean, spread)
+    expected -= multivariate_normal.logpdf(y[:m], (h @ mean)[:m], spread[:m, :m])
+    assert np.isclose(bank.log_evidence[late] - before[late], expected)
+    updated = mean + covariance @ h.T @ np.linalg.solve(spread, y - h @ mean)
+    np.testing.assert_allclose(bank.mean[late], updated[: p * n], rtol=1e-6, atol=1e-8)
+
+
+def test_a_change_is_followed_with_births_and_not_without(library, rng, monkeypatch):
     times_s = np.arange(0.0, 2.0, 0.05)
     values = changed(library, rng, (0, 1), 0.5, times_s)
     followed = filtered(library, times_s, values, SwitchedHypotheses(library))
     believed = posterior(followed, 1.95)
     assert believed.probabilities[1] > 0.9
     assert posterior(filtered(library, times_s, values, None), 1.95).probabilities[1] < 0.5
-    wary = replace(library, switch_margin=50.0)
-    never = posterior(filtered(wary, times_s, values, SwitchedHypotheses(wary)), 1.95)
-    assert never.probabilities[1] < 0.5
     truth = library.primitive(1)
     end = followed.controlled(1, 1).positions[-1]
     other = followed.controlled(0, 1).positions[-1]
     goal = library.basis.design_matrix(np.ones(1)) @ truth.weights.mean.reshape(5, -1)[3:].T
     assert np.linalg.norm(end - goal) < 0.5 * np.linalg.norm(other - goal)
     assert 1.4 < believed.duration_s[1] < 2.8 and 0.7 < believed.phase[1] <= 1.0
+    wary = replace(library, switch_margin=500.0)
+    monkeypatch.setattr(births, "HOLD_UPS", 0.0)
+    never = posterior(filtered(wary, times_s, values, SwitchedHypotheses(wary)), 1.95)
+    assert never.probabilities[1] < 0.5
 
 
 def test_a_movement_of_one_task_stays_one(library, rng):
@@ -179,8 +230,8 @@ def test_a_movement_of_one_task_stays_one(library, rng):
 
 
 def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
-    for name in ("SWITCHES", "DETOURS", "STRAYS"):
-        monkeypatch.setattr(switching, name, 1e-30)
+    for name in ("SWITCHES", "DETOURS", "HOLD_UPS", "STRAYS"):
+        monkeypatch.setattr(births, name, 1e-30)
     times_s = np.arange(0.0, 1.5, 0.05)
     values = changed(library, rng, (0, 0), 5.0, times_s)
     with_births = posterior(filtered(library, times_s, values, SwitchedHypotheses(library)), 1.45)
@@ -216,7 +267,7 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     switched = SwitchedHypotheses(library)
     times_s = np.arange(0.0, 2.0, 0.05)
     filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
-    born = 4 * len(switching.FADINGS) * switching.N_DURATIONS
+    born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(newborn.FADINGS)
     assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * born
 
 
@@ -240,6 +291,8 @@ def test_it_does_not_matter_when_one_catches_up(library, rng, n_parts):
         np.testing.assert_allclose(*evidence, rtol=1e-12, atol=1e-10)
         np.testing.assert_allclose(*(one.log_joint for one in memories), rtol=1e-12, atol=1e-10)
     assert not (runs[0].catch_up() and n_parts == 100)
+    for switched in memories:
+        switched.finish()
     courses = [switched.of_task(1)[0] for switched in memories]
     for name in ("mean", "covariance", "log_evidence"):
         one, other = (getattr(course, name) for course in courses)

@@ -90,7 +90,7 @@ def test_rivals_are_the_tasks_with_the_nearest_means():
     levels = [0.0, 100.0, *np.arange(1.0, 12.0)]
     tasks = [a_task(level) for level in levels]
     others = np.arange(1, len(tasks))
-    found = nearest_tasks(tasks, tasks[0].examples[0], others)
+    found = nearest_tasks(tasks, tasks[0].examples[0], others, ("m",))
     assert sorted(found) == list(range(2, 2 + MAX_RIVALS))
-    few = nearest_tasks(tasks, tasks[0].examples[0], others[:3])
+    few = nearest_tasks(tasks, tasks[0].examples[0], others[:3], ("m",))
     np.testing.assert_array_equal(few, others[:3])

@@ -34,6 +34,7 @@ from intent_recognition.signals.signal import Signal
 SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=10, segmentation="recording")
 LEARNING = TrainingSettings(n_basis=20, n_aligned_basis=20, segmentation="recording")
 P, Q, N = 2, 1, 4
+UNITS = ("m", "m", "m", "rad", "rad")
 
 
 def a_recording(
@@ -105,7 +106,7 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts):
     tasks = {f"task_{k}": summarize(part) for k, part in enumerate(parts)}
     everything = np.array([example.weights for part in parts for example in part])
     floor = weight_floor(everything)  # its scale alone is that of all of them
-    found = selection._leave_out(tasks, tasks)
+    found = selection._leave_out(tasks, tasks, UNITS)
     assert len(found) == sum(n for n in counts if n > 1)
     turns = [
         (k, example)
@@ -136,7 +137,7 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts):
 def test_two_demonstrations_in_all_leave_the_spread_of_both():
     """Nothing else would be left to learn a covariance from; the mean is the other one's."""
     task = summarize(examples(1, [2])[0])
-    found = selection._leave_out({"task_0": task}, {"task_0": task})
+    found = selection._leave_out({"task_0": task}, {"task_0": task}, UNITS)
     for one, other in zip(found, task.examples[::-1], strict=True):
         np.testing.assert_allclose(one.mean, other.weights.ravel(), atol=1e-12)
         assert np.linalg.eigvalsh(one.covariance).min() > 0.0
@@ -193,7 +194,7 @@ def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning(noise_scale):
     library = replace(
         library, phase_deviation=STEADY, evidence_freedom=np.inf, noise_scale=noise_scale
     )
-    found = validate(library, selection._leave_out(data.tasks, data.tasks), data.tasks)
+    found = validate(library, selection._leave_out(data.tasks, data.tasks, UNITS), data.tasks)
     expected = by_hand(library, data)
     assert min(expected) > 0.1  # movements of several tasks are hard to tell apart, and to predict
     assert found == pytest.approx(expected, rel=1e-5, abs=1e-7)
@@ -210,7 +211,7 @@ def test_what_the_library_has_learned_of_the_task_left_out_does_not_matter(align
         observed_weight_covariance=None,
     )
     tasks = statistics_of(data.tasks, aligned)
-    left_out = selection._leave_out(tasks, data.tasks)
+    left_out = selection._leave_out(tasks, data.tasks, UNITS)
     assert validate(blank, left_out, tasks) == validate(library, left_out, tasks)
 
 
@@ -218,7 +219,7 @@ def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
     data = accumulated(2, counts=(4, 2, 1))
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters(True))
     tasks = statistics_of(data.tasks, True)
-    left_out = selection._leave_out(tasks, data.tasks)
+    left_out = selection._leave_out(tasks, data.tasks, UNITS)
     whole = validate(library, left_out, tasks)
     monkeypatch.setattr(selection, "MAX_FLOATS", 1)
     assert validate(library, left_out, tasks) == pytest.approx(whole, rel=1e-9)
@@ -227,7 +228,7 @@ def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
 def test_of_very_many_demonstrations_a_bounded_number_is_left_out(monkeypatch):
     data = accumulated(2, counts=(5, 3, 1))
     monkeypatch.setattr(selection, "MAX_VALIDATED", 4)
-    assert [one.task for one in selection._leave_out(data.tasks, data.tasks)] == [0, 0, 1, 1]
+    assert [one.task for one in selection._leave_out(data.tasks, data.tasks, UNITS)] == [0, 0, 1, 1]
 
 
 def test_the_best_of_all_that_were_tried_is_chosen():

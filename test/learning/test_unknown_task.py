@@ -15,7 +15,7 @@ from intent_recognition.learning import unknown_task
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
-from intent_recognition.learning.none_model import departure, none_primitive
+from intent_recognition.learning.none_model import Departure, departure, none_primitive
 from intent_recognition.learning.statistics import merge_statistics, summarize
 from intent_recognition.learning.training import (
     TrainingSettings,
@@ -78,14 +78,16 @@ def test_departure_from_statistics_is_that_of_the_demonstrations(report):
     weights = np.array([e.weights[:3] for e in examples_of(report)])
     start = weights[:, :, :1]
     expected = np.mean((weights - start) ** 2, axis=(0, 1)) + np.mean(np.var(start, axis=0))
-    assert departure(list(report.trained.tasks.values()), 3) == pytest.approx(expected, rel=1e-9)
+    assert departure(list(report.trained.tasks.values()), np.arange(3)) == pytest.approx(
+        expected, rel=1e-9
+    )
 
 
 def test_departure_does_not_depend_on_how_statistics_were_merged(report):
     (first, *rest) = report.trained.tasks["task_0"].examples
     merged = merge_statistics(summarize([first]), summarize(rest))
-    whole = departure([summarize([first, *rest])], 3)
-    assert departure([merged], 3) == pytest.approx(whole, rel=1e-9)
+    whole = departure([summarize([first, *rest])], np.arange(3))
+    assert departure([merged], np.arange(3)) == pytest.approx(whole, rel=1e-9)
 
 
 @given(seeds, st.integers(1, 6), st.floats(0.01, 10.0))
@@ -94,7 +96,7 @@ def test_none_is_positive_definite_and_wider_than_the_tasks(seed, n_tasks, sprea
     means = rng.normal(size=(n_tasks, 2, 6)) * spread
     root = rng.normal(size=(n_tasks, 12, 12))
     covariances = root @ np.swapaxes(root, 1, 2)
-    none = none_primitive(means, covariances, np.full(6, spread**2))
+    none = none_primitive(means, covariances, [Departure(np.arange(2), np.full(6, spread**2))])
     assert none.mean == pytest.approx(means.mean(axis=0).ravel())
     assert np.array_equal(none.covariance, none.covariance.T)
     rest = none.covariance - covariances.mean(axis=0)

@@ -383,11 +383,8 @@ def test_an_activation_that_fails_is_undone(harness, error, again):
 def test_what_stays_is_passed_over_by_the_collector():
     gc.unfreeze()  # what a test before has left
     before = gc.get_freeze_count()
-    try:
-        settle()
-        assert gc.get_freeze_count() > before + 1000
-    finally:
-        gc.unfreeze()
+    settle()
+    assert gc.get_freeze_count() > before + 1000
 
 
 @pytest.mark.parametrize("back_s", [0.05, 0.2, 30.0])

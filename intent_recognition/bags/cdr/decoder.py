@@ -8,11 +8,11 @@ from types import SimpleNamespace
 from rosbags.interfaces import Nodetype
 
 from intent_recognition.bags.cdr.layout import (
-    FIELDS,
     LITTLE_ENDIAN,
     MOST_LAYOUTS,
     Layout,
     find_layout,
+    message_fields,
 )
 
 Decoder = Callable[[bytes], object]
@@ -61,7 +61,7 @@ def _decoder_of(type_name: str, layout: Layout) -> Decoder:
 
     def constructor(type_name: str, place: str) -> str:
         arguments = []
-        for name, (node, detail) in FIELDS[type_name][1]:
+        for name, (node, detail) in message_fields()[type_name][1]:
             field, single = place + name, node == Nodetype.BASE
             if node == Nodetype.NAME:
                 value = constructor(detail, f"{field}.")

@@ -9,14 +9,13 @@ lengths determine all offsets: messages that agree in them have the same layout.
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
-from rosbags.typesys.stores.ros2_jazzy import FIELDDEFS
 
 LITTLE_ENDIAN = b"\x00\x01"
 """First two bytes of the encapsulation header of a message in little endian."""
@@ -47,8 +46,18 @@ FORMATS = {
     "float64": "<d",
 }
 """Types of numbers in message definitions as `struct` and numpy name them."""
-FIELDS: Mapping[str, tuple[object, Sequence[tuple[str, tuple[int, Any]]]]] = FIELDDEFS
-"""Of each message type of Jazzy: constants, and its fields as (name, (kind of node, detail))."""
+
+
+@cache
+def message_fields() -> Mapping[str, tuple[object, Sequence[tuple[str, tuple[int, Any]]]]]:
+    """Of each message type of Jazzy: constants, and its fields as (name, (kind of node, detail)).
+
+    The definitions of Jazzy bring those of all earlier distributions; a process that reads no bag
+    starts without them.
+    """
+    from rosbags.typesys.stores.ros2_jazzy import FIELDDEFS
+
+    return FIELDDEFS
 
 
 class NumberRun(NamedTuple):
@@ -236,7 +245,7 @@ class _Cursor:
     def message(self, type_name: str, place: str) -> None:
         """Pass a message, nested in the field `place` or "" for the outermost."""
         before = len(self.fields)
-        for name, (node, detail) in FIELDS[type_name][1]:
+        for name, (node, detail) in message_fields()[type_name][1]:
             field = f"{place}.{name}" if place else name
             if node == Nodetype.NAME:
                 self.message(detail, field)
