@@ -72,7 +72,7 @@ def learned_model(dofs: DofSpec, truth: TaskLibrary | None = None, per_task: int
     key = (dofs, per_task, id(truth))
     if key not in _LEARNED:
         recordings = [perform(truth, i % truth.n_tasks, i) for i in range(per_task * truth.n_tasks)]
-        settings = TrainingSettings(n_basis=10)
+        settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
         library = learn_with_report(recordings, settings, {"bags": ["simulated"]}).library
         _LEARNED[key] = truth, Model(library, dofs)
     return _LEARNED[key][1]

@@ -7,6 +7,11 @@ import importlib
 import pytest
 
 
+@pytest.fixture(autouse=True, scope="module")
+def coarse(few_basis_functions) -> None:
+    """The commands learn from few recordings."""
+
+
 @pytest.fixture
 def parse():
     """Arguments of one command, as its own parser reads them."""

@@ -7,12 +7,21 @@ import json
 import numpy as np
 import pytest
 
+from intent_recognition.cli import improve
 from intent_recognition.cli.main import main
+from intent_recognition.experiments.practice import study
 from intent_recognition.experiments.practice.experiment import run
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.pouring import learn_pouring_skill
+
+
+@pytest.fixture(autouse=True)
+def few_checks(monkeypatch):
+    """Two fresh rollouts before and after are compared as five are."""
+    monkeypatch.setattr(improve, "CHECKS", 2)
+    monkeypatch.setattr(study, "N_CHECKS", 2)
 
 
 def pretend_more(folder, count):

@@ -149,7 +149,7 @@ def model_file(tmp_path, rng):
                 writer.write_message("joint_states", JOINTS, joints(i, positions=angles), at_ns)
     dofs = load_dofs()
     demonstrations, _ = read_demonstrations([tmp_path], dofs)
-    settings = TrainingSettings(n_basis=6, segmentation="recording")
+    settings = TrainingSettings(n_basis=6, n_aligned_basis=9, segmentation="recording")
     report = learn_with_report(demonstrations, settings, {"bags": ["bag0", "bag1"]})
     save_model(tmp_path / "m.npz", Model(report.library, dofs))
     return tmp_path / "m.npz"

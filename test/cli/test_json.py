@@ -85,6 +85,7 @@ def test_without_a_file_it_is_all_of_standard_output(words, folder, monkeypatch,
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (stub,))
     monkeypatch.setattr("intent_recognition.cli.evaluate.evaluate", _evaluated)
     monkeypatch.setattr("intent_recognition.cli.train.train", _trained)
+    monkeypatch.setattr("intent_recognition.cli.improve.CHECKS", 1)
 
     def run(number: int, *json_option: str) -> str:
         new = str(tmp_path / f"new_{number}")

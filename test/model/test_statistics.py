@@ -26,7 +26,7 @@ TRUTH = true_library(DOFS)
 @pytest.fixture(scope="module", params=[False, True], ids=["steady", "aligned"])
 def trained(request):
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
-    trained = learn_with_report(recordings, TrainingSettings(n_basis=6)).trained
+    trained = learn_with_report(recordings, TrainingSettings(n_basis=6, n_aligned_basis=9)).trained
     chosen = trained.chosen._replace(aligned=request.param)
     library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
     return replace(trained, library=library, chosen=chosen)

@@ -66,13 +66,13 @@ def trained(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("example")
     dofs = load_dofs(share_path(example.dofs))
     truth = true_library(dofs)
-    for i in range(6 * truth.n_tasks):
+    for i in range(4 * truth.n_tasks):
         recording = perform(truth, i % truth.n_tasks, i)
         write_recording(folder / "bags" / recording.name, recording, dofs)
     settled = settle_orientations(dofs, folder / "bags")
     demonstrations, rejections = read_demonstrations([folder / "bags"], settled)
     assert not rejections
-    library = learn(demonstrations, TrainingSettings(n_basis=10))
+    library = learn(demonstrations, TrainingSettings(n_basis=10, n_aligned_basis=10))
     save_model(folder / "m.npz", Model(library, settled))
     bag = write_recording(folder / "unseen", perform(truth, 1, 90), dofs)
     return Trained(example, str(folder / "m.npz"), bag)

@@ -49,7 +49,7 @@ def model(repository, tmp_path_factory):
     found, rejections = read_demonstrations(bags, dofs)
     assert not rejections
     path = tmp_path_factory.mktemp("pose") / "model.npz"
-    save_model(path, Model(learn(found, TrainingSettings(n_basis=10)), dofs))
+    save_model(path, Model(learn(found, TrainingSettings(n_basis=10, n_aligned_basis=10)), dofs))
     return path
 
 
