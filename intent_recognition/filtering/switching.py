@@ -171,9 +171,7 @@ class SwitchedHypotheses:
             log_joint[born["seen"] == self._settling] = passed
         self._due.append(partial(self._forget, self._give_up(float(np.logaddexp.reduce(total)))))
         if self._n_used % self._births_every == 0:
-            self._due.append(partial(self._give_birth, measurement, log_evidence))
-            held_up = partial(self._bear_held_up, measurement.elapsed_s, log_evidence, onset)
-            self._due.append(held_up)
+            self._due.append(partial(self._give_birth, measurement, log_evidence, onset))
 
     def catch_up(self) -> bool:
         """Do a part of what is due before the next measurement; whether there was something to do.
@@ -245,7 +243,9 @@ class SwitchedHypotheses:
             self.library.evidence_freedom,
         )
 
-    def _give_birth(self, measurement: Measurement, log_evidence: NDArray[np.float64]) -> None:
+    def _give_birth(
+        self, measurement: Measurement, log_evidence: NDArray[np.float64], onset: RunningBank
+    ) -> None:
         """Add newborn hypotheses, and condition them on the measurement of their birth."""
         first = self._n
         self._bear(measurement.elapsed_s, log_evidence)
@@ -253,6 +253,7 @@ class SwitchedHypotheses:
         newborn = GaussianBatch(self._state[new], self._width, self._pending[new], n_pending)
         self._condition(newborn, measurement, self._born[new])
         self._born["seen"][new] += 1
+        self._bear_held_up(measurement.elapsed_s, log_evidence, onset)
 
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
