@@ -25,7 +25,7 @@ from intent_recognition.cli import main as cli
 from intent_recognition.evaluation import evaluate
 from intent_recognition.nodes.graph import GRAPHS, NODES, resolve
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_basis_functions")]
 
 LONG_S = 120.0
 WRITTEN = ("--output", "--report", "--json", "--record")
