@@ -15,7 +15,6 @@ from intent_recognition.promp import (
     ContextModel,
     Scatter,
     observed_block,
-    predictive_inflation,
     shared_covariance,
     structured_target,
 )
@@ -74,7 +73,6 @@ def fit_context(
         target = structured_target(own, pooled, floor).covariance()
         rest = own.matrix + REGRESSION_STRENGTH * target
         rest *= mean_factor / (own.freedom + REGRESSION_STRENGTH)
-        rest *= predictive_inflation(own, pooled)
         covariance.append(of_context)
         whole.append(rest + explained)
         of_observed.append(mean_factor * observed + explained[:size, :size])

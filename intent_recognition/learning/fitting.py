@@ -23,7 +23,6 @@ from intent_recognition.promp import (
     ContextModel,
     TaskLibrary,
     observed_block,
-    predictive_inflation,
     shared_covariance,
     shrunk_covariance,
     structured_target,
@@ -164,8 +163,7 @@ def predictive_covariances(
     covariances = []
     for task in tasks.values():
         target = structured_target(task.moments, pooled, floor).covariance()
-        covariance = shrunk_covariance(task.scatter, task.n, target, strength)
-        covariances.append(predictive_inflation(task.moments, pooled) * covariance)
+        covariances.append(shrunk_covariance(task.scatter, task.n, target, strength))
     return np.array(covariances)
 
 

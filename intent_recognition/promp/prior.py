@@ -137,11 +137,11 @@ def structured_target(
         floor: variance floor per DOF, (D,).
     """
     scatter, demonstrations = _borrow(own, pooled)
-    inflation = _target_inflation(demonstrations)
     n_dofs = len(floor)
     variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
     weight = demonstrations / (demonstrations + AMPLITUDE_SAMPLE_SIZE)
+    inflation = (FEW / max(demonstrations, 2.0)) ** 6
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     n_basis = amplitude.shape[1]
     scale = amplitude.ravel()
@@ -227,43 +227,17 @@ def observed_block(scatter: Scatter, size: int) -> Scatter:
     return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
-def predictive_inflation(own: Scatter, pooled: Scatter) -> float:
-    """Factor by which a task's covariance is too small for its next demonstration.
-
-    The next draw of a normal distribution whose covariance was estimated with m degrees of freedom
-    is Student, and its covariance m / (m - 2) times the estimate (Gelman et al. 2013, Section 3.6).
-    What `structured_target` inflates already is not inflated twice.
-
-    Args:
-        own: scatter of the task.
-        pooled: sum over all tasks, this one included.
-    """
-    freedom = _borrowed(own, pooled)[1]
-    if freedom <= 2.0:
-        return 1.0
-    return max(1.0, freedom / (freedom - 2.0) / (1.0 + _target_inflation(freedom)))
-
-
-def _target_inflation(demonstrations: float) -> float:
-    """What is added to the target's variances, in parts of them; next to nothing beyond `FEW`."""
-    return float((FEW / max(demonstrations, 2.0)) ** 6)
-
-
 def _borrow(own: Scatter, pooled: Scatter) -> tuple[NDArray[np.float64], float]:
     """Covariance of a task from its own and all demonstrations, and its equivalent sample size.
 
     Each task's outer products are divided by its degrees of freedom, so that they estimate a
     covariance without bias; these estimates are averaged by their equivalent sample sizes.
     """
-    share, size = _borrowed(own, pooled)
-    return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size
-
-
-def _borrowed(own: Scatter, pooled: Scatter) -> tuple[float, float]:
-    """Share of all demonstrations in a task's covariance, and its equivalent sample size."""
     others = float(pooled.freedom - own.freedom)
     borrowed = min(OTHERS_SAMPLE_SIZE, others)
-    return borrowed / others if others else 0.0, own.freedom + borrowed
+    share = borrowed / others if others else 0.0
+    size = own.freedom + borrowed
+    return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size
 
 
 def shrunk_covariance(

@@ -11,7 +11,6 @@ from intent_recognition.promp import prior
 from intent_recognition.promp.prior import (
     Scatter,
     leave_one_out_targets,
-    predictive_inflation,
     shrunk_covariance,
     structured_target,
     weight_floor,
@@ -194,22 +193,3 @@ def test_other_tasks_count_as_a_few_demonstrations(rng):
     amplitude = structured_target(own, pooled_with(others, own), floor).amplitude
     expected = np.sqrt((40 * 1.0 + 5 * 100.0) / 45)
     np.testing.assert_allclose(np.sqrt(np.mean(amplitude**2)), expected, rtol=0.1)
-
-
-def test_the_next_draw_is_as_far_off_as_the_inflation_says():
-    """Simulated: squared error of a draw in parts of a variance of m degrees of freedom."""
-    rng, freedom = np.random.default_rng(4), 12
-    draws = rng.normal(size=(400_000, freedom + 1))
-    variance = np.mean(draws[:, :-1] ** 2, axis=1)
-    own = Scatter(np.eye(6), freedom)
-    expected = np.mean(draws[:, -1] ** 2 / variance)
-    assert predictive_inflation(own, own) == pytest.approx(expected, rel=0.02)
-
-
-def test_the_inflation_falls_to_one_and_is_not_counted_twice():
-    alone = [predictive_inflation(Scatter(np.eye(6), n), Scatter(np.eye(6), n)) for n in (5, 9, 99)]
-    assert alone[0] > alone[1] > alone[2] > 1.0 and alone[2] == pytest.approx(1.0, abs=0.03)
-    for n in range(4):  # the target of so few is inflated itself, and by more
-        assert predictive_inflation(Scatter(np.eye(6), n), Scatter(np.eye(6), n)) == 1.0
-    others = Scatter(np.eye(6), 50)
-    assert predictive_inflation(Scatter(np.eye(6), 5), others) == pytest.approx(10 / 8, rel=0.01)
