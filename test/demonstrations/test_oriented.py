@@ -32,7 +32,7 @@ QUATERNION = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 HAND = DofEntry("tracker/hand", POSE, QUATERNION, unit="rad", orientation="quaternion")
 CUP = replace(HAND, topic="tracker/cup")
 DOFS = DofSpec((HAND,), (CUP,))
-SETTINGS = TrainingSettings(n_basis=8)
+SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=8)
 N_SAMPLES = 90
 
 
