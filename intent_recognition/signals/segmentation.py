@@ -30,9 +30,12 @@ ABOVE_NOISE = 3.0
 Convention: three standard deviations.
 """
 
+FINEST = 1e-9
+"""Range of a signal that never moved, in parts of its largest value. Numerical safeguard: rounding.
+"""
 SLOWEST = 1e-6
-"""Least reference speed [m/s or rad/s]; in other units in parts of the signal's largest value, per
-second. Numerical safeguard: a signal that never moved has some."""
+"""Least reference speed [m/s or rad/s]; in other units in parts of the signal's range, per second.
+Numerical safeguard: a signal that never moved has some."""
 
 
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:
@@ -86,9 +89,11 @@ def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
 
 def _slowest(signals: Sequence[Signal]) -> float:
     """Least reference speed of a signal, per second."""
-    size = max((float(np.abs(s.values).max(initial=0.0)) for s in signals), default=0.0)
-    in_unit = size if signals and signals[0].unit not in SPATIAL_UNITS else 1.0
-    return SLOWEST * (in_unit or 1.0)
+    if not signals or signals[0].unit in SPATIAL_UNITS:
+        return SLOWEST
+    values = np.concatenate([signal.values for signal in signals])
+    size = max(np.ptp(values, axis=0).max(), FINEST * np.abs(values).max())
+    return SLOWEST * float(size or 1.0)
 
 
 def _typical_peak(signals: Sequence[Signal], window_s: float) -> float:
