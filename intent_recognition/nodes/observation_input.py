@@ -32,7 +32,7 @@ INPUT = qos.keep_last(1000, reliable=False)
 """As sensor data. Convention: the queue holds 10 s at 100 Hz, so that nothing is lost while a
 movement is filtered again (onset, new model)."""
 
-OTHER_FRAME = "in another frame"
+OTHER_FRAME = ", in another frame"
 """In the diagnostics, after the topic: poses that are not in the frame of the demonstrations."""
 CURE = (
     "They are used as they are, and the estimate is likely wrong. Train with `extrinsics` in the"
@@ -148,7 +148,7 @@ class ObservationInput:
         learned = self._frames.get(topic)
         if not learned or not frame_id or learned == (frame_name(frame_id),):
             return
-        self._diagnostics.tick(f"{topic}, {OTHER_FRAME}")
+        self._diagnostics.tick(topic + OTHER_FRAME)
         if topic not in self._told:
             self._told.add(topic)
             text = describe(
