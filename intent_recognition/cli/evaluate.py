@@ -19,7 +19,12 @@ from intent_recognition.cli.output import (
     write_json,
 )
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
-from intent_recognition.cli.rejections import print_doubtful, print_dropped, print_left_out
+from intent_recognition.cli.rejections import (
+    print_doubtful,
+    print_dropped,
+    print_left_out,
+    print_mixed_frames,
+)
 from intent_recognition.cli.unlabelled import (
     add_unlabelled_options,
     find_components,
@@ -29,6 +34,7 @@ from intent_recognition.cli.unlabelled import (
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
+from intent_recognition.model import merge_frames
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 
 PROTOCOLS = ("loo", "kfold:K", "logo:KEY", "temporal[:F]", "holdout:FOLDER")
@@ -122,6 +128,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         folds = _train_and_test(len(_labelled(recorded)), len(usable))
     print_dropped(console, usable)
+    print_mixed_frames(console, merge_frames(one.frames for one in usable))
     with progress_bar(console) as bar:
         unknown = args.unknown_tasks == "on" and len({d.task for d in usable}) > 1
         n_scored = sum(len(test) for _, test in folds)

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from intent_recognition.cli.console import escape, plain_table, print_facts
-from intent_recognition.model import Model
+from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
 
 BAGS_SHOWN = 5
@@ -54,11 +54,19 @@ def _progress(library: TaskLibrary) -> str:
     return f"{largest}; the controlled agent {follows}"
 
 
+def _in_frames(frames: Frames) -> str:
+    """In which frames the observed poses were learned."""
+    if len(set(frames.values())) == 1:
+        return f"frame {' and '.join(next(iter(frames.values())))}"
+    return ", ".join(f"{topic} in {' and '.join(found)}" for topic, found in frames.items())
+
+
 def print_model(console: Console, path: Path, model: Model) -> None:
     """What was learned, with what accuracy, and from what."""
     library = model.library
     origin = dict(library.provenance)
     bags = [str(bag) for bag in _listed(origin.pop("bags", ()))]
+    frames, _ = frames_of(library), origin.pop(FRAMES, None)
     print_facts(
         console,
         {
@@ -69,6 +77,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             "noise": f"scale {library.noise_scale:.3g}, correlated over"
             f" {library.correlation_time_s:.3g} s",
             "progress": _progress(library),
+            **({"observed in": _in_frames(frames)} if frames else {}),
             **{key: _brief(value) for key, value in origin.items()},
         },
     )

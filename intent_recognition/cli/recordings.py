@@ -14,7 +14,7 @@ from intent_recognition.cli.options import a_path, number
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
 from intent_recognition.errors import BagError, describe
 from intent_recognition.learning import SEGMENTATIONS, Preprocessing, TrainingSettings
-from intent_recognition.model import FromBags, Run, accumulate_bags, list_bags
+from intent_recognition.model import FRAMES, Frames, FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.signals import Demonstration, Rejection
 
 DEFAULTS = TrainingSettings()
@@ -132,7 +132,7 @@ def nothing_read(rejections: Sequence[Rejection]) -> BagError:
     )
 
 
-def provenance_of(bags: list[str]) -> dict[str, object]:
-    """Where a model comes from: package version, date and names of the recordings."""
+def provenance_of(bags: list[str], frames: Frames) -> dict[str, object]:
+    """Where a model comes from: package version, date, names of the recordings, and frames."""
     created = datetime.now(timezone.utc).isoformat(timespec="seconds")
-    return {"package_version": __version__, "created": created, "bags": bags}
+    return {"package_version": __version__, "created": created, "bags": bags, FRAMES: frames}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rich.console import Console
 
-from intent_recognition.model import FromBags
+from intent_recognition.model import Frames, FromBags, mixed_frames
 from intent_recognition.signals import Demonstration, stream_doubts
 
 
@@ -29,6 +29,11 @@ def print_left_out(
 def print_doubtful(console: Console, doubtful: Sequence[object]) -> None:
     """Print what was used but may be wrong, a line for each."""
     _print_lines(console, [f"doubtful {item}" for item in doubtful])
+
+
+def print_mixed_frames(console: Console, frames: Frames) -> None:
+    """Print which topics were recorded in several frames, a line for each."""
+    _print_lines(console, mixed_frames(frames))
 
 
 def _print_lines(console: Console, lines: Sequence[str]) -> None:

@@ -72,7 +72,8 @@ def run(args: argparse.Namespace) -> int:
                 str(args.bag),
                 f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
                 f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
-                "Replay a recording with the topics of the model's DOF file.",
+                "Replay a recording with the topics of the model's DOF file, in the frame that"
+                " `intent inspect` shows for the model.",
             )
         )
     write_json(args.json, rows, indent=None)

@@ -25,7 +25,7 @@ from intent_recognition.cli.recordings import (
     provenance_of,
     training_settings,
 )
-from intent_recognition.cli.rejections import all_left_out, print_found
+from intent_recognition.cli.rejections import all_left_out, print_found, print_mixed_frames
 from intent_recognition.cli.train_add import add_adding_options, add_to_model, check_adding
 from intent_recognition.cli.train_sessions import add_sessions_option, with_sessions
 from intent_recognition.cli.train_workers import add_worker_options, workers
@@ -37,7 +37,7 @@ from intent_recognition.cli.unlabelled import (
 )
 from intent_recognition.demonstrations import find_bags, load_dofs, settle_orientations
 from intent_recognition.learning import TrainingReport, TrainingSettings, learn_accumulated
-from intent_recognition.model import Model, Run, save_model
+from intent_recognition.model import Model, Run, frames_of, save_model
 from intent_recognition.promp import TaskLibrary
 
 
@@ -106,6 +106,7 @@ def finish(args: argparse.Namespace, model: Model, report: TrainingReport, conso
     """Print what was learned, add transitions, write the model."""
     if args.json != PRINTED:
         print_library(console, model.library, report)
+    print_mixed_frames(console, frames_of(model.library))
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
     write_json(args.json, report_json(model, report) | {"output": str(args.output)})
@@ -154,7 +155,7 @@ def train(
     """
     dofs = settle_orientations(load_dofs(dofs_path), bags)
     found = accumulate_all(bags, dofs, settings, console, run=run)
-    provenance = provenance_of(list(found.accumulated.used))
+    provenance = provenance_of(list(found.accumulated.used), found.frames)
     with busy(console, "learning"):
         report = learn_accumulated(found.accumulated, provenance)
     print_found(console, found)

@@ -2,6 +2,7 @@
 """`intent train --add`: more demonstrations for a model that is there, without its old bags."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -20,7 +21,7 @@ from intent_recognition.learning import (
     add_statistics,
     choose_again,
 )
-from intent_recognition.model import Model, Run, check_dofs, load_trained
+from intent_recognition.model import Model, Run, check_dofs, load_trained, with_frames
 
 
 def add_adding_options(parser: argparse.ArgumentParser) -> None:
@@ -63,10 +64,12 @@ def add_to_model(
     """
     model, trained = load_trained(args.add)
     _check_settings(args.add, settings, trained.preprocessing.settings)
+    dofs = model.dofs
     if args.dofs is not None:
-        check_dofs(model, load_dofs(args.dofs), str(args.dofs))
+        given = check_dofs(model, load_dofs(args.dofs), str(args.dofs))
+        dofs = replace(dofs, extrinsics=given.extrinsics)
     found = accumulate_all(
-        args.bags, model.dofs, settings, console, run=run, preprocessing=trained.preprocessing
+        args.bags, dofs, settings, console, run=run, preprocessing=trained.preprocessing
     )
     print_found(console, found)
     accumulated = found.accumulated
@@ -81,8 +84,9 @@ def add_to_model(
     if args.choose_again:
         with busy(console, "choosing the regularisation"):
             more, tried = choose_again(more)
+    more = with_frames(more, found.frames)
     report = _report(more, accumulated, tried)._replace(rejected=all_left_out(found))
-    return Model(more.library, model.dofs), report
+    return Model(more.library, dofs), report
 
 
 def _report(more: Trained, accumulated: Accumulated, tried: tuple) -> TrainingReport:

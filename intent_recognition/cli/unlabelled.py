@@ -22,7 +22,7 @@ from intent_recognition.learning import (
     label_by_components,
     learn_components,
 )
-from intent_recognition.model import Model
+from intent_recognition.model import Model, merge_frames
 from intent_recognition.signals import Demonstration
 
 SEED = 0
@@ -102,7 +102,8 @@ def train_unlabelled(
     dofs = settle_orientations(load_dofs(dofs_path), bags)
     demonstrations, rejections = read_all(bags, dofs, console)
     found = find_components(demonstrations, settings, wanted, console)
-    provenance = provenance_of([recorded.name for recorded in found.demonstrations])
+    frames = merge_frames(recorded.frames for recorded in found.demonstrations)
+    provenance = provenance_of([recorded.name for recorded in found.demonstrations], frames)
     provenance["components"] = [recorded.task for recorded in found.demonstrations]
     with busy(console, "learning"):
         report = learn_components(found, settings, provenance)

@@ -3,7 +3,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,6 +27,7 @@ from intent_recognition.tracking import (
     ZERO_STAMP,
     AcceptedPoses,
     IngestSettings,
+    frame_name,
     ingest_poses,
 )
 
@@ -45,6 +46,8 @@ class TopicSamples:
         content: all messages recorded; accepted poses are in the world frame.
         rows: which of these were accepted, int64 (T,).
         rejected: number of the others, by reason.
+        frames: in which the content is, sorted and without those that have no name: for raw poses
+            the world, or the frame that counts as it; for others those the headers name.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -52,6 +55,7 @@ class TopicSamples:
     content: Content
     rows: NDArray[np.int64]
     rejected: Mapping[str, int]
+    frames: tuple[str, ...] = ()
 
 
 def is_raw_pose(topic: str, type_name: str) -> bool:
@@ -81,7 +85,9 @@ def clean_topic(
     log_times_ns = np.array([message.log_time_ns for message in messages], np.int64)
     if is_raw_pose(topic, type_name):
         raw = _pose_columns(stamps_ns, log_times_ns, decoded)
-        accepted = _ingest(raw, extrinsics, True)
+        settings = _settings(raw, extrinsics)
+        accepted = _ingest(raw, settings, True)
+        frames = _names([settings.world_frame])
         orientations = _measured(accepted, raw)
         poses = zip(accepted.rows, accepted.positions, orientations, strict=True)
         for row, position, orientation in poses:
@@ -89,7 +95,8 @@ def clean_topic(
         rows, rejected = _longest_increasing(stamps_ns, accepted)
     else:
         rows, rejected = _increasing(stamps_ns)
-    return TopicSamples(stamps_ns[rows], log_times_ns[rows], decoded, rows, rejected)
+        frames = _names(getattr(getattr(m, "header", None), "frame_id", "") for m in decoded)
+    return TopicSamples(stamps_ns[rows], log_times_ns[rows], decoded, rows, rejected, frames)
 
 
 def clean_columns(
@@ -101,8 +108,11 @@ def clean_columns(
 ) -> TopicSamples:
     """As `clean_topic` from columns; orientations of raw poses are NaN unless `oriented`."""
     stamps_ns = columns.stamps_ns
+    frames = _names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
-        accepted = _ingest(columns, extrinsics, oriented)
+        settings = _settings(columns, extrinsics)
+        accepted = _ingest(columns, settings, oriented)
+        frames = _names([settings.world_frame])
         positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
         positions[accepted.rows, :3] = accepted.positions
         if accepted.orientations is not None:
@@ -111,7 +121,9 @@ def clean_columns(
         rows, rejected = _longest_increasing(stamps_ns, accepted)
     else:
         rows, rejected = _increasing(stamps_ns)
-    return TopicSamples(stamps_ns[rows], columns.log_times_ns[rows], columns, rows, rejected)
+    return TopicSamples(
+        stamps_ns[rows], columns.log_times_ns[rows], columns, rows, rejected, frames
+    )
 
 
 def signal_of(
@@ -191,11 +203,9 @@ def _pose_columns(
     )
 
 
-def _ingest(
-    columns: PoseColumns, extrinsics: Mapping[str, tuple] | None, oriented: bool
-) -> AcceptedPoses:
+def _ingest(columns: PoseColumns, settings: IngestSettings, oriented: bool) -> AcceptedPoses:
     return ingest_poses(
-        _settings(columns, extrinsics),
+        settings,
         columns.stamps_ns,
         columns.positions,
         columns.orientations,
@@ -223,6 +233,11 @@ def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> I
     if not frames or default in {frame.removeprefix("/") for frame in frames}:
         return IngestSettings()
     return IngestSettings(world_frame=frames.most_common(1)[0][0])
+
+
+def _names(frame_ids: Iterable[object]) -> tuple[str, ...]:
+    """Different frames, sorted, without those that have no name."""
+    return tuple(sorted({frame_name(f) for f in frame_ids if isinstance(f, str)} - {""}))
 
 
 def _increasing(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Counter[str]]:

@@ -13,8 +13,9 @@ import numpy as np
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
-from intent_recognition.errors import DofError, describe
+from intent_recognition.errors import ArgumentError, DofError, describe
 from intent_recognition.motion import HAND_FIELDS, TURNED_FIELDS
+from intent_recognition.tracking import Extrinsics, parse_extrinsics
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 QUANTITIES = ("position", "velocity", "effort")
@@ -25,6 +26,8 @@ QUATERNION = "quaternion"
 OBSERVED_KEYS = (*KEYS, "context")
 CONTROLLED_KEYS = (*KEYS, "link", "robot")
 SIDES = ("observed", "controlled", "velocities")
+EXTRINSICS = "extrinsics"
+"""Key beside the sides: poses of tracker frames in the world."""
 UNIT_TOLERANCE = 1e-3
 """How far the norm of a reference may be from one. Convention: three decimals are written."""
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
@@ -40,12 +43,21 @@ class DofSpec:
         velocities: of observed DOFs, measured independently of their positions. They are
             observed online; training does not need them.
         context: observed entries with `context: true`, which are of the scene.
+        extrinsics: pose of each tracker frame in the world, 'frame x y z qx qy qz qw' [m,
+            quaternion], by which recorded raw poses are transformed; None to take the frame of each
+            recording for the world.
     """
 
     observed: tuple[DofEntry, ...]
     controlled: tuple[DofEntry, ...]
     velocities: tuple[DofEntry, ...] = ()
     context: tuple[DofEntry, ...] = ()
+    extrinsics: tuple[str, ...] | None = None
+
+    @property
+    def tracker_frames(self) -> Extrinsics | None:
+        """The extrinsics as numbers, as `read_demonstrations` takes them."""
+        return None if self.extrinsics is None else parse_extrinsics(self.extrinsics)
 
     @property
     def recorded(self) -> tuple[DofEntry, ...]:
@@ -89,12 +101,16 @@ class DofSpec:
         """The first entry of every stream training needs, see `DofEntry.stream`."""
         return {entry.stream: entry for entry in reversed(self.recorded)}
 
-    def to_dict(self) -> dict[str, list[dict[str, object]]]:
+    def to_dict(self) -> dict[str, list]:
         """Plain lists and dictionaries, as the DOF file and the model file hold them."""
-        sides = {side: [entry.to_dict() for entry in getattr(self, side)] for side in SIDES}
+        sides: dict[str, list] = {
+            side: [entry.to_dict() for entry in getattr(self, side)] for side in SIDES
+        }
         sides["observed"] += [entry.to_dict() for entry in self.context]
         if not self.velocities:
             del sides["velocities"]
+        if self.extrinsics is not None:
+            sides[EXTRINSICS] = list(self.extrinsics)
         return sides
 
     @classmethod
@@ -110,14 +126,16 @@ class DofSpec:
         """
         if not isinstance(content, Mapping):
             raise _error(source, "a mapping with the keys observed and controlled", content)
-        if unknown := sorted(set(map(str, content)) - set(SIDES)):
-            raise _error(source, f"only the keys {', '.join(SIDES)}", ", ".join(unknown))
+        keys = (*SIDES, EXTRINSICS)
+        if unknown := sorted(set(map(str, content)) - set(keys)):
+            raise _error(source, f"only the keys {', '.join(keys)}", ", ".join(unknown))
         observed = _entries(content, "observed", source, minimum=1)
         spec = cls(
             tuple(entry for entry in observed if not entry.context),
             _entries(content, "controlled", source, minimum=0),
             _entries(content, "velocities", source, minimum=0),
             tuple(entry for entry in observed if entry.context),
+            _extrinsics(content, f"{source}: {EXTRINSICS}"),
         )
         if not spec.observed:
             raise _error(f"{source}: observed", "an entry of the human", "context alone")
@@ -190,6 +208,22 @@ def _entries(content: Mapping, side: str, source: str, minimum: int) -> tuple[Do
         raise _error(f"{source}: {side}", f"a list of at least {minimum} entries", listed)
     keys = dict(zip(SIDES, (OBSERVED_KEYS, CONTROLLED_KEYS, VELOCITY_KEYS), strict=True))[side]
     return tuple(_entry(item, f"{source}: {side}[{i}]", keys) for i, item in enumerate(listed))
+
+
+def _extrinsics(content: Mapping, place: str) -> tuple[str, ...] | None:
+    listed = content.get(EXTRINSICS)
+    if listed is None:
+        return None
+    if not isinstance(listed, list):
+        raise _error(place, "a list of texts 'frame x y z qx qy qz qw'", listed)
+    for k, text in enumerate(listed):
+        if not isinstance(text, str):
+            raise _error(f"{place}[{k}]", "a text 'frame x y z qx qy qz qw'", text)
+    try:
+        parse_extrinsics(listed, place)
+    except ArgumentError as error:
+        raise DofError(str(error)) from error
+    return tuple(listed)
 
 
 def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:

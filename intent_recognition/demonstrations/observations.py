@@ -223,10 +223,10 @@ def iter_samples(
     Args:
         reader: the recording.
         dofs: which topics and fields to read.
-        settings: of the ingest; the node's defaults when None.
+        settings: of the ingest; when None the node's defaults with the DOF file's extrinsics.
         rejected: counts what is dropped, by reason.
     """
-    settings = settings or IngestSettings()
+    settings = settings or IngestSettings(extrinsics=dofs.tracker_frames or {})
     rejected = Counter() if rejected is None else rejected
     by_topic: dict[str, list[tuple[Source, ObservationReader]]] = defaultdict(list)
     for one in observation_readers(dofs):

@@ -47,7 +47,8 @@ def read_demonstrations(
             bags, which are searched to any depth and sorted by name.
         dofs: topics and fields to read, see `load_dofs`.
         extrinsics: by tracker frame its position (3,) [m] and orientation xyzw (4,) in the world.
-            Without it the frame of each recording counts as the world.
+            Without it those of the DOF file; where that has none, the frame of each recording
+            counts as the world.
 
     Returns:
         The demonstrations, and for each recording or part that is left out the reason.
@@ -73,6 +74,7 @@ def iter_demonstrations(
     for entry in dofs.recorded:
         if entry.orientation:
             reference_of(entry)
+    extrinsics = dofs.tracker_frames if extrinsics is None else extrinsics
     for path in as_paths(paths):
         bags = find_bags(path)
         if not bags:
@@ -104,7 +106,7 @@ def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
     )
     problem: Rejection | None = missing_topic(reader, dofs)
     if problem is None:
-        samples, _, problem = collect(reader, dofs, None, None)
+        samples, _, problem = collect(reader, dofs, None, dofs.tracker_frames)
     found = problem or _demonstration(reader, dofs, samples)
     if isinstance(found, Rejection):
         raise BagError(str(found))
@@ -193,11 +195,17 @@ def _demonstration(
     )
     found = Demonstration(
         name, str(reader.path), task, observed, controlled, start_ns, end_ns, metadata, rejected,
-        delays_s, context,
+        delays_s, context, _frames(dofs, samples),
     )  # fmt: skip
     reason = stream_defect(found)
     at_ns = 0 if part is None else start_ns
     return Rejection(str(reader.path), "", at_ns, reason) if reason else found
+
+
+def _frames(dofs: DofSpec, samples: Mapping[str, TopicSamples]) -> dict[str, tuple[str, ...]]:
+    """Frames in which the observed topics are, where they say one."""
+    entries = [entry for entry in (*dofs.observed, *dofs.context) if entry.fields]
+    return {e.topic: frames for e in entries if (frames := samples[e.stream].frames)}
 
 
 def _too_short(

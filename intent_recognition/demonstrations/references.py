@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """References of orientations: what their tangent space is attached to."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.bags import BagReader
+from intent_recognition.demonstrations.cleaning import is_raw_pose
 from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import extract_present, stamp_of
@@ -15,6 +18,12 @@ from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags
 from intent_recognition.demonstrations.hand_poses import hand_numbers, read_by_joints
 from intent_recognition.errors import ArgumentError, BagError, DofError, describe
 from intent_recognition.signals import mean_orientation
+from intent_recognition.tracking import (
+    Extrinsics,
+    IngestSettings,
+    frame_name,
+    multiply_quaternions,
+)
 
 REFERENCE_BAGS = 50
 """Recordings from which the mean orientation is taken. Convention: the mean need not be exact."""
@@ -39,7 +48,11 @@ def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
     def settled(entry: DofEntry) -> DofEntry:
         if not entry.orientation or entry.reference:
             return entry
-        found = [mean for reader in readers if (mean := _mean_in(reader, entry)) is not None]
+        found = [
+            mean
+            for reader in readers
+            if (mean := _mean_in(reader, entry, dofs.tracker_frames)) is not None
+        ]
         if not found:
             got = f"none in {len(readers)} of the recordings"
             cure = "Record orientations, or give the entry a reference."
@@ -61,20 +74,37 @@ def _sound_reader(path: Path) -> BagReader | None:
         return None
 
 
-def _mean_in(reader: BagReader | None, entry: DofEntry) -> NDArray[np.float64] | None:
+def _mean_in(
+    reader: BagReader | None, entry: DofEntry, extrinsics: Extrinsics | None
+) -> NDArray[np.float64] | None:
     """Mean orientation (4,) in a recording; None where there is none."""
     if reader is None:
         return None
     dofs, arms = read_by_joints(reader, DofSpec((), (entry,)))
     source = replace(dofs.controlled[0], orientation="")
     try:
-        numbers = [
-            extract_present(source, message.message)
+        messages = [
+            message.message
             for message in reader.messages([source.topic])
             if stamp_of(source, message.message, message.log_time_ns) is not None
         ]
+        numbers = [extract_present(source, message) for message in messages]
         if arms and numbers:
             return mean_orientation(hand_numbers(entry, arms[0].forward_kinematics(numbers)))
+        if extrinsics is not None and is_raw_pose(source.topic, source.type):
+            numbers = _in_world(messages, numbers, IngestSettings(extrinsics=extrinsics))
         return mean_orientation(numbers)
     except (ArgumentError, BagError):
         return None
+
+
+def _in_world(
+    messages: Sequence[Any], quaternions: Sequence[NDArray[np.float64]], settings: IngestSettings
+) -> list[NDArray[np.float64]]:
+    """Orientations (4,) that messages hold in known frames, in the world."""
+    frames = [settings.frames.get(frame_name(message.header.frame_id)) for message in messages]
+    return [
+        multiply_quaternions(frame.quaternion, quaternion)
+        for frame, quaternion in zip(frames, quaternions, strict=True)
+        if frame is not None
+    ]

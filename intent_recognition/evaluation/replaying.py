@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations import DofSpec, Source, iter_samples
-from intent_recognition.model import Model
+from intent_recognition.demonstrations import Source, is_raw_pose, iter_samples
+from intent_recognition.model import Model, frames_of
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import (
     DecisionSettings,
@@ -19,20 +19,21 @@ from intent_recognition.recognition import (
     decision_settings,
     uncertain_end,
 )
+from intent_recognition.tracking import IngestSettings
 
 
 def estimates(
-    estimator: IntentEstimator, reader: BagReader, dofs: DofSpec, rejected: Counter[str]
+    estimator: IntentEstimator, reader: BagReader, model: Model, rejected: Counter[str]
 ) -> Iterator[Estimate]:
     """Show a recording to an estimator; its estimate after each observation of the human.
 
     Args:
-        estimator: of a model that was trained on these DOFs.
+        estimator: of this model.
         reader: the recording.
-        dofs: topics and fields to read.
+        model: its DOF file says what is read, and the frame it was learned in is the world.
         rejected: filled with the number of dropped observations, by reason.
     """
-    for source, observation in iter_samples(reader, dofs, rejected=rejected):
+    for source, observation in iter_samples(reader, model.dofs, _ingest_settings(model), rejected):
         if source is Source.CONTROLLED:
             estimator.update_controlled(observation)
             continue
@@ -44,6 +45,15 @@ def estimates(
             rejected[reason] += 1
             continue
         yield estimator.update(observation)
+
+
+def _ingest_settings(model: Model) -> IngestSettings | None:
+    """What `mocap_ingest` is to be told for a model; None for its defaults, and the extrinsics."""
+    raw = {entry.topic for entry in model.dofs.recorded if is_raw_pose(entry.topic, entry.type)}
+    frames = {f for topic, found in frames_of(model.library).items() if topic in raw for f in found}
+    if model.dofs.extrinsics is not None or len(frames) != 1:
+        return None
+    return IngestSettings(world_frame=frames.pop())
 
 
 def replay(
@@ -67,7 +77,7 @@ def replay(
     held_back = {} if held_back is None else held_back
     estimator, state = IntentEstimator(model.library), DecisionState()
     labels = (*model.library.labels, NONE)
-    for estimate in estimates(estimator, reader, model.dofs, rejected):
+    for estimate in estimates(estimator, reader, model, rejected):
         end_std = None
         if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
             end_std = estimator.predicted_end_std()

@@ -70,7 +70,7 @@ def recognise_segments(path: Path, model: Model) -> list[Segment]:
     session = read_whole(path, model.dofs)
     spans = propose_spans(session.observed, session.controlled)
     estimator = IntentEstimator(model.library, switching=False)  # a part is of one task
-    seen = estimates(estimator, BagReader(path), model.dofs, Counter())
+    seen = estimates(estimator, BagReader(path), model, Counter())
     return label_spans(spans, seen)
 
 

@@ -12,6 +12,14 @@ from intent_recognition.model.executions import (
     Executions,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
+from intent_recognition.model.frames import (
+    FRAMES,
+    Frames,
+    frames_of,
+    merge_frames,
+    mixed_frames,
+    with_frames,
+)
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.practised import PractisedTask, undo_practice
@@ -30,6 +38,7 @@ __all__ = [
     "ARRIVED",
     "CORRECTIONS",
     "DOWN",
+    "FRAMES",
     "PRACTICE",
     "SKILL_COLUMNS",
     "SPILLED",
@@ -39,6 +48,7 @@ __all__ = [
     "Change",
     "Execution",
     "Executions",
+    "Frames",
     "FromBags",
     "Model",
     "PractisedTask",
@@ -47,15 +57,19 @@ __all__ = [
     "TaskFolder",
     "accumulate_bags",
     "check_dofs",
+    "frames_of",
     "is_task_folder",
     "list_bags",
     "load_model",
     "load_pouring_skill",
     "load_trained",
+    "merge_frames",
+    "mixed_frames",
     "now",
     "read_history",
     "save_model",
     "save_pouring_skill",
     "skill_history",
     "undo_practice",
+    "with_frames",
 ]

@@ -199,7 +199,8 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
     """Make sure that a DOF file is the one the model was trained with.
 
     Returns:
-        The same DOFs with the references of the model's orientations, where they have none.
+        The same DOFs with the references of the model's orientations, and its extrinsics, where
+        they have none.
 
     Raises:
         DofError: they differ; both sides are named.
@@ -209,6 +210,7 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
         observed=_with_references(dofs.observed, model.dofs.observed),
         controlled=_with_references(dofs.controlled, model.dofs.controlled),
         context=_with_references(dofs.context, model.dofs.context),
+        extrinsics=model.dofs.extrinsics if dofs.extrinsics is None else dofs.extrinsics,
     )
     ours, theirs = model.dofs.to_dict(), found.to_dict()
     for side in ("observed", "controlled"):

@@ -23,6 +23,7 @@ from intent_recognition.learning import (
     accumulate,
     merge_accumulated,
 )
+from intent_recognition.model.frames import Frames, merge_frames
 from intent_recognition.signals import (
     Demonstration,
     Rejection,
@@ -45,6 +46,7 @@ class FromBags(NamedTuple):
         n_rejections: how many are.
         dropped: number of messages dropped, by reason.
         correlations: of both agents' speeds, for `stream_doubts`; of very many the first ones.
+        frames: in which the observed poses are.
     """
 
     accumulated: Accumulated
@@ -52,6 +54,7 @@ class FromBags(NamedTuple):
     n_rejections: int = 0
     dropped: Mapping[str, int] = Counter()
     correlations: tuple[SpeedCorrelation, ...] = ()
+    frames: Frames = merge_frames(())
 
     def plus(self, other: "FromBags") -> "FromBags":
         """Both together."""
@@ -61,6 +64,7 @@ class FromBags(NamedTuple):
             self.n_rejections + other.n_rejections,
             Counter(self.dropped) + Counter(other.dropped),
             (self.correlations + other.correlations)[:NAMES_KEPT],
+            merge_frames([self.frames, other.frames]),
         )
 
 
@@ -147,14 +151,17 @@ def _collect(
     rejections: list[Rejection] = []
     dropped: Counter[str] = Counter()
     correlations: list[SpeedCorrelation] = []
+    frames: Frames = {}
 
     def demonstrations() -> Iterator[Demonstration]:
+        nonlocal frames
         for content in contents:
             for found in content:
                 if isinstance(found, Rejection):
                     rejections.append(found)
                 else:
                     dropped.update(found.rejected)
+                    frames = merge_frames([frames, found.frames])
                     if len(correlations) < NAMES_KEPT:
                         correlations.append(correlate_speeds(found))
                     yield found
@@ -162,4 +169,4 @@ def _collect(
 
     accumulated = accumulate(demonstrations(), settings, preprocessing)
     kept = tuple(rejections[:NAMES_KEPT])
-    return FromBags(accumulated, kept, len(rejections), dropped, tuple(correlations))
+    return FromBags(accumulated, kept, len(rejections), dropped, tuple(correlations), frames)

@@ -20,7 +20,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import datetime
 from functools import partial
 from itertools import chain
@@ -56,6 +56,7 @@ from intent_recognition.learning import (
 )
 from intent_recognition.model.executions import OUTCOMES
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
+from intent_recognition.model.frames import with_frames
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
 from intent_recognition.model.history import (
     HISTORY,
@@ -265,24 +266,18 @@ class TaskFolder:
 
     def _more(self, bag: Path) -> Trained:
         model, trained = load_trained(self.model_path)
-        preprocessing = trained.preprocessing
-        read = partial(
-            accumulate_bags,
-            dofs=model.dofs,
-            settings=preprocessing.settings,
-            preprocessing=preprocessing,
-        )
+        dofs, how = replace(model.dofs, extrinsics=self.dofs.extrinsics), trained.preprocessing
+        read = partial(accumulate_bags, dofs=dofs, settings=how.settings, preprocessing=how)
         found = read([bag])
         check_usable(found, bag)
         if is_correction(bag):
             known = [read([kept]) for kept in self._kept_of(bag.parent.name)]
             *earlier, corrected = chain.from_iterable(map(_read, (*known, found)))
-            return move_task(trained, corrected, earlier)
-        more = add_statistics(trained, found.accumulated.tasks, found.accumulated.used)
+            return with_frames(move_task(trained, corrected, earlier), found.frames)
+        new = found.accumulated
+        more = with_frames(add_statistics(trained, new.tasks, new.used), found.frames)
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
-        if not is_outdated(before, now):
-            return more
-        return with_margins(more)
+        return with_margins(more) if is_outdated(before, now) else more
 
     def _kept_of(self, task: str) -> list[Path]:
         """The newest corrections of a task that are in force, the oldest first."""
@@ -297,7 +292,7 @@ class TaskFolder:
         check_usable(found, self.path / BAGS)
         if found.accumulated.n_used == len(found.accumulated.tasks):
             return None
-        return learn_accumulated(found.accumulated).trained
+        return with_frames(learn_accumulated(found.accumulated).trained, found.frames)
 
     def _keep(self, action: str, task: str, bag: str, trained: Trained | None) -> Change:
         if trained is None:

@@ -23,7 +23,7 @@ from intent_recognition.demonstrations import (
     reference_of,
 )
 from intent_recognition.errors import ArgumentError, IntentError, describe
-from intent_recognition.model import Model, check_dofs, load_model
+from intent_recognition.model import Model, check_dofs, frames_of, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
 from intent_recognition.nodes.diagnostics import MODEL, Diagnostics, Level, values_of
@@ -160,6 +160,7 @@ class IntentEstimatorNode(ManagedNode):
         """Load the model and check it against the DOF file."""
         self._model = self._load()
         self._inputs.configure(self._own_dofs or self._model.dofs)
+        self._inputs.learned_in(frames_of(self._model.library))
         self._estimator = IntentEstimator(
             self._model.library,
             transitions=self._transitions,
@@ -374,6 +375,7 @@ class IntentEstimatorNode(ManagedNode):
             self.get_logger().error(f"reload_model: {error}")
             raise
         self._model = model
+        self._inputs.learned_in(frames_of(model.library))
         self._tasks_template = SerializedNamedVector((*model.labels, NONE))
         self._marker_builder.set_labels(model.labels)
         self._next_task.update(self._estimator)

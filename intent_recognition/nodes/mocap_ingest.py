@@ -7,10 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, MessageError, describe
@@ -19,7 +17,13 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
 from intent_recognition.nodes.runtime import LeftOvers, run, when_clock_goes_back
 from intent_recognition.nodes.serialized import SerializedOdometry, read_pose
-from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
+from intent_recognition.tracking import (
+    IngestSettings,
+    IngestState,
+    Rejected,
+    ingest_pose,
+    parse_extrinsics,
+)
 
 LIVE = {
     "max_speed": "max_speed_m_s",
@@ -159,38 +163,6 @@ class MocapIngest(Node):
         self._outputs[body].publish(self._templates[body].build(result))
         self._diagnostics.tick(f"human/{body}")
         self._diagnostics.latency(time.perf_counter() - start_s)
-
-
-def parse_extrinsics(
-    entries: Sequence[str],
-) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Read the parameter `extrinsics`: entries 'frame x y z qx qy qz qw', empty ones ignored.
-
-    Raises:
-        ArgumentError: an entry does not have eight fields, a field is not a number, or a frame
-            occurs twice.
-    """
-    extrinsics: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-    for entry in entries:
-        fields = entry.split()
-        if not fields:
-            continue
-        try:
-            frame, *numbers = fields
-            values = np.array([float(number) for number in numbers])
-        except ValueError:
-            values = np.empty(0)
-        if values.shape != (7,) or frame in extrinsics:
-            raise ArgumentError(
-                describe(
-                    "extrinsics",
-                    "one 'frame x y z qx qy qz qw' for each tracker frame",
-                    repr(entry),
-                    "Give each frame once, metres and a quaternion.",
-                )
-            )
-        extrinsics[frame] = (values[:3], values[3:])
-    return extrinsics
 
 
 def _check_bodies(bodies: Sequence[str]) -> list[str]:

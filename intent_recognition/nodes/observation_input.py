@@ -18,17 +18,26 @@ from intent_recognition.demonstrations import (
     position_columns,
     stamp_of,
 )
-from intent_recognition.errors import MessageError
+from intent_recognition.errors import MessageError, describe, printable
+from intent_recognition.model import Frames
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.backlog import Backlog
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.serialized import read_odometry
 from intent_recognition.signals import Observation
+from intent_recognition.tracking import frame_name
 
 INPUT = qos.keep_last(1000, reliable=False)
 """As sensor data. Convention: the queue holds 10 s at 100 Hz, so that nothing is lost while a
 movement is filtered again (onset, new model)."""
+
+OTHER_FRAME = ", in another frame"
+"""In the diagnostics, after the topic: poses that are not in the frame of the demonstrations."""
+CURE = (
+    "They are used as they are, and the estimate is likely wrong. Train with `extrinsics` in the"
+    " DOF file, or let mocap_ingest (or the source) publish in the frame of the demonstrations."
+)
 
 
 def human_topic(entry: DofEntry) -> str:
@@ -62,6 +71,7 @@ class ObservationInput:
         self._use, self._use_context = use, use_context
         self._backlog = Backlog(partial(diagnostics.count, "dropped_behind"))
         self._kinds: dict[str, type] = {}
+        self.learned_in({})
 
     def configure(self, dofs: DofSpec) -> None:
         """Find the message types.
@@ -72,6 +82,11 @@ class ObservationInput:
         self._dofs = dofs
         entries = (*dofs.observed, *dofs.velocities, *dofs.context)
         self._kinds = {entry.type: message_class(entry.type) for entry in entries}
+
+    def learned_in(self, frames: Frames) -> None:
+        """Say, once for each topic, when its poses are in another frame than the model's."""
+        self._frames = frames
+        self._told: set[str] = set()
 
     def open(self) -> None:
         """Subscribe."""
@@ -108,6 +123,7 @@ class ObservationInput:
         except MessageError as error:
             self._diagnostics.reject("malformed", str(error))
             return
+        self._check_frame(readers[0].entry.topic, frame_id)
         if not readers[0].entry.context:
             self.frame = frame_id or self.frame
         self._take(readers, lambda reader: reader.observe_pose(stamp, pose, covariance), start_s)
@@ -116,8 +132,9 @@ class ObservationInput:
         start_s = time.perf_counter()
         now_ns = self._node.get_clock().now().nanoseconds
 
+        frame_id = getattr(getattr(message, "header", None), "frame_id", "")
+        self._check_frame(readers[0].entry.topic, frame_id)
         if not readers[0].entry.context and position_columns(readers[0].entry) is not None:
-            frame_id = getattr(getattr(message, "header", None), "frame_id", "")
             self.frame = frame_id or self.frame
 
         def read(reader: ObservationReader) -> Observation | None:
@@ -125,6 +142,22 @@ class ObservationInput:
             return None if stamp is None else reader.observe(stamp, message)
 
         self._take(readers, read, start_s)
+
+    def _check_frame(self, topic: str, frame_id: str) -> None:
+        """Count poses in another frame than the model was learned in, and warn of the first."""
+        learned = self._frames.get(topic)
+        if not learned or not frame_id or learned == (frame_name(frame_id),):
+            return
+        self._diagnostics.tick(topic + OTHER_FRAME)
+        if topic not in self._told:
+            self._told.add(topic)
+            text = describe(
+                topic,
+                f"poses in the frame of the demonstrations, {' and '.join(map(repr, learned))}",
+                repr(frame_id),
+                CURE,
+            )
+            self._node.get_logger().warning(printable(text))
 
     def _take(
         self,

@@ -36,6 +36,7 @@ class Demonstration:
             where it was not recorded.
         context: one signal per context entry; what it says holds from its stamp on, also before
             and after the movement.
+        frames: by observed topic the frames its poses are in, where the recording names any.
     """
 
     name: str
@@ -49,11 +50,13 @@ class Demonstration:
     rejected: Mapping[str, int] = field(default_factory=dict)
     delays_s: tuple[float, ...] = ()
     context: tuple[Signal, ...] = ()
+    frames: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Copy the mappings, so that nobody else can change them."""
         object.__setattr__(self, "metadata", dict(self.metadata))
         object.__setattr__(self, "rejected", dict(self.rejected))
+        object.__setattr__(self, "frames", dict(self.frames))
 
     @classmethod
     def from_arrays(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From raw tracker poses to checked poses in the world frame."""
 
+from intent_recognition.tracking.extrinsics import Extrinsics, parse_extrinsics
 from intent_recognition.tracking.ingest import (
     JUMP,
     NOT_FINITE,
@@ -12,7 +13,8 @@ from intent_recognition.tracking.ingest import (
     ingest_pose,
 )
 from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
-from intent_recognition.tracking.settings import UNKNOWN_VARIANCE, IngestSettings
+from intent_recognition.tracking.settings import UNKNOWN_VARIANCE, IngestSettings, frame_name
+from intent_recognition.tracking.transforms import multiply_quaternions
 
 __all__ = [
     "JUMP",
@@ -21,10 +23,14 @@ __all__ = [
     "UNKNOWN_VARIANCE",
     "ZERO_STAMP",
     "AcceptedPoses",
+    "Extrinsics",
     "IngestSettings",
     "IngestState",
     "Rejected",
     "TrackedPose",
+    "frame_name",
     "ingest_pose",
     "ingest_poses",
+    "multiply_quaternions",
+    "parse_extrinsics",
 ]

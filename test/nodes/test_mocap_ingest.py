@@ -9,10 +9,9 @@ from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
-from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
-from intent_recognition.nodes.mocap_ingest import MocapIngest, parse_extrinsics
+from intent_recognition.nodes.mocap_ingest import MocapIngest
 
 T0 = 1_700_000_000_123_456_789
 STEP = 10_000_000
@@ -109,22 +108,6 @@ def test_namespace_applies(harness):
     harness.add(MocapIngest(namespace="/cell"))
     publisher = harness.publisher(PoseStamped, "/cell/mocap/wrist/pose", qos.SENSOR)
     harness.connect(publisher)
-
-
-@pytest.mark.parametrize(
-    "entry", ["cam 1 2 3", "cam 0 0 0 0 0 0 x", "0 0 0 0 0 0 1", "cam 0 0 0 0 0 0 1 1"]
-)
-def test_malformed_extrinsics_are_refused(entry):
-    with pytest.raises(ArgumentError, match="extrinsics"):
-        parse_extrinsics([entry])
-
-
-def test_extrinsics_are_read():
-    parsed = parse_extrinsics(["cam 1 2 3 0 0 0 1", ""])
-    assert list(parsed) == ["cam"]
-    np.testing.assert_array_equal(parsed["cam"][0], [1.0, 2.0, 3.0])
-    with pytest.raises(ArgumentError):
-        parse_extrinsics(["cam 1 2 3 0 0 0 1"] * 2)
 
 
 def test_when_the_clock_goes_back_the_first_pose_counts(harness):

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of tracker frames in the world as texts, as the node and the DOF file have them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.tracking.settings import frame_name
+from intent_recognition.tracking.transforms import RigidTransform
+
+Extrinsics = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""Position (3,) [m] and quaternion (4,) xyzw of each tracker frame in the world."""
+
+
+def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Extrinsics:
+    """Read entries 'frame x y z qx qy qz qw' [m, quaternion]; empty ones are ignored.
+
+    Args:
+        entries: one for each tracker frame.
+        argument: what messages call the list.
+
+    Raises:
+        ArgumentError: an entry does not have eight fields, a field is not a finite number, the
+            quaternion is zero, or a frame occurs twice.
+    """
+    extrinsics: Extrinsics = {}
+    known: set[str] = set()
+    for index, entry in enumerate(entries):
+        fields = entry.split()
+        if not fields:
+            continue
+        frame, *numbers = fields
+        pose = _pose(numbers)
+        if pose is None or frame_name(frame) in known:
+            raise ArgumentError(
+                describe(
+                    f"{argument}[{index}]",
+                    "one 'frame x y z qx qy qz qw' for each tracker frame",
+                    repr(entry),
+                    "Give each frame once, metres and a quaternion.",
+                )
+            )
+        known.add(frame_name(frame))
+        extrinsics[frame] = pose
+    return extrinsics
+
+
+def _pose(numbers: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Position and quaternion of seven numbers; None if they are not a pose."""
+    try:
+        values = np.array([float(number) for number in numbers])
+        RigidTransform(values[:3], values[3:])  # raises for what is no pose
+    except ValueError:
+        return None
+    return values[:3], values[3:]
