@@ -358,6 +358,13 @@ class IntentEstimatorNode(ManagedNode):
         if self._moving and silent_s > STREAM_TIMEOUT_S:
             self._silent = True
             self._diagnostics.status(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
+        elif not self._moving:
+            sparse = self._estimator.too_sparse()
+            if sparse is None:
+                self._diagnostics.status(Level.OK, "waiting for a movement")
+            else:
+                topic = self._model.dofs.observed[sparse.group].topic
+                self._diagnostics.status(Level.WARN, sparse.told(topic))
 
     def _reset(self) -> str:
         self.check_active()

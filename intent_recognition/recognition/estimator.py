@@ -23,7 +23,7 @@ from intent_recognition.recognition.arguments import (
 )
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
-from intent_recognition.recognition.motion_detection import MotionDetector
+from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movement, MovementMemory
 from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.recognition.start_posture import POSTURE_UNKNOWN, OnsetPosture
@@ -316,6 +316,10 @@ class IntentEstimator:
         trajectory = self._movement.filter.prediction(task).observed(n_points)
         return Prediction(self._labels[task], self._movement.onset_ns, trajectory)
 
+    def too_sparse(self) -> SparseSignal | None:
+        """A signal with too few samples for a movement to be found; None where all have enough."""
+        return self._detector.too_sparse()
+
     def reset(self) -> None:
         """Forget the movement under way and the past, but not what is known of the scene."""
         self._movement = self._posterior = None
@@ -395,7 +399,6 @@ class IntentEstimator:
 
     def _idle(self, stamp_ns: int) -> Estimate:
         size = self.library.n_tasks + 1
-        certain = np.zeros(size)
+        zero, certain = np.zeros(size), np.zeros(size)
         certain[-1] = 1.0
-        zero = np.zeros(size)
         return Estimate(stamp_ns, False, 0, certain, zero, zero.copy(), None, self._labels)

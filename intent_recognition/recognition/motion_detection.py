@@ -2,12 +2,14 @@
 """When a movement begins and when it is over, from the last seconds of all observed signals."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.recognition.stops import Stops
 from intent_recognition.signals import (
+    LEAST_RATE_HZ,
     Observation,
     OnsetSettings,
     SignalPast,
@@ -32,6 +34,27 @@ OVERTIME_S = 0.5
 
 Convention.
 """
+
+
+class SparseSignal(NamedTuple):
+    """A signal with too few samples for its speed to be known, so that it has no onset.
+
+    Attributes:
+        group: which observed signal it is.
+        rate_hz: how often it is sampled.
+        least_hz: how often it would have to be.
+    """
+
+    group: int
+    rate_hz: float
+    least_hz: float
+
+    def told(self, topic: str) -> str:
+        """What is wrong with the signal on a topic, and the cure."""
+        return (
+            f"{topic} comes at {self.rate_hz:.2g} Hz, and no movement is found below"
+            f" {self.least_hz:.2g} Hz: raise the tracker's rate, or train on recordings of this one"
+        )
 
 
 def past_s(settings: OnsetSettings) -> float:
@@ -88,6 +111,19 @@ class MotionDetector:
         self.pasts[observation.group].add(observation)
         for past in self.pasts:  # of signals that fell silent, too
             past.forget_before(observation.stamp_ns)
+
+    def too_sparse(self) -> SparseSignal | None:
+        """The first signal that is sampled too seldom; None where all are often enough.
+
+        The speed is the slope of three samples at least within the window of its settings.
+        """
+        for group, (settings, past) in enumerate(zip(self.settings, self.pasts, strict=True)):
+            least_hz = max(2.0 / settings.window_s, LEAST_RATE_HZ)
+            for samples in past.active_samples(settings.rest_s, settings.window_s):
+                steps_s = np.diff(samples.stamps_ns) * 1e-9
+                if len(steps_s) and np.median(steps_s) * least_hz > 1.0 + 1e-6:
+                    return SparseSignal(group, float(1.0 / np.median(steps_s)), least_hz)
+        return None
 
     def onset_ns(self) -> int | None:
         """Stamp at which the movement under way began; None at rest.

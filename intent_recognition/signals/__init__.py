@@ -27,13 +27,14 @@ from intent_recognition.signals.orientation import (
 )
 from intent_recognition.signals.past import Samples, SignalPast
 from intent_recognition.signals.proposals import Span, propose_spans
-from intent_recognition.signals.segmentation import movement_span, onset_settings
+from intent_recognition.signals.segmentation import LEAST_RATE_HZ, movement_span, onset_settings
 from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.streams import common_span, stream_defect
 from intent_recognition.signals.units import SPATIAL_UNITS, commensurate, is_spatial
 
 __all__ = [
     "LARGEST_ANGLE_RAD",
+    "LEAST_RATE_HZ",
     "MIN_SAMPLES",
     "SPATIAL_UNITS",
     "Demonstration",

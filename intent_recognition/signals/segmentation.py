@@ -37,6 +37,10 @@ SLOWEST = 1e-6
 """Least reference speed [m/s or rad/s]; in other units in parts of the signal's range, per second.
 Numerical safeguard: a signal that never moved has some."""
 
+LEAST_RATE_HZ = (SAMPLES_IN_WINDOW - 1) / LONGEST_WINDOW_S
+"""Rate of a signal below which no onset is found in it [Hz]: `SAMPLES_IN_WINDOW` in the longest
+window."""
+
 
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:
     """Thresholds for each signal from the median of its peak speeds over the recordings.

@@ -7,7 +7,7 @@ import numpy as np
 
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import first_onset, peak_speed
-from intent_recognition.signals.segmentation import onset_settings
+from intent_recognition.signals.segmentation import LEAST_RATE_HZ, onset_settings
 from intent_recognition.signals.signal import Signal
 
 LARGEST_MISSING_SHARE = 0.1
@@ -52,7 +52,12 @@ def common_span(recorded: Demonstration) -> tuple[int, int]:
 def recording_doubts(recorded: Demonstration) -> list[str]:
     """What gives reason to doubt a recording that can be used, each with the likely cause."""
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
-    return [*(clock or _in_part(recorded)), *_degrees(recorded), *_resting(recorded)]
+    return [
+        *(clock or _in_part(recorded)),
+        *_sparse(recorded),
+        *_degrees(recorded),
+        *_resting(recorded),
+    ]
 
 
 def _unit_defect(signal: Signal) -> str:
@@ -175,6 +180,18 @@ def _in_part(recorded: Demonstration) -> Iterator[str]:
             f"the controlled streams begin {-late_s:.2f} s later than the observed ones, before the"
             " human moves. Likely a driver that started late, or two clocks."
         )
+
+
+def _sparse(recorded: Demonstration) -> Iterator[str]:
+    """Observed streams with too few samples for an onset to be found in them."""
+    for signal in recorded.observed:
+        steps_ns = np.diff(signal.stamps_ns)
+        rate_hz = 1e9 / np.median(steps_ns) if len(steps_ns) else np.inf
+        if rate_hz < LEAST_RATE_HZ - 1e-6:
+            yield (
+                f"{_names(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found online"
+                f" below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
+            )
 
 
 def _degrees(recorded: Demonstration) -> Iterator[str]:

@@ -7,7 +7,13 @@ from simulation import START_NS, minimum_jerk
 
 from intent_recognition.recognition.motion_detection import HISTORY_S, MotionDetector, past_s
 from intent_recognition.recognition.posterior import TaskPosterior
-from intent_recognition.signals import Observation, OnsetSettings, Signal, onset_settings
+from intent_recognition.signals import (
+    LEAST_RATE_HZ,
+    Observation,
+    OnsetSettings,
+    Signal,
+    onset_settings,
+)
 
 
 def reach(rate: float, begin_s: float, end_s: float, total_s: float, rng) -> Signal:
@@ -49,3 +55,28 @@ def test_a_movement_begins_once_and_is_over_where_it_stops(rate, duration_s, rng
 def test_usual_windows_keep_the_usual_past():
     assert past_s(OnsetSettings(1.0)) == HISTORY_S
     assert past_s(OnsetSettings(1.0, window_s=0.6)) > HISTORY_S + 0.5
+
+
+@pytest.mark.parametrize("trained_hz", [4.0, 100.0])
+def test_a_signal_that_has_an_onset_is_not_called_sparse(trained_hz, rng):
+    """And one that has none for its rate is."""
+    settings = onset_settings([[reach(trained_hz, 2.0, 4.0, 7.0, rng)]])
+    for rate in (1.0, 2.0, 4.0, 8.0, 20.0, 50.0):
+        detector, found = MotionDetector([3], settings), False
+        signal = reach(rate, 5.0, 7.0, 8.0, rng)
+        for stamp_ns, values in zip(signal.stamps_ns, signal.values, strict=True):
+            detector.add(Observation(int(stamp_ns), 0, values))
+            found = found or detector.onset_ns() is not None
+        sparse = detector.too_sparse()
+        assert sparse is None or not found
+        if rate < LEAST_RATE_HZ or (rate < 10.0 and trained_hz == 100.0):
+            assert sparse is not None and not found
+            assert sparse.rate_hz == pytest.approx(rate) and sparse.least_hz > rate
+            assert "wrist/pose" in sparse.told("wrist/pose")
+
+
+def test_nothing_is_sparse_before_there_are_two_samples():
+    detector = MotionDetector([3], [OnsetSettings(1.0)])
+    assert detector.too_sparse() is None
+    detector.add(Observation(START_NS, 0, np.zeros(3)))
+    assert detector.too_sparse() is None

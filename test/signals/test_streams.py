@@ -164,6 +164,19 @@ def test_a_human_who_does_not_move_is_named(extent_m):
     assert stream_doubts([correlate_speeds(small)]) == []
 
 
+def test_a_human_sampled_too_seldom_is_named():
+    """Every 25th sample is 2 Hz, every 10th 5 Hz."""
+
+    def every(n):
+        return with_human(
+            recording(), lambda s: replace(s, stamps_ns=s.stamps_ns[::n], values=s.values[::n])
+        )
+
+    (doubt,) = stream_doubts([correlate_speeds(every(25))])
+    assert "x was sampled at 2 Hz" in doubt.reason and "below 2.5 Hz" in doubt.reason
+    assert stream_doubts([correlate_speeds(every(10))]) == []
+
+
 def test_an_arm_that_never_moves_is_named():
     """But not where one of its joints does."""
     still = with_robot(recording(), lambda s: replace(s, values=0.0 * s.values + 0.3))
