@@ -531,6 +531,23 @@ def test_a_stream_that_stops_in_a_movement_is_said_and_taken_back(harness, wrist
 
 
 @pytest.mark.slow
+def test_a_stream_too_slow_for_an_onset_is_said_with_topic_and_rates(harness, wrist):
+    graph = Graph(harness, wrist)
+    resting = wrist.observations(0)
+    graph.feed(
+        [
+            one._replace(stamp_ns=resting[0].stamp_ns + k * 10**9)
+            for k, one in enumerate(resting[:3])
+        ]
+    )
+    harness.spin_until(lambda: graph.status().level == DiagnosticStatus.WARN)
+    assert "wrist/pose comes at 1 Hz" in graph.status().message
+    assert "no movement is found below" in graph.status().message
+    assert graph.call("reset").success
+    assert graph.status().level == DiagnosticStatus.OK
+
+
+@pytest.mark.slow
 def test_a_stream_does_not_stop_while_simulated_time_stands_still(harness, wrist):
     clock = harness.publisher(Clock, "/clock", qos.STATE)
     graph = Graph(harness, wrist, use_sim_time=True)
