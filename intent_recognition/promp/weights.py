@@ -63,9 +63,11 @@ def fit_weights(
     penalty = ridge * len(phase) / basis.n_basis
     normal = design.T @ design + penalty * (curvature.T @ curvature)
     normal += 1e-9 * len(phase) / basis.n_basis * np.eye(basis.n_basis)
-    weights = cho_solve(cho_factor(normal), design.T @ values).T
-    residuals = values - design @ weights.T
-    return WeightFit(weights, np.mean(residuals**2, axis=0))
+    centre = values.mean(axis=0)  # the basis sums to one: a constant is a constant weight
+    apart = values - centre
+    weights = cho_solve(cho_factor(normal), design.T @ apart).T
+    residuals = apart - design @ weights.T
+    return WeightFit(weights + centre[:, None], np.mean(residuals**2, axis=0))
 
 
 def fit_weights_together(

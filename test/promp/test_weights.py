@@ -74,6 +74,14 @@ def test_adding_a_constant_or_scaling_the_unit_does_the_same_to_the_weights(offs
     np.testing.assert_allclose(moved.weights, factor * base.weights + offset, atol=1e-5)
 
 
+def test_coordinates_far_from_their_origin_lose_nothing():
+    """Such as those of a map, 5000 km away: the fit is that of the same movement at the origin."""
+    values = 0.4 * minimum_jerk(PHASE)[:, None]
+    near, far = fit_weights(BASIS, PHASE, values), fit_weights(BASIS, PHASE, values + 5e6)
+    np.testing.assert_allclose(far.weights - 5e6, near.weights, atol=1e-8)
+    np.testing.assert_allclose(far.residual_variance, near.residual_variance, atol=1e-15)
+
+
 def test_more_ridge_means_less_curvature(rng):
     values = rng.normal(size=(200, 1))
     bends = [
