@@ -37,7 +37,7 @@ BLIND = """(() => {
   const context = WebGL2RenderingContext.prototype;
   window.draws = false;
   for (const name of ["drawArrays", "drawElements", "drawArraysInstanced",
-                      "drawElementsInstanced"]) {
+                      "drawElementsInstanced", "clear", "blitFramebuffer"]) {
     const draw = context[name];
     context[name] = function (...given) { if (window.draws) draw.apply(this, given); };
   }
@@ -46,7 +46,9 @@ BLIND = """(() => {
 LOOK = """async () => {
   window.draws = true;
   for (let k = 0; k < 3; k++) await new Promise(done => requestAnimationFrame(done));
+  window.draws = false;
 }"""
+"""One whole frame is drawn between two frames of which parts may be missing."""
 
 
 def chromium() -> str:
@@ -147,9 +149,7 @@ class Visitor:
     def screenshot(self, **options) -> bytes:
         """What is seen, with the scene drawn for once."""
         self.page.evaluate(LOOK)
-        data = self.page.screenshot(**options)
-        self.page.evaluate("() => { window.draws = false; }")
-        return data
+        return self.page.screenshot(**options)
 
     def scene(self) -> np.ndarray:
         """The three-dimensional part of the page as an image (H, W, 3)."""
