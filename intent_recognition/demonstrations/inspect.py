@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Summary of a recording: its topics, rates, gaps, demonstrations and damage."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -209,7 +210,7 @@ def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) ->
 def _is_finite(value: object) -> bool:
     """Whether no number anywhere in a decoded message is NaN or infinite."""
     if isinstance(value, float):
-        return bool(np.isfinite(value))
+        return math.isfinite(value)
     if isinstance(value, str | bytes | int) or value is None:
         return True
     if isinstance(value, list | tuple):

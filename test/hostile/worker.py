@@ -4,6 +4,7 @@
 Forked, because a new interpreter for each of 500 files would take five minutes.
 """
 
+import gc
 import json
 import os
 import resource
@@ -143,6 +144,7 @@ def child(words, output):
 
 
 def main():
+    from intent_recognition.bags.definitions import jazzy_names
     from intent_recognition.cli import inspect, recover, train, warp  # noqa: F401
     from intent_recognition.kinematics.reduced_model import load_pinocchio
     from intent_recognition.model import load_model  # noqa: F401
@@ -150,6 +152,9 @@ def main():
     from sim_bridge.scenarios.toolbox import ToolboxArm  # noqa: F401
 
     load_pinocchio()
+    jazzy_names()
+    gc.collect()
+    gc.freeze()  # children share what is there
 
     for line in sys.stdin:
         words = json.loads(line)
