@@ -34,6 +34,9 @@ MARKERS = "os^Dv<>P"
 DASHED: "LineStyleType" = (0, (4, 2))
 """Of references: truths, baselines, the paper's figures."""
 
+SVG_DPI = 72
+"""Dots per inch by which matplotlib measures and draws SVG files."""
+
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
@@ -116,9 +119,18 @@ def to_svg(figure: "Figure") -> bytes:
 
     It carries no date and, but for the XML namespaces, no address.
     """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     stream = BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    engine = figure.get_layout_engine()
+    if engine is not None:  # `savefig` would draw everything twice, once to lay it out
+        FigureCanvasSVG(figure)
+        figure.dpi = SVG_DPI
+        engine.execute(figure)
+        figure.set_layout_engine(None)
     figure.savefig(stream, format="svg", metadata=nothing)
+    figure.set_layout_engine(engine)
     head, _, rest = stream.getvalue().partition(b"<!DOCTYPE")
     return head + rest.partition(b">")[2].lstrip() if rest else head
 
