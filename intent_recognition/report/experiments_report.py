@@ -120,12 +120,12 @@ def findings_table(result: ExperimentResult) -> Table:
         Column("met", align="center"),
         Column("remark", align="left"),
     )
-    rows = tuple(
+    rows = (
         (f.quantity, f.paper or None, f.ours, VERDICTS[f.holds], f.remark or None)
         for f in result.findings
     )
-    missed = frozenset(k for k, f in enumerate(result.findings) if f.holds is False)
-    return Table(columns, rows, marked=missed)
+    missed = (k for k, f in enumerate(result.findings) if f.holds is False)
+    return Table.of(columns, rows, marked=missed)
 
 
 def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, str]) -> Section:
@@ -151,9 +151,8 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
     rows = []
     for result in results.values():
         verdicts = [f.holds for f in result.findings]
-        counts = (str(verdicts.count(v)) for v in (True, False, None))
-        rows.append((result.title, result.source, *counts))
-    blocks.append(Table(columns, tuple(rows)))
+        rows.append((result.title, result.source, *map(verdicts.count, (True, False, None))))
+    blocks.append(Table.of(columns, rows))
     blocks += [Text(f"{name} broke off: {reason}") for name, reason in failures.items()]
     return Section("Overview", tuple(blocks))
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.draws import Draw, draw_again, draws_table
+from intent_recognition.experiments.draws import Draw, draw_again, draws_tables
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox import experiment as toolbox
 from intent_recognition.experiments.toolbox import study as toolbox_study
@@ -89,6 +89,6 @@ def link_shipped(output, seed, scenario, keep):
 
 def test_median_and_range_of_draws_stand_below_them():
     draws = [Draw(k, {"a": float(k), "b": k / 4}) for k in (1, 2, 6)]
-    table = draws_table(draws, {"a": "", "b": "cm"}, "")
+    (table,) = draws_tables(draws, {"a": "", "b": "cm"}.get, "")
     assert table.rows[-1] == ("all", "2 (1 to 6)", "0.5 (0.2 to 1.5)")
     assert table.rows[2] == ("6", "6", "1.5") and table.strong == {3}
