@@ -9,8 +9,6 @@ from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox import experiment as toolbox
 from intent_recognition.experiments.toolbox import study as toolbox_study
 from intent_recognition.report.html import ReportPage, Section, render
-from intent_recognition.share import share_path
-from sim_bridge.scenarios import generate
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
@@ -59,9 +57,8 @@ def test_the_outcome_is_a_report(outcome):
     render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
 
 
-def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, monkeypatch):
+def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, shipped_again):
     """Were the shipped ones drawn again, their numbers would come out."""
-    monkeypatch.setattr(generate, "record", link_shipped)
     settings = Settings(quick=True, n_seeds=2)
     (draw,) = draw_again(
         settings,
@@ -76,15 +73,6 @@ def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, monkeypatc
     tasks = np.array(outcome.numbers["tasks"])
     plate = 100.0 * np.array(outcome.numbers["hand_error_m"])[tasks == "plate_handover"]
     np.testing.assert_allclose(draw.numbers["plate handover, whole"], plate.mean())
-
-
-def link_shipped(output, seed, scenario, keep):
-    """In place of the simulation: the recordings of seed 1 that are wanted, whatever the seed."""
-    for bag in share_path(f"bags/{scenario}").rglob("metadata.yaml"):
-        place = bag.parent.relative_to(share_path("bags"))
-        if keep(place):
-            (output / place).parent.mkdir(parents=True, exist_ok=True)
-            (output / place).symlink_to(bag.parent)
 
 
 def test_median_and_range_of_draws_stand_below_them():

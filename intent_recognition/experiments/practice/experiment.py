@@ -56,7 +56,7 @@ CONDITIONS = (
 
 def run(settings: Settings) -> ExperimentResult:
     """Practise with several seeds by each method."""
-    n_seeds, n_rollouts = (1, 3) if settings.quick else (N_SEEDS, N_ROLLOUTS)
+    n_seeds, n_rollouts = (1, 2) if settings.quick else (N_SEEDS, N_ROLLOUTS)
     done = investigate(
         settings.recordings("pouring/train"),
         range(settings.seed, settings.seed + n_seeds),
