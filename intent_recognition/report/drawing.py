@@ -7,7 +7,7 @@ Figures are objects of their own and never registered anywhere: dropping one fre
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ MARKERS = "os^Dv<>P"
 DASHED: "LineStyleType" = (0, (4, 2))
 """Of references: truths, baselines, the paper's figures."""
 
+LAYOUT: Literal["constrained"] | None = "constrained"
+"""How panels are placed where a figure has no margins of its own. Convention."""
 SVG_DPI = 72
 """Dots per inch by which matplotlib measures and draws SVG files."""
 
@@ -107,7 +109,7 @@ def new_figure(
     from matplotlib.figure import Figure
 
     if margins is None:
-        return Figure(figsize=(width_in, height_in), layout="constrained")
+        return Figure(figsize=(width_in, height_in), layout=LAYOUT)
     figure = Figure(figsize=(width_in, height_in))
     figure.subplots_adjust(**margins)
     return figure

@@ -5,8 +5,17 @@ from collections.abc import Iterator
 
 import pytest
 
+from intent_recognition.report import drawing
 from intent_recognition.share import share_path
 from sim_bridge.scenarios import generate
+
+
+@pytest.fixture(autouse=True, scope="session")
+def laid_out_roughly() -> Iterator[None]:
+    """Figures are drawn without measuring their texts first, which takes half of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawing, "LAYOUT", None)
+        yield
 
 
 @pytest.fixture(scope="module")
