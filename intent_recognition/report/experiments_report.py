@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.report.html import (
     Block,
@@ -53,6 +55,13 @@ class Finding:
         if self.holds is not True and not self.remark:
             cure = "Say in one sentence why."
             raise ArgumentError(describe("remark", "the reason", "nothing", cure))
+
+    @classmethod
+    def wanted(
+        cls, quantity: str, paper: str, ours: str, holds: bool | np.bool_, missed: str
+    ) -> "Finding":
+        """A figure that is to be met; `missed` is its remark where it is not."""
+        return cls(quantity, paper, ours, bool(holds), "" if holds else missed)
 
 
 @dataclass(frozen=True)

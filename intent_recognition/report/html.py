@@ -8,6 +8,7 @@ import base64
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Literal
 
@@ -79,11 +80,16 @@ class Table:
         marked: Iterable[int] = (),
         strong: Iterable[int] = (),
     ) -> "Table":
-        """A table of values: numbers are written as their column says, texts and None stay."""
+        """A table of values: numbers are written as their column says, texts and None stay.
+
+        Raises:
+            ShapeError: a row has more or fewer values than there are columns.
+        """
+        forms = [column.form for column in columns]
         texts = tuple(
             tuple(
-                value if value is None or isinstance(value, str) else format(value, column.form)
-                for column, value in zip(columns, row, strict=True)
+                value if value is None or isinstance(value, str) else format(value, form)
+                for value, form in zip(row, chain(forms, repeat("")), strict=False)
             )
             for row in rows
         )

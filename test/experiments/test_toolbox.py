@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The toolbox without labels, on a subset."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,14 +10,22 @@ from intent_recognition.experiments.draws import Draw, draw_again, draws_tables
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox import experiment as toolbox
 from intent_recognition.experiments.toolbox import study as toolbox_study
+from intent_recognition.experiments.toolbox.report import findings
 from intent_recognition.report.html import ReportPage, Section, render
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
 
 @pytest.fixture(scope="module")
-def outcome():
-    return toolbox.run(Settings(quick=True))
+def study():
+    return toolbox_study.investigate(Settings(quick=True))
+
+
+@pytest.fixture(scope="module")
+def outcome(study):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toolbox, "investigate", lambda settings: study)
+        return toolbox.run(Settings(quick=True))
 
 
 def test_the_three_interactions_are_found(outcome):
@@ -80,3 +90,14 @@ def test_median_and_range_of_draws_stand_below_them():
     (table,) = draws_tables(draws, {"a": "", "b": "cm"}.get, "")
     assert table.rows[-1] == ("all", "2 (1 to 6)", "0.5 (0.2 to 1.5)")
     assert table.rows[2] == ("6", "6", "1.5") and table.strong == {3}
+
+
+def test_draws_that_come_out_otherwise_say_why(study):
+    """The shipped recordings give three components; those of another seed need not."""
+    other = Draw(2, {**study.draws[0].numbers, "components": 4, "in their own": 47})
+    missed = [
+        one for one in findings(replace(study, draws=(*study.draws, other))) if one.holds is False
+    ]
+    assert {"There are three interactions.", "Some recordings lie between two components."} <= {
+        one.remark for one in missed
+    }

@@ -270,4 +270,4 @@ def _number(value: float, form: str) -> str:
 
 
 def _finding(quantity: str, wanted: str, measured: str, reached: bool) -> Finding:
-    return Finding(quantity, wanted, measured, bool(reached), "" if reached else MISSED)
+    return Finding.wanted(quantity, wanted, measured, reached, MISSED)

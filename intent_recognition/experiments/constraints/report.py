@@ -49,12 +49,12 @@ def findings(trials: Trials, scores: Mapping[str, ScoreTable]) -> tuple[Finding,
     found = 100.0 * pour[LABEL].early.mean()
     warped = min(pour[LABEL].area, pour[POINT].area)
     return (
-        Finding(
+        Finding.wanted(
             "balls that went through a wall, all trials",
             "",
             str(through),
             through == 0,
-            "" if through == 0 else "The physics let balls through.",
+            "The physics let balls through.",
         ),
         _area_finding(pour[LABEL].area),
         _gain_finding("pouring", warped - pour[STANDARD].area),
@@ -63,12 +63,12 @@ def findings(trials: Trials, scores: Mapping[str, ScoreTable]) -> tuple[Finding,
             "filling, how far is thrown learned too, best standard features",
             fill[THROW].area - max(fill[m].area for m in STANDARDS),
         ),
-        Finding(
+        Finding.wanted(
             "pouring trials found with 1 % false positives, novel objects, label mapping [%]",
             "more than 50 with almost no false positives",
             f"{found:.0f}",
-            bool(found > 50.0),
-            "" if found > 50.0 else "Balls are coarser than the paper's fluid.",
+            found > 50.0,
+            "Balls are coarser than the paper's fluid.",
         ),
         Finding(
             "pouring: area of label mapping less that of point mapping, novel objects",
@@ -81,26 +81,22 @@ def findings(trials: Trials, scores: Mapping[str, ScoreTable]) -> tuple[Finding,
 
 
 def _area_finding(area: float) -> Finding:
-    holds = bool(area >= AREA)
-    remark = "" if holds else f"{AREA:g} is asked for."
-    return Finding(
+    return Finding.wanted(
         f"pouring: area of label mapping on novel objects (at least {AREA:g})",
         "drawn, not given",
         f"{area:.3f}",
-        holds,
-        remark,
+        area >= AREA,
+        f"{AREA:g} is asked for.",
     )
 
 
 def _gain_finding(name: str, gain: float) -> Finding:
-    holds = bool(gain >= GAIN)
-    remark = "" if holds else f"At least {GAIN:g} is asked for."
-    return Finding(
+    return Finding.wanted(
         f"{name}: area of warped less standard features, novel objects (at least {GAIN:g})",
         "clearly better",
         f"{gain:+.3f}",
-        holds,
-        remark,
+        gain >= GAIN,
+        f"At least {GAIN:g} is asked for.",
     )
 
 

@@ -45,12 +45,12 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
     single, mixture, single_end, end = (int(c.hits.sum()) for c in study.carried)
     same = sum(a == study.ways[i] for a, i in _ways(study.mixture))
     return (
-        Finding(
+        Finding.wanted(
             "error of the predicted path, leave-one-out [cm]",
             "about 4",
             f"{_one_sigma(taken.tip_rms_m)}{also(study.draws, 'path')}",
             middle <= PAPER_PLATEAU_CM,
-            "" if middle <= PAPER_PLATEAU_CM else "A path on the other side counts in full.",
+            "A path on the other side counts in full.",
         ),
         Finding(
             "... with a single Gaussian [cm]",
@@ -75,19 +75,12 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
             True if single else None,
             "" if single else "None of this subset did.",
         ),
-        Finding(
-            f"motions of {study.chosen} components that hit the pole",
-            "",
-            f"{mixture} of {n}",
-            not mixture,
-            "" if not mixture else "They must not.",
-        ),
-        Finding(
-            "... told the wand's end only",
-            "",
-            f"{end} of {n}",
-            not end,
-            "" if not end else "They must not.",
+        *(
+            Finding.wanted(name, "", f"{hits} of {n}", not hits, "They must not.")
+            for name, hits in (
+                (f"motions of {study.chosen} components that hit the pole", mixture),
+                ("... told the wand's end only", end),
+            )
         ),
         Finding(
             "motions on the side that was shown",

@@ -52,20 +52,20 @@ def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
     right, n = study.n_right, len(study.executions)
     seen = int(study.recognised(study.from_end).sum())
     return (
-        Finding(
+        Finding.wanted(
             "components, by left-out prediction",
             "3",
             f"{study.chosen}{also(study.draws, 'components', 0)}",
-            bool(np.all(drawn(study.draws, "components") == 3)),
-            "" if study.chosen == 3 else "There are three interactions.",
+            np.all(drawn(study.draws, "components") == 3),
+            "There are three interactions.",
         ),
-        Finding(
+        Finding.wanted(
             "demonstrations in a component of their own interaction",
             "48 of 48 (Fig. 7)",
             f"{round(found * len(study.tasks))} of {len(study.tasks)}"
             f"{also(study.draws, 'in their own', 0)}",
-            bool(np.all(drawn(study.draws, "in their own") == len(study.tasks))),
-            "" if found == 1.0 else "Some recordings lie between two components.",
+            np.all(drawn(study.draws, "in their own") == len(study.tasks)),
+            "Some recordings lie between two components.",
         ),
         *(_hand_finding(study, task) for task in HAND_TASKS),
         *(_end_alone_finding(study, task) for task in HAND_TASKS),
@@ -76,12 +76,12 @@ def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
             None,
             "Not in the paper, where executions were counted.",
         ),
-        Finding(
+        Finding.wanted(
             "executions with the right component",
             "100 % of more than 40",
             f"{right} of {n}",
             right == n,
-            "" if right == n else "The paper's component is chosen once, ours at each moment.",
+            "The paper's component is chosen once, ours at each moment.",
         ),
     )
 
