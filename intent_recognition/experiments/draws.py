@@ -59,20 +59,38 @@ def spread(values: Sequence[float] | NDArray[np.float64], digits: int = 1) -> st
     return f"{middle} ({low} to {high})"
 
 
-def draws_table(draws: Sequence[Draw], units: Mapping[str, str], caption: str) -> Table:
-    """A row for each draw, and one for median and range.
+def drawn(draws: Sequence[Draw], name: str) -> NDArray[np.float64]:
+    """One number of all draws, (n,)."""
+    return np.array([draw.numbers[name] for draw in draws])
+
+
+def also(draws: Sequence[Draw], name: str, digits: int = 1) -> str:
+    """What to add to a number of the shipped recordings where they were drawn again."""
+    if len(draws) < 2:
+        return ""
+    return f"; {len(draws)} draws {spread(drawn(draws, name), digits)}"
+
+
+def for_json(draws: Sequence[Draw]) -> list[dict[str, float]]:
+    """Seed and numbers of each draw."""
+    return [{"seed": draw.seed, **draw.numbers} for draw in draws]
+
+
+def draws_tables(
+    draws: Sequence[Draw], unit: Callable[[str], str], caption: str
+) -> tuple[Table, ...]:
+    """A row for each draw, and one for median and range; no table of the shipped draw alone.
 
     Args:
         draws: the shipped one first.
-        units: of the columns, "" for none; the names are those of the numbers.
+        unit: of a number by its name, "" for none.
         caption: of the table.
     """
-    columns = (Column("seed"), *(Column(name, unit) for name, unit in units.items()))
-    table = {name: np.array([draw.numbers[name] for draw in draws]) for name in units}
+    if len(draws) < 2:
+        return ()
+    table = {name: drawn(draws, name) for name in draws[0].numbers}
     digits = {name: 0 if np.all(values % 1 == 0) else 1 for name, values in table.items()}
-    rows = [
-        (str(draw.seed), *(f"{draw.numbers[name]:.{digits[name]}f}" for name in units))
-        for draw in draws
-    ]
-    last = ("all", *(spread(table[name], digits[name]) for name in units))
-    return Table(columns, (*rows, last), caption=caption, strong=frozenset({len(rows)}))
+    columns = [Column(name, unit(name), form=f".{digits[name]}f") for name in table]
+    rows = [(draw.seed, *(draw.numbers[name] for name in table)) for draw in draws]
+    last = ("all", *(spread(table[name], digits[name]) for name in table))
+    return (Table.of([Column("seed"), *columns], [*rows, last], caption, strong=[len(draws)]),)

@@ -120,38 +120,30 @@ def _left_out_table(left_out: Mapping) -> Table:
     columns = (
         Column("task left out", align="left"),
         Column("movements"),
-        Column("area"),
-        Column("above the threshold", "%"),
-        Column("activated", "%"),
+        Column("area", form=".3f"),
+        Column("above the threshold", "%", form=".1f"),
+        Column("activated", "%", form=".1f"),
     )
-    rows = tuple(
-        (
-            readable(task),
-            str(own["n"]),
-            None if own["area"] is None else f"{own['area']:.3f}",
-            f"{100 * own['above_threshold']:.1f}",
-            f"{100 * own['activated']:.1f}",
-        )
-        for task, own in left_out.items()
-    )
-    return Table(columns, rows, "Each task left out")
+    rows = []
+    for task, own in left_out.items():
+        shares = 100 * own["above_threshold"], 100 * own["activated"]
+        rows.append((readable(task), own["n"], own["area"], *shares))
+    return Table.of(columns, rows, "Each task left out")
 
 
 def _accuracy_table(accuracy: Mapping) -> Table:
-    columns = [Column("observed", "%")]
-    for phase in accuracy:
-        columns += [
-            Column(f"without none, {PHASE_NAMES[phase]}", "%"),
-            Column(f"with none, {PHASE_NAMES[phase]}", "%"),
-        ]
+    columns = [Column("observed", "%", form=".0f")]
+    columns += [
+        Column(f"{which} none, {PHASE_NAMES[phase]}", "%", form=".1f")
+        for phase in accuracy
+        for which in ("without", "with")
+    ]
     rows = []
     for fraction in sorted(next(iter(accuracy.values())), key=float):
-        row = [f"{100 * float(fraction):.0f}"]
-        for table in accuracy.values():
-            both = table.get(fraction, {})
-            row += [f"{100 * both[k]:.1f}" for k in ("without_none", "with_none") if k in both]
-        rows.append(tuple(row))
-    return Table(tuple(columns), tuple(rows), "Cost of none: accuracy on known tasks")
+        both = [table.get(fraction, {}) for table in accuracy.values()]
+        shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
+        rows.append([100 * float(fraction), *(100 * share for share in shares)])
+    return Table.of(columns, rows, "Cost of none: accuracy on known tasks")
 
 
 def _phases(content: Mapping | None) -> dict[str, Mapping]:

@@ -7,7 +7,7 @@ Figures are objects of their own and never registered anywhere: dropping one fre
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,11 @@ MARKERS = "os^Dv<>P"
 
 DASHED: "LineStyleType" = (0, (4, 2))
 """Of references: truths, baselines, the paper's figures."""
+
+LAYOUT: Literal["constrained"] | None = "constrained"
+"""How panels are placed where a figure has no margins of its own. Convention."""
+SVG_DPI = 72
+"""Dots per inch by which matplotlib measures and draws SVG files."""
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -104,7 +109,7 @@ def new_figure(
     from matplotlib.figure import Figure
 
     if margins is None:
-        return Figure(figsize=(width_in, height_in), layout="constrained")
+        return Figure(figsize=(width_in, height_in), layout=LAYOUT)
     figure = Figure(figsize=(width_in, height_in))
     figure.subplots_adjust(**margins)
     return figure
@@ -116,9 +121,18 @@ def to_svg(figure: "Figure") -> bytes:
 
     It carries no date and, but for the XML namespaces, no address.
     """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     stream = BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    engine = figure.get_layout_engine()
+    if engine is not None:  # `savefig` would draw everything twice, once to lay it out
+        FigureCanvasSVG(figure)
+        figure.dpi = SVG_DPI
+        engine.execute(figure)
+        figure.set_layout_engine(None)
     figure.savefig(stream, format="svg", metadata=nothing)
+    figure.set_layout_engine(engine)
     head, _, rest = stream.getvalue().partition(b"<!DOCTYPE")
     return head + rest.partition(b">")[2].lstrip() if rest else head
 

@@ -146,24 +146,20 @@ def _recognition(recognition: Mapping) -> tuple[Block, ...]:
         {phase: series(table, "accuracy") for phase, table in phases.items()},
         {phase: series(table, "log_loss") for phase, table in phases.items()},
     )
-    columns = [Column("observed", "%")]
+    columns = [Column("observed", "%", form=".0f")]
     for phase in phases:
-        columns += [
-            Column(f"accuracy, {PHASE_NAMES[phase]}", "%"),
-            Column(f"log loss, {PHASE_NAMES[phase]}", "nat"),
-        ]
+        columns.append(Column(f"accuracy, {PHASE_NAMES[phase]}", "%", form=".1f"))
+        columns.append(Column(f"log loss, {PHASE_NAMES[phase]}", "nat", form=".3f"))
     rows = []
     for fraction in sorted(next(iter(phases.values())), key=float):
-        row: list[str | None] = [f"{100 * float(fraction):.0f}"]
+        row: list[float | None] = [100 * float(fraction)]
         for table in phases.values():
             scores = table.get(fraction, {})
-            row += [
-                _text(100 * number(scores.get("accuracy"), ""), ".1f"),
-                _text(number(scores.get("log_loss"), ""), ".3f"),
-            ]
-        rows.append(tuple(row))
+            row.append(_known(100 * number(scores.get("accuracy"), "")))
+            row.append(_known(number(scores.get("log_loss"), "")))
+        rows.append(row)
     caption = "Accuracy and mean log loss over the share of the movement observed."
-    return Figure(to_svg(figure), caption), Table(tuple(columns), tuple(rows))
+    return Figure(to_svg(figure), caption), Table.of(columns, rows)
 
 
 def _prediction(prediction: Mapping, unit: str, remark: str = "") -> Section:
@@ -203,12 +199,12 @@ def _online(online: Mapping) -> tuple[Block, ...]:
     phases = [phase for phase in PHASE_NAMES if online.get(phase)]
     if not phases:
         return ()
-    columns = (Column("", align="left"), *(Column(text, "%") for text in ONLINE_COLUMNS.values()))
+    shares = (Column(text, "%", form=".1f") for text in ONLINE_COLUMNS.values())
     rows = []
     for phase in phases:
         values = [100 * number(online[phase].get(name), "") for name in ONLINE_COLUMNS]
-        rows.append((PHASE_NAMES[phase], *(_text(value, ".1f") for value in values)))
-    return Table(columns, tuple(rows)), Text(ONLINE_EXPLANATION, small=True)
+        rows.append((PHASE_NAMES[phase], *map(_known, values)))
+    return Table.of((Column("", align="left"), *shares), rows), Text(ONLINE_EXPLANATION, small=True)
 
 
 def _faults(result: Mapping) -> tuple[Block, ...]:
@@ -259,6 +255,10 @@ def _text(value: float, form: str = "") -> str | None:
     if not np.isfinite(value):
         return None
     return format(value, form) if form else _significant(value)
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _significant(value: float, digits: int = 3) -> str:

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.report.html import (
     Block,
@@ -53,6 +55,13 @@ class Finding:
         if self.holds is not True and not self.remark:
             cure = "Say in one sentence why."
             raise ArgumentError(describe("remark", "the reason", "nothing", cure))
+
+    @classmethod
+    def wanted(
+        cls, quantity: str, paper: str, ours: str, holds: bool | np.bool_, missed: str
+    ) -> "Finding":
+        """A figure that is to be met; `missed` is its remark where it is not."""
+        return cls(quantity, paper, ours, bool(holds), "" if holds else missed)
 
 
 @dataclass(frozen=True)
@@ -120,12 +129,12 @@ def findings_table(result: ExperimentResult) -> Table:
         Column("met", align="center"),
         Column("remark", align="left"),
     )
-    rows = tuple(
+    rows = (
         (f.quantity, f.paper or None, f.ours, VERDICTS[f.holds], f.remark or None)
         for f in result.findings
     )
-    missed = frozenset(k for k, f in enumerate(result.findings) if f.holds is False)
-    return Table(columns, rows, marked=missed)
+    missed = (k for k, f in enumerate(result.findings) if f.holds is False)
+    return Table.of(columns, rows, marked=missed)
 
 
 def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, str]) -> Section:
@@ -151,9 +160,8 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
     rows = []
     for result in results.values():
         verdicts = [f.holds for f in result.findings]
-        counts = (str(verdicts.count(v)) for v in (True, False, None))
-        rows.append((result.title, result.source, *counts))
-    blocks.append(Table(columns, tuple(rows)))
+        rows.append((result.title, result.source, *map(verdicts.count, (True, False, None))))
+    blocks.append(Table.of(columns, rows))
     blocks += [Text(f"{name} broke off: {reason}") for name, reason in failures.items()]
     return Section("Overview", tuple(blocks))
 

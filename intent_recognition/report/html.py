@@ -5,9 +5,10 @@ A page is a tree of frozen values; `render` turns it into text. Everything given
 """
 
 import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Literal
 
@@ -28,11 +29,19 @@ class Text:
 
 @dataclass(frozen=True)
 class Column:
-    """Heading of a table's column, with the unit its numbers are in."""
+    """Heading of a table's column.
+
+    Attributes:
+        title: its text.
+        unit: of its numbers.
+        align: of heading and cells.
+        form: how `Table.of` writes its numbers, as `format` takes it.
+    """
 
     title: str
     unit: str = ""
     align: Literal["left", "right", "center"] = "right"
+    form: str = ""
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,30 @@ class Table:
                 raise ShapeError(
                     describe(f"row {number}", expected, len(row), "Use None for an empty cell.")
                 )
+
+    @classmethod
+    def of(
+        cls,
+        columns: Sequence[Column],
+        rows: Iterable[Sequence[object]],
+        caption: str = "",
+        marked: Iterable[int] = (),
+        strong: Iterable[int] = (),
+    ) -> "Table":
+        """A table of values: numbers are written as their column says, texts and None stay.
+
+        Raises:
+            ShapeError: a row has more or fewer values than there are columns.
+        """
+        forms = [column.form for column in columns]
+        texts = tuple(
+            tuple(
+                value if value is None or isinstance(value, str) else format(value, form)
+                for value, form in zip(row, chain(forms, repeat("")), strict=False)
+            )
+            for row in rows
+        )
+        return cls(tuple(columns), texts, caption, frozenset(marked), frozenset(strong))
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from sim_bridge.scenarios.pouring import learn_pouring_skill
 
 @pytest.fixture(autouse=True)
 def few_checks(monkeypatch):
-    """Two fresh rollouts before and after are compared as five are."""
-    monkeypatch.setattr(improve, "CHECKS", 2)
-    monkeypatch.setattr(study, "N_CHECKS", 2)
+    """One fresh rollout before and after is compared as five are."""
+    monkeypatch.setattr(improve, "CHECKS", 1)
+    monkeypatch.setattr(study, "N_CHECKS", 1)
 
 
 def pretend_more(folder, count):

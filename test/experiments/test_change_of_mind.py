@@ -2,11 +2,12 @@
 """What became of a reach, or a session, is told from what the decision said, and when."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.change_of_mind import experiment, following
+from intent_recognition.experiments.change_of_mind import experiment, following, report, study
 from intent_recognition.experiments.change_of_mind.following import Followed, follow_reach
 from intent_recognition.experiments.change_of_mind.study import (
     CHANGES,
@@ -131,9 +132,15 @@ def test_tasks_without_a_pause_are_recognised_when_each_becomes_active_in_its_tu
 
 
 @pytest.mark.slow
-def test_the_experiment_takes_every_path_and_reports_it():
+@pytest.mark.usefixtures("few_basis_functions")
+def test_the_experiment_takes_every_path_and_reports_it(monkeypatch):
+    blends = (0.15, USUAL_BLEND, None)
+    unknown = Change(0.25, USUAL_BLEND, "unknown")
+    few = [c for c in CHANGES if c.blend in blends and (c.to != "unknown" or c == unknown)]
+    monkeypatch.setattr(study, "follow_all", partial(follow_all, changes=few))
+    monkeypatch.setattr(report, "BLENDS", blends)
     outcome = experiment.run(Settings(quick=True))
-    assert len(outcome.numbers["changes"]) == len(CHANGES)
+    assert len(outcome.numbers["changes"]) == len(few) == 15
     assert all(
         0.0 <= cell["new_active"] + cell["old_kept"] <= 1.0 for cell in outcome.numbers["changes"]
     )
@@ -147,9 +154,9 @@ def test_changes_early_in_a_reach_are_followed_and_unchanged_ones_are_not(toolbo
     """Two reaches of each ordered pair of tasks, changed after a fifth of the movement."""
     library = load_model(toolbox_model).library
     change = Change(0.2, USUAL_BLEND)
-    study = follow_all(library, 11, 2, 6, changes=[change])
-    cell = study.cell(change)
+    followed = follow_all(library, 11, 2, 6, changes=[change])
+    cell = followed.cell(change)
     assert cell.n == 12 and cell.new_active >= 0.75 and cell.old_kept <= 0.1
     assert cell.others == 0.0
-    assert all(one.switches == 0 and not one.others for one in study.unchanged)
-    assert sum(one.new_active for one in study.unchanged) >= 5
+    assert all(one.switches == 0 and not one.others for one in followed.unchanged)
+    assert sum(one.new_active for one in followed.unchanged) >= 5

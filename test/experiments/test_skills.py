@@ -9,7 +9,7 @@ import pytest
 from intent_recognition.experiments.execution import as_demonstration, execute
 from intent_recognition.experiments.reaches import toolbox_recordings, watch_reach
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.skills import practising_report
+from intent_recognition.experiments.skills import practising, practising_report
 from intent_recognition.experiments.skills.correcting import Corrects, correction_of
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
@@ -21,10 +21,15 @@ from sim_bridge.scenarios.toolbox import handover_point
 LIMITS, MOVED_M = scaled_limits(LWR_LIMITS), np.array([0.0, 0.08, 0.0])
 
 
+@pytest.fixture(scope="module")
+def learned():
+    """Learned from a fourth of the shipped demonstrations, once."""
+    return learn_with_report(toolbox_recordings(Settings(quick=True)))
+
+
 @pytest.mark.slow
-def test_the_arm_stays_where_a_hand_led_it_and_the_task_moves_there():
-    trained = learn_with_report(toolbox_recordings(Settings(quick=True))).trained
-    library = trained.library
+def test_the_arm_stays_where_a_hand_led_it_and_the_task_moves_there(learned):
+    trained, library = learned.trained, learned.trained.library
     watched = watch_reach(library, 0, np.random.default_rng([1, 91, 0]), LIMITS)
     place = handover_point(PLATE, watched.goal_m) + MOVED_M
     correction = correction_of(load_detector("lwr"), library)
@@ -44,7 +49,8 @@ def test_the_arm_stays_where_a_hand_led_it_and_the_task_moves_there():
 
 
 @pytest.mark.slow
-def test_a_practised_task_is_compared_beside_others_and_in_physics():
+def test_a_practised_task_is_compared_beside_others_and_in_physics(learned, monkeypatch):
+    monkeypatch.setattr(practising, "learn_with_report", lambda recordings: learned)
     part = practising_report.run(Settings(quick=True))
     numbers = json.loads(json.dumps(dict(part.numbers)))
     by_time = [one for one in numbers["practised"] if one["cost"] == "time"]

@@ -1,23 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The toolbox without labels, on a subset."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.draws import Draw, draw_again, draws_table
+from intent_recognition.experiments.draws import Draw, draw_again, draws_tables
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox import experiment as toolbox
 from intent_recognition.experiments.toolbox import study as toolbox_study
+from intent_recognition.experiments.toolbox.report import findings
 from intent_recognition.report.html import ReportPage, Section, render
-from intent_recognition.share import share_path
-from sim_bridge.scenarios import generate
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
 
 @pytest.fixture(scope="module")
-def outcome():
-    return toolbox.run(Settings(quick=True))
+def study():
+    return toolbox_study.investigate(Settings(quick=True))
+
+
+@pytest.fixture(scope="module")
+def outcome(study):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toolbox, "investigate", lambda settings: study)
+        return toolbox.run(Settings(quick=True))
 
 
 def test_the_three_interactions_are_found(outcome):
@@ -59,9 +67,8 @@ def test_the_outcome_is_a_report(outcome):
     render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
 
 
-def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, monkeypatch):
+def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, shipped_again):
     """Were the shipped ones drawn again, their numbers would come out."""
-    monkeypatch.setattr(generate, "record", link_shipped)
     settings = Settings(quick=True, n_seeds=2)
     (draw,) = draw_again(
         settings,
@@ -78,17 +85,19 @@ def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, monkeypatc
     np.testing.assert_allclose(draw.numbers["plate handover, whole"], plate.mean())
 
 
-def link_shipped(output, seed, scenario, keep):
-    """In place of the simulation: the recordings of seed 1 that are wanted, whatever the seed."""
-    for bag in share_path(f"bags/{scenario}").rglob("metadata.yaml"):
-        place = bag.parent.relative_to(share_path("bags"))
-        if keep(place):
-            (output / place).parent.mkdir(parents=True, exist_ok=True)
-            (output / place).symlink_to(bag.parent)
-
-
 def test_median_and_range_of_draws_stand_below_them():
     draws = [Draw(k, {"a": float(k), "b": k / 4}) for k in (1, 2, 6)]
-    table = draws_table(draws, {"a": "", "b": "cm"}, "")
+    (table,) = draws_tables(draws, {"a": "", "b": "cm"}.get, "")
     assert table.rows[-1] == ("all", "2 (1 to 6)", "0.5 (0.2 to 1.5)")
     assert table.rows[2] == ("6", "6", "1.5") and table.strong == {3}
+
+
+def test_draws_that_come_out_otherwise_say_why(study):
+    """The shipped recordings give three components; those of another seed need not."""
+    other = Draw(2, {**study.draws[0].numbers, "components": 4, "in their own": 47})
+    missed = [
+        one for one in findings(replace(study, draws=(*study.draws, other))) if one.holds is False
+    ]
+    assert {"There are three interactions.", "Some recordings lie between two components."} <= {
+        one.remark for one in missed
+    }

@@ -5,6 +5,7 @@ import base64
 import re
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -53,6 +54,16 @@ class Reader(HTMLParser):
             self.cells[-1] += data
         if "style" not in self.open:
             self.texts.append(data)
+
+
+def test_values_are_written_as_their_column_says():
+    columns = (Column("task"), Column("error", "cm", form=".1f"), Column("n"), Column("late", "s"))
+    table = Table.of(columns, ((t, 2.25, np.int64(3), None) for t in "ab"), "c", strong=[1])
+    assert table.rows == (("a", "2.2", "3", None), ("b", "2.2", "3", None))
+    assert (table.columns, table.caption, table.strong) == (columns, "c", {1})
+    assert Table.of(columns, [("a", "never", 3, 0.5)]).rows == (("a", "never", "3", "0.5"),)
+    with pytest.raises(ShapeError, match="row 1: expected 4 cells"):
+        Table.of(columns, [("a", 1.0, 2, 3), ("b", 1.0)])
 
 
 def read(html: str) -> Reader:

@@ -11,6 +11,7 @@ import pytest
 
 from intent_recognition.errors import ShapeError
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise, summary_line
+from intent_recognition.report import calibration_report, demo_report, evaluation_report
 from intent_recognition.report.demo_report import demo_page, write_demo_report
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
@@ -68,14 +69,21 @@ def session():
     return records, traces
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made, but not written as SVG: for tests of what stands around them."""
+    for module in (demo_report, evaluation_report, calibration_report):
+        monkeypatch.setattr(module, "to_svg", lambda figure: b"<svg/>")
+
+
 @pytest.fixture(scope="module")
 def page(session):
     records, traces = session
     return demo_page(records, summarise(records), traces, {"seed": 1})
 
 
-@pytest.fixture(scope="module")
-def bare_page(session):
+@pytest.fixture
+def bare_page(session, undrawn):
     records, _ = session
     return demo_page(records, summarise(records), (), {})
 
@@ -125,7 +133,7 @@ def test_figures_without_data_are_left_out(session, page, bare_page):
 
 
 @pytest.mark.slow
-def test_traces_may_hold_nothing(session):
+def test_traces_may_hold_nothing(session, undrawn):
     records, _ = session
     empty = {"wrist_m": None, "joint_rad": np.zeros((3, 7)), "share": [], "labels": LABELS}
     page = demo_page(
@@ -193,7 +201,7 @@ def result(rng, unit="rad"):
 
 
 @pytest.mark.slow
-def test_evaluation_tables_equal_the_json(rng):
+def test_evaluation_tables_equal_the_json(rng, undrawn):
     content = result(rng)
     tables = blocks_of(evaluation_page(content, "t"), Table)
     for row, fraction in zip(tables[0].rows, content["recognition"]["known_phase"], strict=True):
@@ -235,7 +243,7 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
 
 
 @pytest.mark.slow
-def test_several_units_give_a_section_each(rng):
+def test_several_units_give_a_section_each(rng, undrawn):
     content = result(rng, ["rad", "m"])
     page = evaluation_page(content, "t")
     headings = [section.heading for section in page.sections]
@@ -246,7 +254,7 @@ def test_several_units_give_a_section_each(rng):
 
 
 @pytest.mark.slow
-def test_missing_parts_and_values_are_left_out(rng, tmp_path):
+def test_missing_parts_and_values_are_left_out(rng, tmp_path, undrawn):
     content = result(rng)
     content["prediction"]["known_phase"]["1.0"]["rmse_future"] = None
     assert blocks_of(evaluation_page(content, "t"), Table)[1].rows[-1][3] is None

@@ -144,45 +144,34 @@ def blocks(
 
 def _step_columns() -> tuple[Column, ...]:
     return (
-        Column("longest step", "mean steps"),
-        Column("steps standing still", "%"),
-        Column("longest stand", "% of the movement"),
-        Column("change from step to step", "mean steps"),
+        Column("longest step", "mean steps", form=".1f"),
+        Column("steps standing still", "%", form=".1f"),
+        Column("longest stand", "% of the movement", form=".1f"),
+        Column("change from step to step", "mean steps", form=".3f"),
     )
 
 
-def _step_cells(walk: Steps) -> tuple[str, ...]:
-    return (
-        f"{walk.largest:.1f}",
-        f"{100 * walk.flat:.1f}",
-        f"{100 * walk.longest_flat:.1f}",
-        f"{walk.change:.3f}",
-    )
+def _step_cells(walk: Steps) -> tuple[float, ...]:
+    return walk.largest, 100 * walk.flat, 100 * walk.longest_flat, walk.change
 
 
 def _known_table(known: Mapping[str, MethodScore]) -> Table:
     columns = (
         Column("method", align="left"),
         *_step_columns(),
-        Column("timing error, median", "1/1000"),
-        Column("... 95th percentile", "1/1000"),
-        Column("velocity error", "%"),
+        Column("timing error, median", "1/1000", form=".1f"),
+        Column("... 95th percentile", "1/1000", form=".1f"),
+        Column("velocity error", "%", form=".0f"),
     )
-    rows = tuple(
-        (
-            name,
-            *_step_cells(result.steps),
-            f"{1e3 * result.median:.1f}",
-            f"{1e3 * result.high:.1f}",
-            f"{100 * result.velocity:.0f}",
-        )
-        for name, result in known.items()
+    rows = (
+        (name, *_step_cells(of.steps), 1e3 * of.median, 1e3 * of.high, 100 * of.velocity)
+        for name, of in known.items()
     )
     caption = (
         "Known timing: medians over data sets of 40 movements; the longest are the worst. The truth"
         " stands still where one of the two recordings has not begun or has ended."
     )
-    return Table(columns, rows, caption)
+    return Table.of(columns, rows, caption)
 
 
 def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> Table:
@@ -190,30 +179,22 @@ def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> Table:
         Column("task", align="left"),
         Column("method", align="left"),
         *_step_columns(),
-        Column("largest wrist speed", "x recorded"),
-        Column("variance removed, wrist", "%"),
-        Column("... arm", "%"),
-        Column("left out at the ends", "%"),
+        Column("largest wrist speed", "x recorded", form=".2f"),
+        Column("variance removed, wrist", "%", form=".0f"),
+        Column("... arm", "%", form=".0f"),
+        Column("left out at the ends", "%", form=".1f"),
     )
-    rows = tuple(
-        (
-            readable(task),
-            name,
-            *_step_cells(result.steps),
-            f"{result.speed:.2f}",
-            f"{100 * result.observed:.0f}",
-            f"{100 * result.controlled:.0f}",
-            f"{100 * result.left_out:.1f}",
-        )
-        for task, results in recorded.items()
-        for name, result in results.items()
-    )
+    rows = []
+    for task, results in recorded.items():
+        for name, of in results.items():
+            shares = (100 * share for share in (of.observed, of.controlled, of.left_out))
+            rows.append((readable(task), name, *_step_cells(of.steps), of.speed, *shares))
     caption = (
         "Toolbox recordings, wrist and arm aligned together. People reach for different places, so"
         " timing explains little of how their wrists differ; and part of the variance that goes is"
         " that of ends which a warp leaves out."
     )
-    return Table(columns, rows, caption)
+    return Table.of(columns, rows, caption)
 
 
 def conditions(there: bool) -> tuple[str, ...]:

@@ -191,32 +191,24 @@ def _arm_table(numbers: dict) -> Table:
     columns = (
         Column("task", align="left"),
         Column("interactions"),
-        Column("hand from wrist, end", "cm"),
-        Column("largest", "cm"),
-        Column("over the interaction", "cm"),
+        Column("hand from wrist, end", "cm", form=".1f"),
+        Column("largest", "cm", form=".1f"),
+        Column("over the interaction", "cm", form=".1f"),
         Column("arrives after the wrist", "s"),
-        Column("begins after", "s"),
+        Column("begins after", "s", form=".2f"),
     )
     rows = []
     for task in numbers["prediction"]:
         n = {key: np.array(values) for key, values in numbers["arm"][task].items()}
-        rows.append(
-            (
-                readable(task),
-                str(len(n["end_cm"])),
-                f"{n['end_cm'].mean():.1f}",
-                f"{n['end_cm'].max():.1f}",
-                f"{n['path_cm'].mean():.1f}",
-                f"{np.median(n['late_s']):+.2f} ({n['late_s'].min():+.2f} to"
-                f" {n['late_s'].max():+.2f})",
-                f"{np.median(n['began_s']):.2f}",
-            )
-        )
+        end, late = n["end_cm"], n["late_s"]
+        arrives = f"{np.median(late):+.2f} ({late.min():+.2f} to {late.max():+.2f})"
+        errors = end.mean(), end.max(), n["path_cm"].mean()
+        rows.append((readable(task), len(end), *errors, arrives, np.median(n["began_s"])))
     caption = (
         "The arm's hand against where the assistant's wrist was; times from the start of the"
         " recording, 0.4 s before the worker's onset."
     )
-    return Table(columns, tuple(rows), caption)
+    return Table.of(columns, rows, caption)
 
 
 def _arm_figures(found: AssemblyStudy, labels: Sequence[str]) -> tuple[Figure, ...]:

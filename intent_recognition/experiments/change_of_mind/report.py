@@ -227,37 +227,36 @@ def _table(study: ChangeStudy) -> Table:
     columns = (
         Column("to", align="left"),
         Column("how", align="left"),
-        Column("change at", "%"),
+        Column("change at", "%", form=".0f"),
         Column("reaches"),
-        Column("new active", "%"),
-        Column("old kept", "%"),
+        Column("new active", "%", form=".0f"),
+        Column("old kept", "%", form=".0f"),
         Column(f"let go in {RELEASED_WITHIN_S:g} s", "%"),
         Column("delay", "s"),
-        Column("never meant", "%"),
+        Column("never meant", "%", form=".0f"),
         Column("hand error", "cm"),
     )
-    rows = tuple(_row(change, study.cell(change)) for change in study.changed)
-    return Table(
+    return Table.of(
         columns,
-        rows,
+        (_row(change, study.cell(change)) for change in study.changed),
         "let go: of those in which the old task was active after the change. delay: median, from"
         " the change to the new task's activity. never meant: a task was active that the reach"
         " never was. hand error: median.",
     )
 
 
-def _row(change: Change, cell: Cell) -> tuple[str | None, ...]:
+def _row(change: Change, cell: Cell) -> tuple[str | float | None, ...]:
     to = {"task": "another task", "unknown": "no task", "other": "a third task", "back": "and back"}
     return (
         to[change.to],
         _how(change.blend),
-        f"{100 * change.share:.0f}",
-        str(cell.n),
-        f"{100 * cell.new_active:.0f}" if change.to != "unknown" else None,
-        f"{100 * cell.old_kept:.0f}",
+        100 * change.share,
+        cell.n,
+        100 * cell.new_active if change.to != "unknown" else None,
+        100 * cell.old_kept,
         _number(100 * cell.released_in_time, ".0f"),
         _number(cell.delay_s, ".2f"),
-        f"{100 * cell.others:.0f}",
+        100 * cell.others,
         _number(100 * cell.hand_error_m, ".1f"),
     )
 
@@ -271,4 +270,4 @@ def _number(value: float, form: str) -> str:
 
 
 def _finding(quantity: str, wanted: str, measured: str, reached: bool) -> Finding:
-    return Finding(quantity, wanted, measured, bool(reached), "" if reached else MISSED)
+    return Finding.wanted(quantity, wanted, measured, reached, MISSED)

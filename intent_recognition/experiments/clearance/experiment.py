@@ -104,16 +104,16 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else math.nan
 
 
-def _row(outcome: str, runs: Sequence[Run]) -> tuple[str, ...]:
+def _row(outcome: str, runs: Sequence[Run]) -> tuple[str | float, ...]:
     there = [one for one in runs if one.guarded.interacting]
     return (
         outcome,
-        str(len(runs)),
-        str(sum(one.unguarded.touches > 0 for one in runs)),
-        str(sum(one.guarded.touches > 0 for one in runs)),
-        f"{100 * min(one.guarded_m for one in runs):.1f}",
-        f"{_median([one.lost_s for one in there]):.2f}" if there else "never there",
-        f"{100 * max(one.off_m for one in there):.1f}" if there else "-",
+        len(runs),
+        sum(one.unguarded.touches > 0 for one in runs),
+        sum(one.guarded.touches > 0 for one in runs),
+        100 * min(one.guarded_m for one in runs),
+        _median([one.lost_s for one in there]) if there else "never there",
+        100 * max(one.off_m for one in there) if there else "-",
     )
 
 
@@ -125,9 +125,9 @@ def _blocks(runs: Sequence[Run]) -> tuple[Block, ...]:
         Column("runs"),
         Column("unguarded arm touches"),
         Column("guarded arm touches"),
-        Column("nearest", "cm"),
-        Column("lost, median", "s"),
-        Column("end off, largest", "cm"),
+        Column("nearest", "cm", form=".1f"),
+        Column("lost, median", "s", form=".2f"),
+        Column("end off, largest", "cm", form=".1f"),
     )
     nearest = Figure(
         to_svg(nearest_figure(runs, CLEARANCE_M)),
@@ -135,7 +135,7 @@ def _blocks(runs: Sequence[Run]) -> tuple[Block, ...]:
         " arm would be inside a box.",
     )
     bent = sorted(of_outcome["bent"], key=lambda one: one.free_m)
-    table = Table(columns, tuple(rows), caption="What became of the runs.")
+    table = Table.of(columns, rows, "What became of the runs.")
     if not bent:
         return nearest, table
     courses = Figure(

@@ -123,18 +123,13 @@ def blocks(study: Sequence[DrawnSet]) -> tuple[Block, ...]:
 
 def _table(study: Sequence[DrawnSet]) -> Table:
     columns = (Column("", align="left"), *(Column(f"{share:.0%}", "cm") for share in TOLD))
-    rows = tuple(
-        (
-            name,
-            *(spread(100.0 * errors_m(study, name)[:, SHARES.index(share)]) for share in TOLD),
-        )
-        for name in CONDITIONS
-    )
+    told = [SHARES.index(share) for share in TOLD]
+    rows = ((name, *map(spread, 100.0 * errors_m(study, name)[:, told].T)) for name in CONDITIONS)
     caption = (
         "Error of the hand's predicted end, mean over the tests, by share of the movement seen;"
         f" median (range) over {len(study)} draws."
     )
-    return Table(columns, rows, caption)
+    return Table.of(columns, rows, caption)
 
 
 def _decisions(study: Sequence[DrawnSet]) -> Table:
@@ -142,21 +137,15 @@ def _decisions(study: Sequence[DrawnSet]) -> Table:
     for name in CONDITIONS:
         all_decided = decided(study, name)
         acted = np.isfinite(all_decided)
-        rows.append(
-            (
-                name,
-                f"{100.0 * np.nanmedian(all_decided):.0f}",
-                f"{acted.sum()} of {len(acted)}",
-                str(sum(drawn.wrong[name] for drawn in study)),
-                f"{100.0 * np.mean([drawn.inside[name].mean() for drawn in study]):.0f}",
-            )
-        )
+        middle, inside = np.nanmedian(all_decided), [drawn.inside[name].mean() for drawn in study]
+        counts = f"{acted.sum()} of {len(acted)}", sum(drawn.wrong[name] for drawn in study)
+        rows.append((name, 100.0 * middle, *counts, 100.0 * np.mean(inside)))
     columns = (
         Column("", align="left"),
-        Column("median decision", "% of the movement"),
+        Column("median decision", "% of the movement", form=".0f"),
         Column("acted on"),
         Column("wrongly acted on"),
-        Column("inside two standard deviations", "%"),
+        Column("inside two standard deviations", "%", form=".0f"),
     )
     caption = f"Decisions of all draws; the box that comes late comes after {LATE:.0%}."
-    return Table(columns, tuple(rows), caption)
+    return Table.of(columns, rows, caption)

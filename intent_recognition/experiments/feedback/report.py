@@ -156,11 +156,7 @@ def blocks(
 
 
 def _ratio_table(ratios: Sequence[NDArray[np.float64]]) -> Table:
-    columns = (Column("std of the arm / the primitive's", align="left"),) + tuple(
-        Column(f"joint {k + 1}") for k in range(len(ratios[0]))
-    )
-    rows = tuple(
-        (name, *(f"{value:.2f}" for value in ratio))
-        for name, ratio in zip(CONTROLLERS, ratios, strict=True)
-    )
-    return Table(columns, rows, caption="Root mean square over the movement.")
+    joints = (Column(f"joint {k + 1}", form=".2f") for k in range(len(ratios[0])))
+    columns = (Column("std of the arm / the primitive's", align="left"), *joints)
+    rows = ((name, *ratio) for name, ratio in zip(CONTROLLERS, ratios, strict=True))
+    return Table.of(columns, rows, "Root mean square over the movement.")

@@ -25,7 +25,7 @@ from intent_recognition.signals import Demonstration
 
 TASK = "plate_handover"
 DESIGN = FeedbackSettings(disturbance=0.3, bandwidth_rad_s=20.0, n_times=801)
-N_RUNS, N_RUNS_QUICK = 60, 8
+N_RUNS, N_RUNS_QUICK = 60, 6
 PUSH_N = (0.0, 10.0, 0.0)
 PUSH_S, WINDOW_S, AFTER_S = 0.3, 0.8, 0.6
 CONTROLLERS = ("stochastic feedback", "low gain")

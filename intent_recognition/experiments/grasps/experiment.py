@@ -19,7 +19,15 @@ from intent_recognition.experiments.grasps.study import (
     tipped_deg,
 )
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.report import Column, ExperimentResult, Figure, Finding, Table, to_svg
+from intent_recognition.report import (
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    readable,
+    to_svg,
+)
 from sim_bridge.grasping import DENSITY_KG_M3, FORCE_N, FRICTION, HOLD_S, LIFT_M
 
 WANTED_SHARE = 0.85
@@ -128,6 +136,6 @@ def _table(trials: Sequence[Trial]) -> Table:
     rows = []
     for name in dict.fromkeys(t.subject.name for t in trials):
         some = [t for t in trials if t.subject.name == name]
-        held = [str(sum(t.held for t in some if t.manner == manner)) for manner in MANNERS]
-        rows.append((name.replace("_", " "), str(len(some) // len(MANNERS)), *held))
-    return Table(tuple(columns), tuple(rows), "Lifts that held, by container.")
+        held = (sum(t.held for t in some if t.manner == manner) for manner in MANNERS)
+        rows.append((readable(name), len(some) // len(MANNERS), *held))
+    return Table.of(columns, rows, "Lifts that held, by container.")

@@ -159,22 +159,18 @@ def _growth_table(
     summary: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
     growth: Mapping[str, Growth],
 ) -> Table:
-    rows = tuple(
-        (
-            method,
-            f"{1e3 * mean[0, -1]:.1f} \N{PLUS-MINUS SIGN} {1e3 * error[0, -1]:.1f}",
-            f"{1e3 * mean[-1, -1]:.1f} \N{PLUS-MINUS SIGN} {1e3 * error[-1, -1]:.1f}",
-            str(growth[method]),
-        )
-        for method, (mean, error) in summary.items()
-    )
     columns = (
         Column("method", align="left"),
         Column("RMSE, clean", "1/1000"),
         Column("RMSE, variance 0.04", "1/1000"),
         Column("growth"),
     )
-    return Table(columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error.")
+    rows = []
+    for method, (mean, error) in summary.items():
+        ends = (1e3 * mean[k, -1] for k in (0, -1)), (1e3 * error[k, -1] for k in (0, -1))
+        both = (f"{m:.1f} \N{PLUS-MINUS SIGN} {e:.1f}" for m, e in zip(*ends, strict=True))
+        rows.append((method, *both, str(growth[method])))
+    return Table.of(columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error.")
 
 
 def conditions(plan: Plan) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
-from intent_recognition.experiments.draws import Draw, draw_again
+from intent_recognition.experiments.draws import Draw, draw_again, for_json
 from intent_recognition.experiments.pointing.report import CONDITIONS, blocks, findings
 from intent_recognition.experiments.pointing.study import (
     Tested,
@@ -79,7 +79,7 @@ def _outcome(
             "error_m": errors.tolist(),
             "largest_error_m": float(errors.max()),
             "mean_error_m": float(errors.mean()),
-            "draws": [{"seed": one.seed, **one.numbers} for one in draws],
+            "draws": for_json(draws),
             "predicted_error_m": predicted.tolist(),
             "nearest_demonstration_error_m": nearest.tolist(),
             "teaching_error_m": teaching.tolist(),

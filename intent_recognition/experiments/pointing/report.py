@@ -152,19 +152,21 @@ def _table(
     predicted: NDArray[np.float64],
     nearest: NDArray[np.float64],
 ) -> Table:
+    from_centre = [np.linalg.norm(one.spot_m - CIRCLE_CENTRE_M) for one in tested]
+    distances = {
+        "from the centre": np.array(from_centre),
+        "prediction": predicted,
+        "on the arm": errors,
+        "nearest demonstration": nearest,
+    }
     columns = (
         Column("test spot"),
-        Column("from the centre", "cm"),
-        Column("prediction", "cm"),
-        Column("on the arm", "cm"),
-        Column("nearest demonstration", "cm"),
+        *(Column(name, "cm", form=".1f") for name in distances),
         Column("2 sigma along, across", "cm"),
     )
     rows = []
     for k, one in enumerate(tested):
         axes = 200.0 * np.sqrt(np.linalg.eigvalsh(one.spread_m2))[::-1]
-        radius = 100.0 * np.linalg.norm(one.spot_m - CIRCLE_CENTRE_M)
-        values = (radius, 100 * predicted[k], 100 * errors[k], 100 * nearest[k])
-        spread = f"{axes[0]:.1f}, {axes[1]:.1f}"
-        rows.append((f"#{one.index + 1}", *(f"{value:.1f}" for value in values), spread))
-    return Table(columns, tuple(rows), caption="Errors on the table's plane.")
+        values = (100.0 * of[k] for of in distances.values())
+        rows.append((f"#{one.index + 1}", *values, f"{axes[0]:.1f}, {axes[1]:.1f}"))
+    return Table.of(columns, rows, "Errors on the table's plane.")

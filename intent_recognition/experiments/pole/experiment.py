@@ -6,6 +6,7 @@ The demonstrations are unlabelled; on which side of the pole the arm was led is 
 
 from collections.abc import Mapping
 
+from intent_recognition.experiments.draws import for_json
 from intent_recognition.experiments.pole.report import blocks, findings
 from intent_recognition.experiments.pole.study import Carried, PoleStudy, investigate
 from intent_recognition.experiments.settings import Settings
@@ -61,7 +62,7 @@ def _numbers(study: PoleStudy) -> Mapping[str, object]:
         "tip_rms_m": [t.tip_rms_m.tolist() for t in study.tried],
         "predicted_through_pole": [t.n_through for t in study.tried],
         "purity": purity(list(study.ways), study.taken.labels),
-        "draws": [{"seed": one.seed, **one.numbers} for one in study.draws],
+        "draws": for_json(study.draws),
         "executed": [_carried_numbers(c) for c in study.carried],
     }
 

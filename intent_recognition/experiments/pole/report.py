@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.experiments.draws import draws_table, spread
+from intent_recognition.experiments.draws import also, drawn, draws_tables
 from intent_recognition.experiments.left_out import FINAL, PHASES, predict
 from intent_recognition.experiments.pole.figures import (
     Paths,
@@ -14,7 +14,7 @@ from intent_recognition.experiments.pole.figures import (
     scene_figure,
     two_answers_figure,
 )
-from intent_recognition.experiments.pole.study import Carried, PoleMixture, PoleStudy
+from intent_recognition.experiments.pole.study import Carried, PoleStudy
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.learning import purity
 from intent_recognition.report import (
@@ -40,31 +40,30 @@ JOINT_ERROR = "error of the joints [rad]"
 def findings(study: PoleStudy) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
     one, taken = study.tried[0], study.taken
-    error = 100.0 * taken.tip_rms_m.mean()
-    middle = float(np.median([draw.numbers["path"] for draw in study.draws]))
+    middle = float(np.median(drawn(study.draws, "path")))
     n = len(study.single.runs)
     single, mixture, single_end, end = (int(c.hits.sum()) for c in study.carried)
     same = sum(a == study.ways[i] for a, i in _ways(study.mixture))
     return (
-        Finding(
+        Finding.wanted(
             "error of the predicted path, leave-one-out [cm]",
             "about 4",
-            f"{error:.1f} ± {100 * taken.tip_rms_m.std(ddof=1):.1f}{_also(study, 'path')}",
+            f"{_one_sigma(taken.tip_rms_m)}{also(study.draws, 'path')}",
             middle <= PAPER_PLATEAU_CM,
-            "" if middle <= PAPER_PLATEAU_CM else "A path on the other side counts in full.",
+            "A path on the other side counts in full.",
         ),
         Finding(
             "... with a single Gaussian [cm]",
             "",
-            f"{100 * one.tip_rms_m.mean():.1f} ± {100 * one.tip_rms_m.std(ddof=1):.1f}"
-            f"{_also(study, 'path, single')}",
+            f"{_one_sigma(one.tip_rms_m)}{also(study.draws, 'path, single')}",
             None,
             "The paper shows it in its Fig. 4 without a number.",
         ),
         Finding(
             "components",
             "sharp fall up to 6, 8 taken",
-            f"sharp fall to {study.chosen}, {study.chosen} taken{_also(study, 'components', 0)}",
+            f"sharp fall to {study.chosen}, {study.chosen} taken"
+            f"{also(study.draws, 'components', 0)}",
             None,
             "With regularised covariances one component per side is enough; more have too few"
             " members each.",
@@ -76,19 +75,12 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
             True if single else None,
             "" if single else "None of this subset did.",
         ),
-        Finding(
-            f"motions of {study.chosen} components that hit the pole",
-            "",
-            f"{mixture} of {n}",
-            not mixture,
-            "" if not mixture else "They must not.",
-        ),
-        Finding(
-            "... told the wand's end only",
-            "",
-            f"{end} of {n}",
-            not end,
-            "" if not end else "They must not.",
+        *(
+            Finding.wanted(name, "", f"{hits} of {n}", not hits, "They must not.")
+            for name, hits in (
+                (f"motions of {study.chosen} components that hit the pole", mixture),
+                ("... told the wand's end only", end),
+            )
         ),
         Finding(
             "motions on the side that was shown",
@@ -98,14 +90,6 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
             "Not in the paper; at spots that are reached both ways either side is right.",
         ),
     )
-
-
-def _also(study: PoleStudy, name: str, digits: int = 1) -> str:
-    """What to add to a number of the shipped recordings where they were drawn again."""
-    if len(study.draws) < 2:
-        return ""
-    drawn = [draw.numbers[name] for draw in study.draws]
-    return f"; {len(drawn)} draws {spread(drawn, digits)}"
 
 
 def blocks(study: PoleStudy) -> tuple[Block, ...]:
@@ -207,44 +191,36 @@ def _components(study: PoleStudy) -> Figure:
 def _table(study: PoleStudy) -> Table:
     columns = (
         Column("components"),
-        Column("left-out density", "nats per sample, lower is better"),
+        Column("left-out density", "nats per sample, lower is better", form=".2f"),
         Column("path", "cm"),
-        Column("joints", "rad"),
+        Column("joints", "rad", form=".3f"),
         Column("on the other side"),
         Column("... at spots reached one way"),
         Column("through the pole"),
     )
-    rows = tuple(_row(study, tried) for tried in study.tried)
-    chosen = frozenset({study.chosen - 1})
-    return Table(columns, rows, caption="Predictions, before execution.", strong=chosen)
+    rows = []
+    for tried in study.tried:
+        predicted = [way_of(path) for path in fingertip(tried.predicted.mean)]
+        other = np.array([a != b for a, b in zip(predicted, study.ways, strict=True)])
+        errors = tried.nll.mean(), _one_sigma(tried.tip_rms_m), tried.joint_rms_rad.mean()
+        others = other.sum(), (other & ~study.both).sum()
+        rows.append((tried.number, *errors, *others, tried.n_through))
+    return Table.of(columns, rows, "Predictions, before execution.", strong=[study.chosen - 1])
 
 
-def _row(study: PoleStudy, tried: PoleMixture) -> tuple[str, ...]:
-    predicted = [way_of(path) for path in fingertip(tried.predicted.mean)]
-    other = np.array([a != b for a, b in zip(predicted, study.ways, strict=True)])
-    tip = 100.0 * tried.tip_rms_m
-    return (
-        str(tried.number),
-        f"{tried.nll.mean():.2f}",
-        f"{tip.mean():.1f} ± {tip.std(ddof=1):.1f}",
-        f"{tried.joint_rms_rad.mean():.3f}",
-        str(int(other.sum())),
-        str(int((other & ~study.both).sum())),
-        str(tried.n_through),
-    )
+def _one_sigma(errors_m: NDArray[np.float64]) -> str:
+    """Mean ± standard deviation [cm]."""
+    return f"{100.0 * errors_m.mean():.1f} ± {100.0 * errors_m.std(ddof=1):.1f}"
 
 
 def _draws(study: PoleStudy) -> tuple[Table, ...]:
-    if len(study.draws) < 2:
-        return ()
-    units = {name: "cm" if name.startswith("path") else "" for name in study.draws[0].numbers}
     caption = (
         f"The {len(study.demonstrations)} recordings drawn again from other seeds, the shipped ones"
         " first: components taken, demonstrations in a component of their own side, error of the"
         " path, and planned motions that run through the pole, told the whole path of the wand or"
         " its end only; below median and range."
     )
-    return (draws_table(study.draws, units, caption),)
+    return draws_tables(study.draws, lambda name: "cm" if name.startswith("path") else "", caption)
 
 
 def _clearance(study: PoleStudy) -> Figure:

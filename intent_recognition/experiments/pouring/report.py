@@ -215,39 +215,34 @@ def _real(pour: RecordedPour, warped: Band, duration_s: float) -> Real:
 
 def _table(pours: Sequence[RecordedPour]) -> Table:
     columns = [Column("pair", align="left")]
-    for manner in (MEAN, SAMPLE, UNWARPED):
-        name = NAMES[manner]
+    for name in NAMES.values():
         columns += [Column(f"{name}: in"), Column("left in cup"), Column("spilled")]
-        columns += [Column("spill expected")]
+        columns += [Column("spill expected", form=".2f")]
     rows = []
     for pair in range(len(PAIRS)):
-        row: list[str | None] = [pair_name(pair)]
-        for manner in (MEAN, SAMPLE, UNWARPED):
-            one = next((p for p in of_manner(pours, manner) if p.order.pair == pair), None)
-            row += _cells(one) if one else [None] * 4
-        rows.append(tuple(row))
+        found = [
+            next((p for p in of_manner(pours, manner) if p.order.pair == pair), None)
+            for manner in NAMES
+        ]
+        rows.append((pair_name(pair), *(cell for one in found for cell in _cells(one))))
     caption = "Balls after each pour, of 40, and the probability of a spill expected before it."
-    return Table(tuple(columns), tuple(rows), caption)
+    return Table.of(columns, rows, caption)
 
 
 def _level_table(pours: Sequence[RecordedPour]) -> Table:
     columns = [Column("pair", align="left"), Column("asked")]
-    columns += [Column(name) for name in ("to be left", "left in cup", "spilled", "error [%]")]
-    rows = [
-        (
-            pair_name(p.order.pair),
-            p.order.pour if p.order.pour == EMPTY else f"{p.order.pour} ml",
-            f"{p.wanted:.0f}",
-            str(p.kept),
-            str(p.spilled),
-            f"{100.0 * p.level_error:.0f}",
-        )
-        for p in to_level(pours)
-    ]
+    names = ("to be left", "left in cup", "spilled", "error [%]")
+    columns += [Column(name, form=".0f") for name in names]
+    rows = []
+    for p in to_level(pours):
+        asked = p.order.pour if p.order.pour == EMPTY else f"{p.order.pour} ml"
+        balls = p.wanted, p.kept, p.spilled
+        rows.append((pair_name(p.order.pair), asked, *balls, 100.0 * p.level_error))
     caption = "Balls after pours to a level, of 40; the error is in shares of the cup's volume."
-    return Table(tuple(columns), tuple(rows), caption)
+    return Table.of(columns, rows, caption)
 
 
-def _cells(pour: RecordedPour) -> list[str | None]:
-    caught = pour.n_balls - pour.spilled - pour.kept
-    return [str(caught), str(pour.kept), str(pour.spilled), f"{pour.risk:.2f}"]
+def _cells(pour: RecordedPour | None) -> tuple[float | None, ...]:
+    if pour is None:
+        return (None,) * 4
+    return pour.n_balls - pour.spilled - pour.kept, pour.kept, pour.spilled, pour.risk

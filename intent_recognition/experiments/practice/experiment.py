@@ -56,7 +56,7 @@ CONDITIONS = (
 
 def run(settings: Settings) -> ExperimentResult:
     """Practise with several seeds by each method."""
-    n_seeds, n_rollouts = (1, 3) if settings.quick else (N_SEEDS, N_ROLLOUTS)
+    n_seeds, n_rollouts = (1, 2) if settings.quick else (N_SEEDS, N_ROLLOUTS)
     done = investigate(
         settings.recordings("pouring/train"),
         range(settings.seed, settings.seed + n_seeds),
@@ -141,13 +141,13 @@ def learning_figure(done: Sequence[Practised]) -> "Drawing":
 
 
 def _table(done: Sequence[Practised]) -> Table:
-    columns = [Column("seed", align="left"), Column("start")]
-    columns += [Column(text) for m in METHODS for text in (f"{m}: after", "spilled")]
+    names = ["start", *(name for m in METHODS for name in (f"{m}: after", "spilled"))]
+    columns = [Column("seed", align="left"), *(Column(name, form=".1f") for name in names)]
     rows = []
     for pair in zip(*(of_method(done, method) for method in METHODS), strict=True):
-        cells = [c for one in pair for c in (f"{one.settled:.1f}", f"{one.spilled[1]:.1f}")]
-        rows.append((str(pair[0].seed), f"{pair[0].start:.1f}", *cells))
-    return Table(tuple(columns), tuple(rows), "Cost and spilled balls of fresh pours, means.")
+        after = (value for one in pair for value in (one.settled, one.spilled[1]))
+        rows.append((pair[0].seed, pair[0].start, *after))
+    return Table.of(columns, rows, "Cost and spilled balls of fresh pours, means.")
 
 
 def _numbers(done: Sequence[Practised]) -> dict[str, object]:

@@ -113,24 +113,23 @@ def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:
 def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
     columns = (
         Column("task", align="left"),
-        *(Column(f"{k} kept", "cm") for k in range(len(study.sessions[0].error_m))),
-        Column("fall", "%"),
-        Column("led to", "cm"),
-        Column("without", "cm"),
+        *(Column(f"{k} kept", "cm", form=".1f") for k in range(len(study.sessions[0].error_m))),
+        Column("fall", "%", form=".0f"),
+        Column("led to", "cm", form=".1f"),
+        Column("without", "cm", form=".1f"),
     )
     rows = []
     for task in study.tasks:
         errors, led, without = (
-            study.of(task, name).mean(axis=-1) for name in ("error_m", "corrected_m", "without_m")
+            100 * study.of(task, name).mean(axis=-1)
+            for name in ("error_m", "corrected_m", "without_m")
         )
-        centimetres = [f"{100 * value:.1f}" for value in (*errors, led, without)]
-        fall = f"{100 * study.fall(task):.0f}"
-        rows.append((readable(task), *centimetres[:-2], fall, *centimetres[-2:]))
+        rows.append((readable(task), *errors, 100 * study.fall(task), led, without))
     most = 100 * (1 - LEAST_FALL) * MOVED_M
     caption = f"Dots: executions; lines: means; dashed: {most:.1f} cm, wanted at most."
     figure = Figure(to_svg(errors_figure(study)), caption)
     caption = "Mean error of the hand at the new place, of executions that nobody touched."
-    return figure, Table(columns, tuple(rows), caption=caption)
+    return figure, Table.of(columns, rows, caption)
 
 
 @styled

@@ -85,8 +85,10 @@ def _findings(study: PractisingStudy) -> tuple[Finding, ...]:
 
 def _blocks(study: PractisingStudy) -> tuple[Figure | Table, ...]:
     columns = [Column("task", align="left")]
-    columns += [Column(f"{cost}: {when}", SHOWN[cost][1]) for cost in COSTS for when in _WHEN]
-    columns += [Column(f"in physics: {when}", "s") for when in _WHEN[:2]]
+    columns += [
+        Column(f"{cost}: {when}", SHOWN[cost][1], form=".2f") for cost in COSTS for when in _WHEN
+    ]
+    columns += [Column(f"in physics: {when}", "s", form=".2f") for when in _WHEN[:2]]
     rows = []
     for one in study.waited:
         cells = []
@@ -96,12 +98,10 @@ def _blocks(study: PractisingStudy) -> tuple[Figure | Table, ...]:
                 for method in (CMA, RANDOM)
             )
             means = [[p.start for p in some], [p.settled for p in some], [p.settled for p in rand]]
-            cells += [f"{SHOWN[cost][0] * np.mean(values):.2f}" for values in means]
-        rows.append(
-            (readable(one.task), *cells, *(f"{np.median(late):.2f}" for late in one.late_s))
-        )
+            cells += [SHOWN[cost][0] * np.mean(values) for values in means]
+        rows.append((readable(one.task), *cells, *(np.median(late) for late in one.late_s)))
     caption = "Cheapest rollout so far over the first's, mean of the seeds; dashed: random search."
-    table = Table(tuple(columns), tuple(rows), "Mean costs of executions beside other people.")
+    table = Table.of(columns, rows, "Mean costs of executions beside other people.")
     return Figure(to_svg(curves_figure(study)), caption), table
 
 

@@ -187,21 +187,18 @@ def _table(
     acceleration: NDArray[np.float64],
 ) -> Table:
     share, wrong = inside.mean(axis=0), np.median(acceleration, axis=0)
-    rows = tuple(
-        (
-            str(count),
-            *(f"{line.mean[k]:.3f}" for line in lines.values()),
-            *(f"{100 * share[k, agent]:.1f}" for agent in range(2)),
-            *(f"{100 * wrong[k, spline]:.0f}" for spline in (1, 0)),
-        )
-        for k, count in enumerate(counts)
-    )
     columns = (
         Column("observations"),
-        *(Column(f"RMSE, {name}") for name in lines),
-        Column("inside 2 sigma, observed", "%"),
-        Column("... controlled", "%"),
-        Column("acceleration error, best spline", "%"),
-        Column("... through the samples", "%"),
+        *(Column(f"RMSE, {name}", form=".3f") for name in lines),
+        Column("inside 2 sigma, observed", "%", form=".1f"),
+        Column("... controlled", "%", form=".1f"),
+        Column("acceleration error, best spline", "%", form=".0f"),
+        Column("... through the samples", "%", form=".0f"),
     )
-    return Table(columns, rows, "Controlled agent's error, calibration, and error of the spline.")
+    rows = (
+        (count, *(line.mean[k] for line in lines.values()), *100 * share[k], *100 * wrong[k, ::-1])
+        for k, count in enumerate(counts)
+    )
+    return Table.of(
+        columns, rows, "Controlled agent's error, calibration, and error of the spline."
+    )

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from intent_recognition.experiments.draws import for_json
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.report import blocks, findings
 from intent_recognition.experiments.toolbox.study import ToolboxStudy, investigate
@@ -47,7 +48,6 @@ _CONDITIONS = (
 
 def _numbers(study: ToolboxStudy) -> Mapping[str, object]:
     """All numbers of the experiment, ready for JSON."""
-    right = [e.recognised == e.task and not e.wrong_first for e in study.executions]
     return {
         "tasks": study.tasks.tolist(),
         "components": [t.number for t in study.tried],
@@ -61,9 +61,9 @@ def _numbers(study: ToolboxStudy) -> Mapping[str, object]:
         "inside_2_sigma": float(inside_two_sigma(study)),
         "recognised_from_movement": int(study.recognised(study.from_end).sum()),
         "recognised_from_end": int(study.recognised(study.end_alone).sum()),
-        "draws": [{"seed": one.seed, **one.numbers} for one in study.draws],
+        "draws": for_json(study.draws),
         "executions": [e._asdict() for e in study.executions],
-        "executions_right": int(sum(right)),
+        "executions_right": study.n_right,
     }
 
 

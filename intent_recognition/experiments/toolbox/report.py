@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.experiments.draws import draws_table, spread
+from intent_recognition.experiments.draws import also, drawn, draws_tables
 from intent_recognition.experiments.left_out import PHASES, majority_names
 from intent_recognition.experiments.pole.figures import components_figure
 from intent_recognition.experiments.toolbox.figures import (
@@ -36,6 +36,12 @@ WHY_END_ALONE = (
     "In the paper each interaction ends in a region of its own, so the final wrist tells the"
     " component; here the regions overlap on purpose."
 )
+DRAWS_CAPTION = (
+    "The 48 recordings drawn again from other seeds, the shipped ones first: components taken,"
+    " demonstrations in a component of their own, components right from the final wrist alone,"
+    " and the hand's mean error with the component from the whole movement or from the end"
+    " alone; below median and range."
+)
 N_JOINTS_SHOWN = 4
 WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
 
@@ -43,23 +49,23 @@ WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
 def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
     found = purity(study.tasks.tolist(), study.taken.labels)
-    right, n = _right(study), len(study.executions)
+    right, n = study.n_right, len(study.executions)
     seen = int(study.recognised(study.from_end).sum())
     return (
-        Finding(
+        Finding.wanted(
             "components, by left-out prediction",
             "3",
-            f"{study.chosen}{_also(study, 'components', 0)}",
-            bool(np.all(_drawn(study, "components") == 3)),
-            "" if study.chosen == 3 else "There are three interactions.",
+            f"{study.chosen}{also(study.draws, 'components', 0)}",
+            np.all(drawn(study.draws, "components") == 3),
+            "There are three interactions.",
         ),
-        Finding(
+        Finding.wanted(
             "demonstrations in a component of their own interaction",
             "48 of 48 (Fig. 7)",
             f"{round(found * len(study.tasks))} of {len(study.tasks)}"
-            f"{_also(study, 'in their own', 0)}",
-            bool(np.all(_drawn(study, "in their own") == len(study.tasks))),
-            "" if found == 1.0 else "Some recordings lie between two components.",
+            f"{also(study.draws, 'in their own', 0)}",
+            np.all(drawn(study.draws, "in their own") == len(study.tasks)),
+            "Some recordings lie between two components.",
         ),
         *(_hand_finding(study, task) for task in HAND_TASKS),
         *(_end_alone_finding(study, task) for task in HAND_TASKS),
@@ -70,12 +76,12 @@ def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
             None,
             "Not in the paper, where executions were counted.",
         ),
-        Finding(
+        Finding.wanted(
             "executions with the right component",
             "100 % of more than 40",
             f"{right} of {n}",
             right == n,
-            "" if right == n else "The paper's component is chosen once, ours at each moment.",
+            "The paper's component is chosen once, ours at each moment.",
         ),
     )
 
@@ -86,8 +92,7 @@ def _hand_finding(study: ToolboxStudy, task: str) -> Finding:
     return Finding(
         f"error of the hand, {readable(task)}, component from the whole movement [cm]",
         f"{mean} ± {spread}",
-        f"{errors.mean():.1f} ± {2 * errors.std(ddof=1):.1f}"
-        f"{_also(study, f'{readable(task)}, {WHOLE_NAME}')}",
+        f"{two_sigma(errors)}{also(study.draws, f'{readable(task)}, {WHOLE_NAME}')}",
         None,
         "The paper's component comes from the final wrist: see the row below. Mean ± 2 sigma.",
     )
@@ -96,31 +101,20 @@ def _hand_finding(study: ToolboxStudy, task: str) -> Finding:
 def _end_alone_finding(study: ToolboxStudy, task: str) -> Finding:
     errors = 100.0 * study.hand_error_m(study.end_alone)[study.tasks == task]
     right, n = int(study.recognised(study.end_alone).sum()), len(study.tasks)
-    mean, spread = PAPER_CM[task]
+    name, (mean, spread) = f"{readable(task)}, {END_NAME}", PAPER_CM[task]
     return Finding(
         f"error of the hand, {readable(task)}, from the final wrist alone [cm]",
         f"{mean} ± {spread}",
-        f"{errors.mean():.1f} ± {2 * errors.std(ddof=1):.1f}"
-        f"{_also(study, f'{readable(task)}, {END_NAME}')}",
-        bool(np.median(_drawn(study, f"{readable(task)}, {END_NAME}")) <= mean),
+        f"{two_sigma(errors)}{also(study.draws, name)}",
+        bool(np.median(drawn(study.draws, name)) <= mean),
         f"{WHY_END_ALONE} It is right in {right} of {n}.",
     )
 
 
-def _drawn(study: ToolboxStudy, name: str) -> NDArray[np.float64]:
-    """One number of all draws."""
-    return np.array([draw.numbers[name] for draw in study.draws])
-
-
-def _also(study: ToolboxStudy, name: str, digits: int = 1) -> str:
-    """What to add to a number of the shipped recordings where they were drawn again."""
-    if len(study.draws) < 2:
-        return ""
-    return f"; {len(study.draws)} draws {spread(_drawn(study, name), digits)}"
-
-
-def _right(study: ToolboxStudy) -> int:
-    return sum(e.recognised == e.task and not e.wrong_first for e in study.executions)
+def two_sigma(values: NDArray[np.float64]) -> str:
+    """Mean ± two standard deviations; of one value itself."""
+    spread = f" ± {2 * values.std(ddof=1):.1f}" if values.size > 1 else ""
+    return f"{values.mean():.1f}{spread}"
 
 
 def blocks(study: ToolboxStudy) -> tuple[Block, ...]:
@@ -133,21 +127,21 @@ def blocks(study: ToolboxStudy) -> tuple[Block, ...]:
         _hand(study),
         _table(study),
         _end_alone(study),
-        *_draws(study),
+        *draws_tables(study.draws, lambda name: "cm" if "," in name else "", DRAWS_CAPTION),
         _executions(study),
     )
 
 
 def _key_numbers(study: ToolboxStudy) -> KeyNumbers:
     error = 100.0 * study.hand_error_m(study.from_end)
-    right, n = _right(study), len(study.executions)
+    right, n = study.n_right, len(study.executions)
     numbers = [KeyNumber("components chosen", str(study.chosen), "3", study.chosen == 3)]
     for task in HAND_TASKS:
         values, (mean, spread) = error[study.tasks == task], PAPER_CM[task]
         numbers.append(
             KeyNumber(
                 f"hand, {readable(task)}",
-                f"{values.mean():.1f} ± {2 * values.std(ddof=1):.1f} cm",
+                f"{two_sigma(values)} cm",
                 f"{mean} ± {spread} cm",
                 note="component from the whole movement",
             )
@@ -253,24 +247,18 @@ def _hand(study: ToolboxStudy) -> Row:
 def _table(study: ToolboxStudy) -> Table:
     columns = (
         Column("components"),
-        Column("left-out density", "nats per sample, lower is better"),
-        Column("joints, whole movement", "rad"),
-        Column("joints, final wrist", "rad"),
-        Column("purity"),
+        Column("left-out density", "nats per sample, lower is better", form=".3f"),
+        Column("joints, whole movement", "rad", form=".4f"),
+        Column("joints, final wrist", "rad", form=".4f"),
+        Column("purity", form=".2f"),
         Column("members"),
     )
-    rows = tuple(
-        (
-            str(t.number),
-            f"{t.nll.mean():.3f}",
-            f"{t.joint_rms_rad.mean():.4f}",
-            f"{t.end_rms_rad.mean():.4f}",
-            f"{purity(study.tasks.tolist(), t.labels):.2f}",
-            ", ".join(str(n) for n in np.bincount(t.labels)),
-        )
-        for t in study.tried
-    )
-    return Table(columns, rows, strong=frozenset({study.chosen - 1}))
+    rows = []
+    for t in study.tried:
+        errors = t.nll.mean(), t.joint_rms_rad.mean(), t.end_rms_rad.mean()
+        members = ", ".join(str(n) for n in np.bincount(t.labels))
+        rows.append((t.number, *errors, purity(study.tasks.tolist(), t.labels), members))
+    return Table.of(columns, rows, strong=[study.chosen - 1])
 
 
 def _end_alone(study: ToolboxStudy) -> Text:
@@ -288,25 +276,12 @@ def _end_alone(study: ToolboxStudy) -> Text:
     )
 
 
-def _draws(study: ToolboxStudy) -> tuple[Table, ...]:
-    if len(study.draws) < 2:
-        return ()
-    units = {name: "cm" if "," in name else "" for name in study.draws[0].numbers}
-    caption = (
-        "The 48 recordings drawn again from other seeds, the shipped ones first: components taken,"
-        " demonstrations in a component of their own, components right from the final wrist alone,"
-        " and the hand's mean error with the component from the whole movement or from the end"
-        " alone; below median and range."
-    )
-    return (draws_table(study.draws, units, caption),)
-
-
 def _executions(study: ToolboxStudy) -> Table:
     columns = (
         Column("interaction", align="left"),
         Column("executions"),
         Column("right"),
-        Column("decided after", "% of the movement, median"),
+        Column("decided after", "% of the movement, median", form=".0f"),
         Column("hand when the movement ends", "cm, mean ± 2 sigma"),
     )
     rows = []
@@ -315,15 +290,8 @@ def _executions(study: ToolboxStudy) -> Table:
         errors = 100.0 * np.array([e.hand_error_m for e in own])
         errors = errors[np.isfinite(errors)]
         shares = [e.decided_share for e in own if np.isfinite(e.decided_share)]
-        spread = f" ± {2 * errors.std(ddof=1):.1f}" if errors.size > 1 else ""
-        rows.append(
-            (
-                readable(task),
-                str(len(own)),
-                str(sum(e.recognised == task and not e.wrong_first for e in own)),
-                f"{100 * np.median(shares):.0f}" if shares else None,
-                f"{errors.mean():.1f}{spread}" if errors.size else None,
-            )
-        )
+        decided = 100 * np.median(shares) if shares else None
+        error = two_sigma(errors) if errors.size else None
+        rows.append((readable(task), len(own), sum(e.right for e in own), decided, error))
     caption = "Executions before the online estimator; wrong at any time counts as wrong."
-    return Table(columns, tuple(rows), caption=caption)
+    return Table.of(columns, rows, caption)

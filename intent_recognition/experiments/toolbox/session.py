@@ -48,6 +48,11 @@ class Execution(NamedTuple):
     decided_share: float
     hand_error_m: float
 
+    @property
+    def right(self) -> bool:
+        """Whether its task was active, and no other one."""
+        return self.recognised == self.task and not self.wrong_first
+
 
 class Seen(NamedTuple):
     """What is believed, and decided, after one observation: its time, and both states."""

@@ -106,6 +106,11 @@ class ToolboxStudy:
         """Results with the number of components chosen."""
         return self.tried[self.chosen - 1]
 
+    @property
+    def n_right(self) -> int:
+        """Executions with the right task and no other."""
+        return sum(one.right for one in self.executions)
+
     def hand_error_m(self, predicted: LeftOutPrediction) -> NDArray[np.float64]:
         """Distance of the predicted final hand from the demonstrated one (n,)."""
         ends = predicted.mean[:, -1], self.pairs.controlled[:, -1]

@@ -6,6 +6,7 @@ warped parameters rescale a path of the primitive.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -96,6 +97,7 @@ class DemonstratedPours(NamedTuple):
     second: str
 
 
+@cache
 def annotated_source() -> ObjectModel:
     """The one object whose parts are annotated, ready to be warped onto others."""
     return ObjectModel.learn(load_object(find_object(ANNOTATED)))

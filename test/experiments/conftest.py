@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What tests of several experiments need."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from intent_recognition.report import drawing
+from intent_recognition.share import share_path
+from sim_bridge.scenarios import generate
+
+
+@pytest.fixture(autouse=True, scope="session")
+def laid_out_roughly() -> Iterator[None]:
+    """Figures are drawn without measuring their texts first, which takes half of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawing, "LAYOUT", None)
+        yield
+
+
+@pytest.fixture(scope="module")
+def shipped_again() -> Iterator[None]:
+    """Recordings that are drawn again are the shipped ones: nothing is simulated."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(generate, "record", link_shipped)
+        yield
+
+
+def link_shipped(output, seed, scenario, keep):
+    """In place of the simulation: the recordings of seed 1 that are wanted, whatever the seed."""
+    for bag in share_path(f"bags/{scenario}").rglob("metadata.yaml"):
+        place = bag.parent.relative_to(share_path("bags"))
+        if keep(place):
+            (output / place).parent.mkdir(parents=True, exist_ok=True)
+            (output / place).symlink_to(bag.parent)
