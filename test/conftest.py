@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The environment every test runs in, set before anything imports rclpy."""
+"""The environment every test runs in, set before anything imports rclpy or numpy."""
 
 import atexit
 import fcntl
@@ -12,10 +12,13 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(60, 102)
@@ -52,7 +55,7 @@ for path in (str(ROOT), str(ROOT / "test")):
         sys.path.insert(0, path)
 
 
-settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
+settings.register_profile("untimed", deadline=None, max_examples=50)  # a busy machine is no failure
 settings.load_profile("untimed")
 
 
@@ -113,8 +116,10 @@ def few_basis_functions() -> Iterator[None]:
 
 
 @pytest.fixture
-def rng() -> np.random.Generator:
+def rng() -> "np.random.Generator":
     """A generator of its own for each test."""
+    import numpy as np
+
     return np.random.default_rng(7)
 
 

@@ -12,11 +12,11 @@ from simulation import make_library, simulate
 
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
-from intent_recognition.demonstrations.fields import POSITION_FIELDS
 from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS, ElementName, parse_path
 from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.signals import POSITION_FIELDS
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.observation import merge
 from intent_recognition.signals.orientation import from_tangent

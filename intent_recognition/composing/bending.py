@@ -10,7 +10,6 @@ from intent_recognition.composing.via_points import HAND, ViaPoint
 from intent_recognition.errors import ArgumentError, IntentError, KinematicsError, describe
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm
-from intent_recognition.motion import HAND_FIELDS
 from intent_recognition.promp import (
     ControlPoint,
     TaskLibrary,
@@ -18,6 +17,7 @@ from intent_recognition.promp import (
     distance_to,
     through,
 )
+from intent_recognition.signals import POSITION_FIELDS
 
 LARGEST_DISTANCE = 6.0
 """Mahalanobis distance from what a task does beyond which a via point is refused, in standard
@@ -176,8 +176,8 @@ def control_point(
 
 def hand_columns(names: Sequence[str]) -> list[int]:
     """Which controlled DOFs are the position of a hand; none where joints are predicted."""
-    columns = [k for k, name in enumerate(names) if name.endswith(HAND_FIELDS)]
-    return columns if len(columns) == len(HAND_FIELDS) else []
+    columns = [k for k, name in enumerate(names) if name.endswith(POSITION_FIELDS)]
+    return columns if len(columns) == len(POSITION_FIELDS) else []
 
 
 def _tasks(library: TaskLibrary, point: ViaPoint) -> list[int]:

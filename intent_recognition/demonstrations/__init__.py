@@ -11,7 +11,6 @@ from intent_recognition.demonstrations.corrected import (
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
-    POSITION_FIELDS,
     dofs_of,
     extract,
     numbers_of,
@@ -63,7 +62,6 @@ __all__ = [
     "JOINTS_TOPIC",
     "MARKER_TOPIC",
     "MARKER_TYPE",
-    "POSITION_FIELDS",
     "BagSummary",
     "DofEntry",
     "DofSpec",

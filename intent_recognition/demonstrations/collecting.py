@@ -11,10 +11,10 @@ from intent_recognition.demonstrations.cleaning import (
     restamped,
 )
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
-from intent_recognition.demonstrations.fields import ORIENTATION_FIELDS, has_columns
+from intent_recognition.demonstrations.fields import has_columns
 from intent_recognition.demonstrations.paths import element_names
 from intent_recognition.errors import BagError, MessageError
-from intent_recognition.signals import Rejection
+from intent_recognition.signals import ORIENTATION_FIELDS, Rejection
 
 
 def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:

@@ -14,7 +14,7 @@ from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
 from intent_recognition.errors import ArgumentError, DofError, describe
-from intent_recognition.motion import HAND_FIELDS, TURNED_FIELDS
+from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS
 from intent_recognition.tracking import Extrinsics, parse_extrinsics
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
@@ -245,9 +245,9 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)
     is_velocity = "of" in keys
     link, robot = (_text(item, key, place) if key in item else "" for key in ("link", "robot"))
-    fields = {"m": [*HAND_FIELDS], "rad": [*TURNED_FIELDS[len(HAND_FIELDS) :]]}
+    fields = {"m": [*POSITION_FIELDS], "rad": [*ORIENTATION_FIELDS]}
     if link and (texts["type"], item.get("fields")) != (POSE, fields.get(texts["unit"])):
-        expected = f"type {POSE}, unit m and the fields {', '.join(HAND_FIELDS)}"
+        expected = f"type {POSE}, unit m and the fields {', '.join(POSITION_FIELDS)}"
         got = f"{texts['type']}, {item.get('fields')} in {texts['unit']}"
         raise _error(f"{place}: link", f"{expected}; or its quaternion in rad", got)
     if robot and not link:

@@ -30,16 +30,13 @@ from intent_recognition.demonstrations.paths import (
 from intent_recognition.errors import DofError, MessageError, describe
 from intent_recognition.promp import Trajectory
 from intent_recognition.signals import (
+    POSE_FIELDS,
     from_tangent,
     quaternion_rates,
     right_jacobian,
     to_tangent,
 )
 
-POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
-ORIENTATION_FIELDS = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
-POSE_FIELDS = (*POSITION_FIELDS, *ORIENTATION_FIELDS)
-"""Numbers of a PoseStamped, in the order in which arrays of poses hold them."""
 POSITIONS = ("position", "translation")
 """Attributes of messages that are a place in space [m]."""
 Content = Columns | Sequence[object]

@@ -20,7 +20,6 @@ from intent_recognition.bags import (
 from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
-from intent_recognition.demonstrations.fields import POSITION_FIELDS
 from intent_recognition.demonstrations.reading import iter_demonstrations
 from intent_recognition.demonstrations.sessions import (
     SessionPart,
@@ -29,7 +28,12 @@ from intent_recognition.demonstrations.sessions import (
     task_of,
 )
 from intent_recognition.errors import BagError, MessageError
-from intent_recognition.signals import Rejection, SpeedCorrelation, correlate_speeds
+from intent_recognition.signals import (
+    POSITION_FIELDS,
+    Rejection,
+    SpeedCorrelation,
+    correlate_speeds,
+)
 
 GAP_FACTOR = 3.0
 """A step this many times longer than the median step of the topic is a gap. Convention."""

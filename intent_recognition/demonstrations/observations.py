@@ -22,7 +22,6 @@ from intent_recognition.demonstrations.cleaning import MISSING_DOF, is_raw_pose
 from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
-    POSE_FIELDS,
     dofs_of,
     extract,
     extract_present,
@@ -33,7 +32,12 @@ from intent_recognition.demonstrations.fields import (
 )
 from intent_recognition.demonstrations.paths import element_of
 from intent_recognition.errors import MessageError, describe
-from intent_recognition.signals import LARGEST_ANGLE_RAD, Observation, to_tangent_covariance
+from intent_recognition.signals import (
+    LARGEST_ANGLE_RAD,
+    POSE_FIELDS,
+    Observation,
+    to_tangent_covariance,
+)
 from intent_recognition.tracking import (
     UNKNOWN_VARIANCE,
     IngestSettings,

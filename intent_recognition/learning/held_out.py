@@ -84,12 +84,11 @@ def filter_samples(
     evidence, believed = np.zeros(n), list[tuple[NDArray[np.float64], NDArray[np.float64]]]()
     phases = sample_phases()
     different, place = np.unique(pace, return_inverse=True)
+    between = deviation_transition(model, different / len(phases))[place]  # they are evenly spaced
     for k, phase in enumerate(phases):
         rows = basis.design_matrix(reference_phase(model, phase * different))[place]
-        moved = None
-        if k and deviation.shape[1] > 1:
-            moved = deviation_transition(model, (phase - phases[k - 1]) * different)[place]
         freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.step`
+        moved = between if k else None
         step = Step(dofs, rows, values[k], noise, moved, model.evidence, freedom)
         density, likelihood = condition_on(weights, deviation, step)
         evidence += density

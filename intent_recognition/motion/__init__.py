@@ -25,8 +25,6 @@ from intent_recognition.motion.feedback_controller import (
     resting_gains,
 )
 from intent_recognition.motion.hand_path import (
-    HAND_FIELDS,
-    TURNED_FIELDS,
     hand_targets,
     is_hand,
     joints_along,
@@ -46,9 +44,7 @@ from intent_recognition.motion.separation import (
 from intent_recognition.motion.settings import scaled_limits
 
 __all__ = [
-    "HAND_FIELDS",
     "LARGEST_BEND",
-    "TURNED_FIELDS",
     "Clearance",
     "Correction",
     "DeviationDetector",

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import Arm
+from intent_recognition.signals import POSE_FIELDS, POSITION_FIELDS
 
 N_POSES = 25
 """Poses of a predicted path that are solved; a spline joins them. Convention: on hand paths of half
@@ -22,14 +23,11 @@ what a person's hand can tell."""
 LARGEST_JUMP_RAD = 0.8
 """A joint that turns further from one of the poses to the next has changed its branch [rad].
 Convention: a hand path of half a metre turns none by more than a tenth of a radian."""
-HAND_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
-TURNED_FIELDS = (*HAND_FIELDS, *(f"pose.orientation.{axis}" for axis in "xyzw"))
-"""Fields of a hand's position, and of its whole pose."""
 
 
 def is_hand(names: Sequence[str]) -> bool:
     """Whether numbers of these names are the position of a hand, or its whole pose."""
-    fields = TURNED_FIELDS if len(names) > len(HAND_FIELDS) else HAND_FIELDS
+    fields = POSE_FIELDS if len(names) > len(POSITION_FIELDS) else POSITION_FIELDS
     return len(names) == len(fields) and all(map(str.endswith, names, fields))
 
 
@@ -43,9 +41,9 @@ def hand_targets(numbers: ArrayLike) -> NDArray[np.float64]:
         TrajectoryError: a quaternion is zero.
     """
     values = np.asarray(numbers, dtype=np.float64)
-    if values.shape[-1] == len(HAND_FIELDS):
+    if values.shape[-1] == len(POSITION_FIELDS):
         return values
-    flat = values.reshape(-1, len(TURNED_FIELDS))
+    flat = values.reshape(-1, len(POSE_FIELDS))
     poses = np.tile(np.eye(4), (len(flat), 1, 1))
     try:
         poses[:, :3, :3] = Rotation.from_quat(flat[:, 3:]).as_matrix()

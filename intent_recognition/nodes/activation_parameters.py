@@ -23,7 +23,6 @@ from intent_recognition.kinematics import (
     JointLimits,
 )
 from intent_recognition.motion import (
-    HAND_FIELDS,
     Clearance,
     Separation,
     is_hand,
@@ -33,6 +32,7 @@ from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
 from intent_recognition.promp import TaskLibrary, Trajectory, end_std_limits, least_end_std
 from intent_recognition.recognition import DecisionSettings, start_mean
+from intent_recognition.signals import POSITION_FIELDS
 
 if TYPE_CHECKING:
     from intent_recognition.model import Model
@@ -65,7 +65,7 @@ def check_trajectory(
 
 def std_by_unit(std: NDArray[np.float64], of_hand: bool) -> dict[str, float]:
     """The largest standard deviation of each unit, of joints or of the numbers of a hand (d,)."""
-    n_metres = len(HAND_FIELDS) if of_hand else 0
+    n_metres = len(POSITION_FIELDS) if of_hand else 0
     parts = {"m": std[:n_metres], "rad": std[n_metres:]}
     return {unit: float(part.max()) for unit, part in parts.items() if part.size}
 

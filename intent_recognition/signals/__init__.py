@@ -26,6 +26,11 @@ from intent_recognition.signals.orientation import (
     to_tangent_covariance,
 )
 from intent_recognition.signals.past import Samples, SignalPast
+from intent_recognition.signals.pose_fields import (
+    ORIENTATION_FIELDS,
+    POSE_FIELDS,
+    POSITION_FIELDS,
+)
 from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, movement_span, onset_settings
 from intent_recognition.signals.signal import Signal
@@ -36,6 +41,9 @@ __all__ = [
     "LARGEST_ANGLE_RAD",
     "LEAST_RATE_HZ",
     "MIN_SAMPLES",
+    "ORIENTATION_FIELDS",
+    "POSE_FIELDS",
+    "POSITION_FIELDS",
     "SPATIAL_UNITS",
     "Demonstration",
     "Observation",

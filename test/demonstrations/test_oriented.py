@@ -20,13 +20,13 @@ from intent_recognition.demonstrations import (
     read_demonstrations,
     settle_orientations,
 )
-from intent_recognition.demonstrations.fields import POSE_FIELDS, extract, orientation_beside
+from intent_recognition.demonstrations.fields import extract, orientation_beside
 from intent_recognition.demonstrations.observations import ObservationReader
 from intent_recognition.errors import DofError, MessageError
 from intent_recognition.learning import TrainingSettings, fit_interaction_promp, learn
 from intent_recognition.model import Model, check_dofs, load_model, save_model
 from intent_recognition.recognition import IntentEstimator
-from intent_recognition.signals import merge
+from intent_recognition.signals import POSE_FIELDS, merge
 
 QUATERNION = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 HAND = DofEntry("tracker/hand", POSE, QUATERNION, unit="rad", orientation="quaternion")

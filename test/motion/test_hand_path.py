@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.arm import Arm
 from intent_recognition.kinematics.limits import within_position_limits
-from intent_recognition.motion.hand_path import N_POSES, TURNED_FIELDS, is_hand, joints_along
+from intent_recognition.motion.hand_path import N_POSES, is_hand, joints_along
+from intent_recognition.signals import POSE_FIELDS
 from sim_bridge.arm.robots import NAMES, find_robot
 from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
 from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, SCREW_HANDOVER_M, STANDS_M
@@ -128,8 +129,8 @@ def test_a_hair_out_of_reach_is_executed():
         ([f"hand/pose.pose.position.{axis}" for axis in "xzy"], False),
         (["a", "b", "c"], False),
         ([f"hand/pose.pose.position.{axis}" for axis in "xyzx"], False),
-        ([f"hand/pose.pose.{field}" for field in TURNED_FIELDS], True),
-        ([f"hand/pose.pose.{field}" for field in reversed(TURNED_FIELDS)], False),
+        ([f"hand/pose.pose.{field}" for field in POSE_FIELDS], True),
+        ([f"hand/pose.pose.{field}" for field in reversed(POSE_FIELDS)], False),
     ],
 )
 def test_a_hand_is_known_by_its_names(names, expected):
