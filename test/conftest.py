@@ -42,10 +42,10 @@ def reserve_domain() -> int:
 
 os.environ.update(
     ROS_DOMAIN_ID=str(reserve_domain()),
-    ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+    ROS_AUTOMATIC_DISCOVERY_RANGE="SYSTEM_DEFAULT",  # the profile keeps to this machine
+    FASTRTPS_DEFAULT_PROFILES_FILE=str(ROOT / "config" / "fastdds_localhost.xml"),
     ROS_PYTHON_CHECK_FIELDS="1",
     ROS_LOG_DIR=LOGS,
-    FASTRTPS_DEFAULT_PROFILES_FILE=str(ROOT / "config" / "fastdds.xml"),
     MPLBACKEND="Agg",
 )
 os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)

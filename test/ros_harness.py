@@ -13,9 +13,11 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from intent_recognition.nodes.runtime import make_executor
+from intent_recognition.nodes.runtime import make_executor, spin_until
 
 DEADLINE_S = 30.0
+LEAVE_S = 1.0
+"""How long nodes of ended processes may stay to be seen [s]; killed ones stay longer."""
 
 
 class Harness:
@@ -32,11 +34,16 @@ class Harness:
         return self
 
     def __exit__(self, *_):
+        spin_until(self.executor, self._is_alone, LEAVE_S)
         for node in self.nodes:
             self.executor.remove_node(node)
             node.destroy_node()
         self.executor.shutdown()
         rclpy.try_shutdown()
+
+    def _is_alone(self) -> bool:
+        """Whether no other process is seen: Fast DDS may not let go of us while it notes one."""
+        return set(self.probe.get_node_names()) <= {node.get_name() for node in self.nodes}
 
     def add(self, node: Node) -> Node:
         """Spin `node` from now on; it is destroyed at the end."""

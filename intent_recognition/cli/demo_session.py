@@ -104,7 +104,7 @@ def _run_graph(
     """Run the nodes through one session; returns what was observed."""
     from rclpy.parameter import Parameter
 
-    from intent_recognition.nodes.runtime import make_executor
+    from intent_recognition.nodes.runtime import end, make_executor
     from intent_recognition.nodes.session_observer import SessionObserver
 
     progress = ProgressLine(n_tasks, console)
@@ -143,8 +143,7 @@ def _run_graph(
             )
         return log
     finally:
-        executor.shutdown()
-        observer.destroy_node()
+        end(observer, executor)
 
 
 def _start_nodes(

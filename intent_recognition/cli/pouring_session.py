@@ -64,7 +64,7 @@ def observe_pour(
         from rclpy.parameter import Parameter
 
         from intent_recognition.nodes.pouring_observer import PouringObserver
-        from intent_recognition.nodes.runtime import make_executor
+        from intent_recognition.nodes.runtime import end, make_executor
 
         heartbeats = Heartbeats()
         simulated_time = [Parameter("use_sim_time", value=True)]
@@ -77,8 +77,7 @@ def observe_pour(
                 processes.start(call.name, call.module, call.parameters, call.remappings)
             return _follow(args, observer, watch)
         finally:
-            executor.shutdown()
-            observer.destroy_node()
+            end(observer, executor)
 
 
 def _follow(

@@ -117,7 +117,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
     """
     import rclpy
 
-    from intent_recognition.nodes.runtime import make_executor, spin_until
+    from intent_recognition.nodes.runtime import end, make_executor, spin_until
     from intent_recognition.nodes.task_teacher import TaskTeacher
 
     chosen: dict[str, object] = {
@@ -135,10 +135,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
         executor.add_node(node)
         yield node, partial(spin_until, executor)
     finally:
-        if executor is not None:
-            executor.shutdown()
-        if node is not None:
-            node.destroy_node()
+        end(node, executor)
         rclpy.try_shutdown()
 
 

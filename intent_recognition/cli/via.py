@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     import rclpy
     from rclpy.node import Node
 
-    from intent_recognition.nodes.runtime import make_executor
+    from intent_recognition.nodes.runtime import end, make_executor
 
     console = make_console()
     quiet = rclpy.SignalHandlerOptions.NO
@@ -107,10 +107,7 @@ def run(args: argparse.Namespace) -> int:
         with busy(console, "asking the estimator"):
             points = change_via_points(node, executor, lambda points: args.change(args, points))
     finally:
-        if executor is not None:
-            executor.shutdown()
-        if node is not None:
-            node.destroy_node()
+        end(node, executor)
         rclpy.try_shutdown()
     for point in points:
         console.print(escape(str(point)), highlight=False, soft_wrap=True)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starting, spinning and ending a node."""
 
+import faulthandler
 import gc
 import os
 import re
@@ -8,7 +9,8 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -31,6 +33,9 @@ SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""
 SAME_SIGNAL_S = 1.0
 """Signals that come within this time of the first are one request to end [s]. Convention."""
+END_S = 30.0
+"""A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
+closing any file takes."""
 LARGEST_BACK_S = 0.1
 """/clock may go back by this [s] and be the same. Convention: more than jitter, less than a pass
 of any recording."""
@@ -83,7 +88,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         _log_fatal(node or half_built, getattr(make_node, "__name__", "node"), one_line(error))
         if half_built is not None:
             try:
-                half_built.destroy_node()
+                end(half_built)
             except AttributeError:  # its class counts on what was not made
                 Node.destroy_node(half_built)
         return 1
@@ -178,6 +183,30 @@ def spin_until(executor: Executor, condition: Callable[[], object], timeout_s: f
     return True
 
 
+def end(node: Node | None, executor: Executor | None = None) -> None:
+    """Shut an executor down and destroy a node, if they were made.
+
+    If that takes longer than `END_S`, the process ends with exit code 1 and a traceback on stderr.
+    The Fast DDS of the wheels of ROS may otherwise spin for ever when the last node of a process is
+    destroyed while another one is being discovered (docs/decisions/transport.md).
+    """
+    with _end_of_process_after(END_S):
+        if executor is not None:
+            executor.shutdown()
+        if node is not None:
+            node.destroy_node()
+
+
+@contextmanager
+def _end_of_process_after(seconds: float) -> Iterator[None]:
+    """End the process unless the block is left in time; no thread of Python has to run for it."""
+    faulthandler.dump_traceback_later(seconds, exit=True, file=2)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
 def _check_domain(domain: str) -> None:
     """Refuse a ROS_DOMAIN_ID for which Fast DDS would end the process."""
     if domain and not (domain.isdecimal() and int(domain) <= MAX_DOMAIN):
@@ -235,7 +264,7 @@ def _log_fatal(node: Node | None, class_name: str, text: str) -> None:
             name = re.sub(r"(?<!^)(?=[A-Z])", "_", class_name.removesuffix("Node")).lower()
             node = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
             node.get_logger().fatal(text)
-            node.destroy_node()
+            end(node)
         else:
             node.get_logger().fatal(text)
     except (*_START_ERRORS, NotInitializedException):
@@ -247,8 +276,7 @@ def _close(node: Node | None) -> None:
     numbers = (signal.SIGINT, signal.SIGTERM)
     previous = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
     try:
-        if node is not None:
-            node.destroy_node()
+        end(node)
         try_shutdown()
     finally:
         for number, handler in previous.items():

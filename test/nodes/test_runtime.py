@@ -43,6 +43,33 @@ def test_done_ends_the_process_with_the_nodes_exit_code():
     assert run(Quitter, []) == 3
 
 
+STUCK = """
+import ctypes, sys
+from rclpy.node import Node
+from intent_recognition.nodes import runtime
+
+class Stuck(Node):
+    def __init__(self):
+        super().__init__("stuck")
+        self.done = True
+
+    def destroy_node(self):
+        print("is being destroyed", flush=True)
+        ctypes.PyDLL(None).sleep(600)  # a call that keeps the interpreter's lock
+
+runtime.END_S = 0.5
+sys.exit(runtime.run(Stuck, []))
+"""
+
+
+@pytest.mark.slow
+def test_a_node_that_cannot_be_destroyed_does_not_keep_its_process():
+    with NodeProcess(sys.executable, "-c", STUCK) as node:
+        assert node.wait() == 1
+    assert node.output == "is being destroyed\n"
+    assert "Timeout" in node.errors and "in destroy_node" in node.errors
+
+
 def test_start_error_is_one_line(capfd):
     def broken():
         raise ModelError("model:\n expected a file")
