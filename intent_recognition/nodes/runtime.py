@@ -188,7 +188,7 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
 
     If that takes longer than `END_S`, the process ends with exit code 1 and a traceback on stderr.
     The Fast DDS of the wheels of ROS may otherwise spin for ever when the last node of a process is
-    destroyed while another one is being discovered (docs/decisions/transport.md).
+    destroyed while another one is being discovered (docs/decisions/ros.md).
     """
     with _end_of_process_after(END_S):
         if executor is not None:
