@@ -4,13 +4,13 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 DEMO_ARGS ?=
 TEST_ARGS ?=
-JOBS ?= 3
+JOBS ?= 4
 BENCH_ARGS ?=
 DOCS ?= out/docs
 
 BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg pyproject.toml package.xml
-# Three on two cores: some wait for nodes and browsers, which leaves a fifth of the time idle.
+# Four on two cores: some wait for nodes and browsers, which leaves a fifth of the time idle.
 # Each worker takes half of what remains, so that tests of one module stay together.
 PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 PIP := $(BIN)/python -m pip --disable-pip-version-check
@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo "make demo   watch the simulated coworker and the arm (DEMO_ARGS='--headless --seed 1')"
-	@echo "make test   run all tests in JOBS=3 processes (TEST_ARGS='-k ingest')"
+	@echo "make test   run all tests in JOBS=4 processes (TEST_ARGS='-k ingest')"
 	@echo "make quick  run the tests that take less than a third of a second each"
 	@echo "make coverage  run the tests and show which branches never ran"
 	@echo "make lint   check style, formatting, types and spelling"
