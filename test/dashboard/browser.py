@@ -169,6 +169,10 @@ def visitor():
             page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
             browser.calm(page, FRAMES_HZ)
             page.add_init_script(BLIND)
-            yield Visitor(page)
+            person = Visitor(page)
+            try:
+                yield person
+            finally:
+                print(*person.console, sep="\n")  # pytest shows it if the test fails
         finally:
             opened.close()

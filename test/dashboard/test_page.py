@@ -50,17 +50,19 @@ def cell(tmp_path, toolbox_model, repository):
         "port": free_port(),
         "bags": repository / "bags/toolbox/test",
     }
-    processes = []
+    processes = {}
     try:
         for module, parameters in NODES.items():
             arguments = ["--ros-args"]
             for name, value in parameters.items():
                 arguments += ["-p", f"{name}:={value.format(**values)}"]
-            processes.append(NodeProcess(module, *arguments))
+            processes[module] = NodeProcess(module, *arguments)
         yield values
     finally:
-        for process in processes:
-            process.stop()
+        codes = {module: process.stop() for module, process in processes.items()}
+        for module, process in processes.items():
+            print(module, codes[module], process.output, process.errors, sep="\n")
+    assert set(codes.values()) == {0}
 
 
 def test_page_shows_replays_and_teaches(cell, tmp_path, repository):
