@@ -113,7 +113,7 @@ def test_it_comes_up_and_ends_on_ctrl_c(words, bench, tmp_path, monkeypatch, har
     monkeypatch.chdir(tmp_path if words[:2] == ("intent", "record") else bench)
     module = INTENT if words[0] == "intent" else NODES[name].module
     heard = harness.collect(DiagnosticArray, "/diagnostics")
-    with NodeProcess(module, *map(free_port, arguments)) as node:
+    with NodeProcess(module, *arguments, *free_port(name)) as node:
         harness.spin_until(
             lambda: (
                 node.process.poll() is not None
@@ -128,13 +128,13 @@ def test_it_comes_up_and_ends_on_ctrl_c(words, bench, tmp_path, monkeypatch, har
     assert "Traceback" not in node.errors
 
 
-def free_port(argument):
-    """A port that nothing listens on, for the page's."""
-    if not argument.startswith("port:="):
-        return argument
+def free_port(name):
+    """Arguments for a port that nothing listens on; of a parameter given twice the last counts."""
+    if name != "dashboard":
+        return ()
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return f"port:={probe.getsockname()[1]}"
+        return "--ros-args", "-p", f"port:={probe.getsockname()[1]}"
 
 
 LAUNCHED = [words for words in SHOWN if words[:2] == ("ros2", "launch")]
