@@ -30,7 +30,7 @@ print(f"learned {', '.join(library.labels)}; shown now: {recording.task}")
 
 # %%
 # Give the estimator the worker's wrist, as a tracker would. As soon as a task is clear, it predicts
-# the whole path of the other wrist ten times a second, with a decreasing error.
+# the whole path of the other wrist ten times a second, and more and more accurately.
 
 estimator = ir.IntentEstimator(library)
 predictions = []
