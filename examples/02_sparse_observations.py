@@ -3,9 +3,9 @@
 Sparse and partial observations
 ===============================
 
-A tracker loses its marker, or sees one coordinate only. What was not measured has no row in the
+A tracker loses its marker, or sees only one coordinate. What was not measured has no row in the
 observation matrix (Maeda et al. 2014, Eq. 7 and 8): nothing is interpolated, and no noise is
-inflated in its place. Any number of samples, at any phases, of any DOFs, will do.
+inflated instead. Any number of samples, at any phases, of any DOFs, can be used.
 """
 
 import matplotlib.pyplot as plt
@@ -43,8 +43,8 @@ for name, (rows, dofs) in seen.items():
     predictions[name] = posterior
 
 # %%
-# The person's forward motion x and height z. Knowing heights alone narrows the height, and of the
-# forward motion only what heights tell about it.
+# The person's forward motion x and height z. Knowing only heights narrows the height, and the
+# forward motion as far as it is correlated with the height.
 
 grid = np.linspace(0.0, 1.0, 50)
 figure, table = plt.subplots(2, 4, figsize=(10, 4.6), sharex=True, sharey="row")
@@ -65,7 +65,7 @@ figure.legend(*table[0, 1].get_legend_handles_labels(), loc="outside upper cente
 plt.show()
 
 # %%
-# What it means for the robot: the standard deviation of its final position.
+# The effect on the robot: the standard deviation of its final position.
 
 for name, posterior in predictions.items():
     std_cm = 100 * posterior.predict_controlled().std[-1]

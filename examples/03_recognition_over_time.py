@@ -4,7 +4,7 @@ Recognition over time
 =====================
 
 Learn three tasks, then ask after each sample of a new movement which task it is. The evidence of
-all samples so far is kept (Maeda et al. 2014, Eq. 9 to 11), the duration of the movement is not
+all samples so far is kept (Maeda et al. 2014, Eq. 9 to 11). The duration of the movement is not
 known, and one alternative is always that the movement is none of the tasks.
 """
 
@@ -15,8 +15,8 @@ from simulated_handover import TASKS, simulate
 import intent_recognition as ir
 
 # %%
-# `learn` fits one primitive per label, with timing and noise. How large the noise is, it
-# chooses by leaving demonstrations out.
+# `learn` fits one primitive per label, with timing and noise. It chooses the scale of the noise by
+# leaving demonstrations out.
 
 rng = np.random.default_rng(1)
 demonstrations = [
@@ -38,7 +38,7 @@ print(f"after 0.5 s: {estimates[25].task}, {max(estimates[25].probabilities):.0%
 
 # %%
 # Every task begins alike, so the first samples say little: probabilities begin at the prior and
-# move as soon as the ways part.
+# change as soon as the movements of the tasks differ.
 
 probabilities = np.array([estimate.probabilities for estimate in estimates])
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 5.2), sharex=True, height_ratios=(1, 1.3))
@@ -54,7 +54,7 @@ figure.legend(*bottom.get_legend_handles_labels(), loc="outside upper center", n
 plt.show()
 
 # %%
-# A known duration settles the phase, and with it much of the uncertainty. It is rarely known
+# A known duration determines the phase, which removes much of the uncertainty. It is rarely known
 # online, but in a recording it is.
 
 half = len(times_s) // 4

@@ -3,9 +3,10 @@
 Movements that nobody taught
 ============================
 
-A person also scratches their head. Beside the tasks there is always the hypothesis `none`: any
-human movement, wider than every task. Evidence counts beyond a margin that is learned from tasks
-left out in training (:doc:`../recognition`), so `none` wins when a movement fits no task.
+A person sometimes scratches their head. Beside the tasks there is always the hypothesis `none`:
+any human movement, with a wider distribution than every task. Evidence counts only beyond a margin
+that is learned from tasks left out in training (:doc:`../recognition`), so `none` wins when a
+movement fits no task.
 """
 
 import matplotlib.pyplot as plt

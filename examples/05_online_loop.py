@@ -4,7 +4,7 @@ An online loop
 ==============
 
 `IntentEstimator` takes one measurement after the other from a running stream. It finds the onset of
-each movement, recognises the task, predicts the robot's movement, and notices the end. `decide`
+each movement, recognises the task, predicts the robot's movement, and detects the end. `decide`
 says when a task is certain enough to act on. The ROS nodes do the same with messages.
 """
 
@@ -33,14 +33,14 @@ for task in ("plate", "screw", "screwdriver"):
     start_s += times_s[-1] + 2.5
 
 # %%
-# The loop. `decide` keeps what it must remember in a value that goes in and comes out.
+# The loop. `decide` is a pure function: its state is an argument and a returned value.
 
 estimator = ir.IntentEstimator(library)
 settings, state = ir.decision_settings(library), ir.DecisionState()
 stamps, probabilities, predicted, active = [], [], [], []
 for stamp_s, position in stream:
     estimate = estimator.observe(stamp_s, position)
-    prediction = estimator.predict_controlled()  # None at rest, and while none leads
+    prediction = estimator.predict_controlled()  # None at rest, and while `none` is most probable
     state, task = ir.decide(
         settings,
         state,
@@ -58,8 +58,8 @@ for stamp_s, position in stream:
     predicted.append(end)
 
 # %%
-# Top: probabilities. Shaded: times in which a task was certain enough to act on. Bottom: where the
-# robot's hand is predicted to end, beside where it went in that recording (dashed).
+# Top: probabilities. Shaded: times in which a task was certain enough to act on. Bottom: the
+# predicted end of the robot's hand, and its end in that recording (dashed).
 
 stamps, probabilities = np.array(stamps), np.array(probabilities)
 mean, std = np.array(predicted).transpose(1, 0, 2)

@@ -3,9 +3,9 @@
 Demonstrations without labels
 =============================
 
-Recordings of a shift come without labels. `learn_mixture` finds the tasks in them: it fits
-mixtures of interaction primitives by expectation maximisation, and takes the smallest number of
-components that predicts left-out demonstrations as well as any (Ewerton et al. 2015, Algorithm 1;
+Recordings of daily work have no labels. `learn_mixture` finds the tasks in them: it fits mixtures
+of interaction primitives by expectation maximisation, and takes the smallest number of components
+that predicts left-out demonstrations as well as any other (Ewerton et al. 2015, Algorithm 1;
 :doc:`../mixture`).
 """
 
@@ -16,8 +16,8 @@ from simulated_handover import TASKS, simulate
 import intent_recognition as ir
 
 # %%
-# Thirty recordings in random order, no labels. People keep closer to their places than in the other
-# examples: three standard deviations are about 10 cm.
+# Thirty recordings in random order, without labels. The goals vary less than in the other examples:
+# three standard deviations are about 10 cm.
 
 rng = np.random.default_rng(1)
 truth = rng.permutation(np.repeat(list(TASKS), 10))
@@ -27,14 +27,14 @@ recordings = [
 ]
 demonstrations = [ir.Demonstration.from_arrays(*r, controlled_unit="m") for r in recordings]
 
-settings = ir.TrainingSettings(n_basis=12)  # smooth movements: few basis functions will do
+settings = ir.TrainingSettings(n_basis=12)  # smooth movements: few basis functions suffice
 library = ir.learn_mixture(demonstrations, settings=settings, rng=rng)
 print("components:", ", ".join(library.labels))
 print("members:", library.n_demonstrations)
 
 # %%
-# The components are tasks like any others: recognise the recordings by them, and compare with what
-# they were.
+# The components are tasks like any others: recognise the recordings with them, and compare with the
+# true tasks.
 
 found = [
     ir.recognize_task(library, times_s, wrist, duration_s=times_s[-1]).task
@@ -45,7 +45,7 @@ for task in TASKS:
     print(f"{task:>12}:", ", ".join(f"{n} of {c}" for c, n in zip(names, counts, strict=True)))
 
 # %%
-# Seen from above: as recorded, and coloured by component.
+# View from above: as recorded, and coloured by component.
 
 figure, columns = plt.subplots(1, 2, figsize=(9, 3.6), sharex=True, sharey=True)
 for (_, wrist, _), label in zip(recordings, found, strict=True):

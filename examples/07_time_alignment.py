@@ -15,7 +15,7 @@ from simulated_handover import simulate
 import intent_recognition as ir
 
 # %%
-# Twelve plates are handed over, some with haste at the beginning, some at the end. Trajectories may
+# Twelve handovers of a plate, some faster at the beginning, some at the end. Trajectories may
 # differ in length; their samples are even in time.
 
 rng = np.random.default_rng(3)
@@ -45,8 +45,8 @@ warps.set(title="warps", xlabel="reference phase", ylabel="recorded phase")
 plt.show()
 
 # %%
-# What is left are differences in place. Standard deviation across the demonstrations in
-# mid-movement, where timing matters most:
+# The remaining differences are in place. Standard deviation across the demonstrations in the middle
+# of the movement, where timing matters most:
 
 resampled = np.array(
     [

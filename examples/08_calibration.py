@@ -3,8 +3,8 @@
 Uncertainty and its calibration
 ===============================
 
-A standard deviation is worth something if errors are as large as it says, and a probability if it
-comes true as often. Both are checked on new movements, which is what the predictions are for.
+A standard deviation is calibrated if errors are as large as it says, and a probability if the event
+happens as often as it says. Both are checked here on new movements.
 """
 
 import matplotlib.pyplot as plt
@@ -28,8 +28,8 @@ def demonstrate(task):
 # Standard deviations
 # -------------------
 # Predict the robot in 100 new movements, 40 % of each observed, and count how often it stays
-# within k predicted standard deviations. Five demonstrations tell less about the spread than
-# twenty; the covariance is widened for that (:doc:`../decisions/covariance_target`).
+# within k predicted standard deviations. Five demonstrations determine the spread less well than
+# twenty, so the covariance is inflated (:doc:`../decisions/covariance_target`).
 
 normal = np.linspace(0.0, 3.0, 61)
 coverage = {}
@@ -49,7 +49,7 @@ for n_demonstrations in (5, 20):
 # Probabilities
 # -------------
 # Learn three tasks, ask early in 150 new movements which one it is, and compare the probability of
-# each task with how often it was the task. `reliability_bins` sorts them into bins.
+# each task with the share in which it was the task. `reliability_bins` sorts them into bins.
 
 library = ir.learn([demonstrate(task) for task in TASKS for _ in range(8)])
 said, true = [], []
@@ -64,8 +64,8 @@ for number in range(150):
 probability, share, count = ir.reliability_bins(np.array(said), np.array(true), n_bins=5)
 
 # %%
-# On the diagonal, uncertainty is as it says; above it on the left, the prediction is better than it
-# says.
+# On the diagonal, the uncertainty is calibrated. Above it on the left, errors are smaller than the
+# predicted standard deviation.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4))
 for axes in (left, right):

@@ -3,9 +3,9 @@
 Warping a cup
 =============
 
-One mug was annotated: which points are rim, container and handle. Warping carries the annotation
-over to another container of any size, place and direction (Brandl et al. 2014, II), and from its
-parts follow the numbers that pouring needs: opening, volume, lip, tilt angle (:doc:`../warping`).
+The points of one mug are annotated as rim, container or handle. Warping transfers the annotation to
+another container of any size, place and orientation (Brandl et al. 2014, II). Its parts give the
+numbers that pouring needs: opening, volume, lip, tilt angle (:doc:`../warping`).
 """
 
 import matplotlib.pyplot as plt
@@ -55,7 +55,7 @@ turn = np.array(
 bowl = ir.ObjectCloud(points @ turn.T + [0.5, 0.2, 0.8], normals @ turn.T)
 
 # %%
-# Warp, and read off what pouring needs.
+# Warp the mug, and compute what pouring needs.
 
 warped = ir.warp_object(mug, bowl)
 found = ir.pouring_parameters(warped, toward=np.array([1.0, 0.2, 0.8]))
@@ -69,8 +69,8 @@ print(f"height {1e3 * found.height_m:.1f} mm, true {1e3 * HEIGHT_M:.1f} mm")
 print(f"half is poured at a tilt of {np.degrees(found.tilt_reference_rad):.0f} degrees")
 
 # %%
-# The mug with its annotation, and the bowl with what was carried over: rim and container, no
-# handle. The cross is the lip, the point of the rim over which the bowl would pour to the right.
+# The mug with its annotation, and the bowl with the transferred one: rim and container, no handle.
+# The cross is the lip, the point of the rim over which the bowl would pour to the right.
 
 figure = plt.figure(figsize=(9, 4))
 views = (

@@ -3,9 +3,9 @@
 A real recording
 ================
 
-People hand over a baton (Khanna et al. 2022). From the giver's hand, predict the taker's. The
-recordings are public but not ours to ship; set ``INTENT_SHARED_DATA`` to a folder with the bags in
-``baton`` and their ``dofs.yaml`` (:doc:`../bags`). Without them this page draws nothing.
+People hand over a baton (Khanna et al. 2022). Predict the taker's hand from the giver's. The
+recordings are public, but we may not ship them; set ``INTENT_SHARED_DATA`` to a folder with the
+bags in ``baton`` and their ``dofs.yaml`` (:doc:`../bags`). Without them this page draws nothing.
 """
 
 import os
@@ -21,8 +21,8 @@ available = folder.is_dir()
 print("recordings found" if available else "no recordings here: nothing is drawn below")
 
 # %%
-# Bags become demonstrations by a DOF file, which says which fields of which topics are whose. Of 40
-# recordings every fourth is kept for testing.
+# A DOF file says which message fields belong to which agent, and turns bags into demonstrations. Of
+# 40 recordings every fourth is kept for testing.
 
 if available:
     bags = sorted(path for path in folder.iterdir() if path.is_dir())[:40]
@@ -35,8 +35,8 @@ if available:
 
 
 # %%
-# Observe the first part of each movement, and predict how the taker's hand moves from beginning to
-# end. The duration is known here, as for a recording; online it is not.
+# Observe the first part of each movement, and predict the whole movement of the taker's hand. The
+# duration is known here, because the movement was recorded; online it is not.
 
 
 def samples(signals, movement):

@@ -4,8 +4,8 @@ Combining primitives
 ====================
 
 A learned primitive is a distribution, and distributions can be changed and combined after learning
-(Paraschos et al. 2013 and 2018): the robot's hand passes over a bottle that stands in the way, one
-motion does justice to two tasks, or another task takes over while the hand is on its way.
+(Paraschos et al. 2013 and 2018): the robot's hand passes over a bottle that stands in its way, one
+motion combines two tasks, or another task takes over during the motion.
 """
 
 import matplotlib.pyplot as plt
@@ -26,10 +26,10 @@ plate, screw = (
 )
 
 # %%
-# **Via points.** The wrist has been seen up to 40 % of its way, so the robot knows where to go. A
-# bottle stands there: in the middle of its way the hand must be 10 cm higher, and it still begins
-# and ends where it would have. Number 5 is its height; the three observed DOFs come first. What is
-# believed of the person does not change: a wish is no evidence.
+# **Via points.** The wrist has been observed for 40 % of the movement, so the robot knows where to
+# go. A bottle stands in its way: in the middle of the motion the hand must be 10 cm higher, and
+# still begin and end where it would have. DOF 5 is the height of the hand; the three observed DOFs
+# come first. The estimate of the person does not change: a requirement on the robot is no evidence.
 
 times_s, wrist, hand = simulate("plate", rng, goal=(0.6, 0.1, 0.3), rest_s=0.0)
 phase = times_s / times_s[-1]
@@ -44,15 +44,15 @@ for point_s, position in ((0.0, free.positions[0]), (plate.duration_s, free.posi
 over = bent.predict_controlled()
 
 # %%
-# **Co-activation.** The product of both primitives goes where both can agree: near the surer one.
-# Activations that sum to one leave a primitive combined with itself as it is.
+# **Co-activation.** The product of two primitives is a compromise, nearer to the one with the
+# smaller variance. With activations that sum to one, a primitive combined with itself is unchanged.
 
 both = ir.co_activate([plate, screw], [0.5, 0.5])
 
 # %%
 # **Blending.** The hand sets out for the plate, and between 0.3 and 1.3 s the screw takes over.
-# Position and velocity go over smoothly, and the velocity is the derivative of the position. The
-# surer a primitive is, the sooner it decides.
+# Position and velocity change smoothly, and the velocity is the derivative of the position. A
+# primitive with a smaller variance dominates earlier.
 
 grid_s = np.linspace(0.0, 1.6, 161)
 activations, rates = ir.smooth_switch(grid_s, at_s=0.8, over_s=1.0)

@@ -3,8 +3,8 @@
 A moved box
 ===========
 
-Where a box stands is known before anybody moves, and the handover is beside it. Such a context
-conditions the prediction once it is known; it may come late, or never.
+The handover takes place beside a box, whose position is known before anybody moves. Such a context
+conditions the prediction as soon as it is known; it may come late, or never.
 """
 
 import matplotlib.pyplot as plt
@@ -39,8 +39,8 @@ library = ir.learn(
 )
 
 # %%
-# One new handover, at a place that was never shown, followed by two estimators. One is told the
-# place before; told on the way, it would go on from there as if it had always known.
+# Two estimators follow a new handover, at a place that was never shown. One of them is given the
+# place before it begins. Given later, it would have the same effect from then on.
 
 box = np.array([0.45, 0.25])
 times_s, wrist, hand = hand_over(box)
@@ -56,8 +56,8 @@ for stamp_s, position in zip(times_s, wrist, strict=True):
             found.append((stamp_s, 100 * np.linalg.norm(end_m - hand[-1])))
 
 # %%
-# The error of the predicted end of the robot's hand, and what the library says before anything has
-# moved: where the hand will end, with two standard deviations.
+# Left: the error of the predicted end of the robot's hand. Right: the end that the library predicts
+# before any movement, with two standard deviations.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4))
 for colour, (name, found) in zip(("C0", "C1"), errors.items(), strict=True):

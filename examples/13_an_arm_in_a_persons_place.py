@@ -3,10 +3,10 @@
 An arm in a person's place
 ==========================
 
-Two people assemble a box; the second one's wrist is learned and predicted, and the joints of an arm
-follow from where it will be (Maeda et al. 2014, Fig. 7-9). The nodes do the same with any arm:
-``intent demo --scenario assembly --arm panda``. Here it is the LWR, read from its URDF, which needs
-pinocchio (``pip install pin``).
+Two people assemble a box. The second person's wrist is learned and predicted, and the joints of an
+arm follow from its predicted path (Maeda et al. 2014, Fig. 7-9). The nodes do the same with any
+arm: ``intent demo --scenario assembly --arm panda``. Here the arm is the LWR, read from its URDF,
+which needs pinocchio (``pip install pin``).
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,7 @@ from intent_recognition.motion import joints_along
 from intent_recognition.share import share_path
 
 # %%
-# One shipped session holds forty interactions. The last one is kept to test on; the others are
+# One shipped session has forty interactions. The last one is kept for testing; the others are
 # learned wrist to wrist.
 
 dofs = ir.load_dofs(share_path("config/dofs_two_humans.yaml"))
@@ -29,8 +29,8 @@ worker, assistant = recording.observed[0], recording.controlled[0]
 print(f"learned {', '.join(library.labels)}; shown now: {recording.task}")
 
 # %%
-# Show the estimator the worker's wrist, as a tracker would. From when a task is clear, the other
-# wrist's whole path is predicted from it, ten times a second, and better and better.
+# Give the estimator the worker's wrist, as a tracker would. As soon as a task is clear, it predicts
+# the whole path of the other wrist ten times a second, and more and more accurately.
 
 estimator = ir.IntentEstimator(library)
 predictions = []
@@ -60,8 +60,8 @@ for *_, prediction in predictions:
 print(f"the hand would end {ends_cm[0]:.1f} cm from where the wrist did, at last {ends_cm[-1]:.1f}")
 
 # %%
-# Left: the last prediction's hand, and the wrist in whose place it is. Middle: how far from it the
-# hand would end, over the time of the prediction. Right: the arm's joints.
+# Left: the arm's hand in the last prediction, and the wrist whose place it takes. Middle: the
+# distance between their ends, over the time of the prediction. Right: the arm's joints.
 
 since_s = prediction.onset_ns * 1e-9 - recording.start_ns * 1e-9
 figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.8))

@@ -4,9 +4,9 @@ The simulated handovers
 =======================
 
 The other examples work on these arrays. A person rests, reaches for a place, and rests again; the
-robot's hand goes to meet the person's hand. The place and the way there depend on the task; the
+robot's hand goes to meet the person's hand. The place and the path there depend on the task; the
 place, the pace and the start differ from one recording to the next. The robot's goal follows from
-the person's, so whoever knows where the wrist goes knows where to send the robot.
+the person's goal, so predicting the wrist is enough to know where to send the robot.
 
 Replace `simulate` by your own recordings: times (T,) in seconds, and positions (T, n) of the
 person's and of the robot's degrees of freedom.
@@ -66,8 +66,8 @@ def simulate(task, rng, *, goal=None, duration_s=None, rest_s=REST_S):
 
 
 # %%
-# Eight recordings of each task, seen from the side and from above. Lines end where person and robot
-# meet.
+# Eight recordings of each task, viewed from the side and from above. Lines end where person and
+# robot meet.
 
 if __name__ == "__main__":
     import matplotlib.pyplot as plt
