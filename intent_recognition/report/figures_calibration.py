@@ -85,8 +85,7 @@ def confusion_shares_figure(
         label.set_rotation_mode("anchor")
     axes.grid(False)
     axes.axvline(n_columns - 1.5, color=SOFT, linewidth=1.0)
-    axes.set_xlabel("recognised as")
-    axes.set_ylabel("true task")
+    axes.set(xlabel="recognised as", ylabel="true task")
     return figure
 
 

@@ -46,12 +46,10 @@ def recognition_figure(accuracy: Series, log_loss: Series) -> "Figure":
     figure = new_figure(11.2, 3.5)
     left, right = figure.subplots(1, 2)
     _phases(left, accuracy)
-    left.set_ylabel("accuracy")
-    left.set_ylim(min(0.5, _lowest(accuracy) - 0.05), 1.02)
+    left.set(ylabel="accuracy", ylim=(min(0.5, _lowest(accuracy) - 0.05), 1.02))
     left.legend(loc="lower right")
     _phases(right, log_loss)
-    right.set_ylabel("log loss [nat]")
-    right.set_ylim(bottom=0.0)
+    right.set(ylabel="log loss [nat]", ylim=(0.0, None))
     right.legend(loc="upper right")
     return figure
 
@@ -139,8 +137,7 @@ def _phases(axes: "Axes", series: Series) -> None:
     for phase, (fractions, values) in series.items():
         label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
         _line(axes, fractions, values, label, colour, marker, "-")
-    axes.set_xlabel("share of the movement observed [%]")
-    axes.set_xlim(0, 103)
+    axes.set(xlabel="share of the movement observed [%]", xlim=(0, 103))
 
 
 def _line(

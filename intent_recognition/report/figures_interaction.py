@@ -43,9 +43,7 @@ def wrist_figure(trace: Mapping) -> "Figure":
             axes.plot(
                 path[:, i], path[:, j], color=PREDICTED, linestyle=(0, (4, 1.6)), label="predicted"
             )
-        axes.set_title(title)
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel(f"{'xyz'[j]} [m]")
+        axes.set(title=title, xlabel="x [m]", ylabel=f"{'xyz'[j]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
         axes.locator_params(nbins=5)
     handles, labels = grid[0].get_legend_handles_labels()
@@ -101,9 +99,7 @@ def posterior_over_time_figure(trace: Mapping, movement_s: float) -> "Figure":
     for column, label in enumerate(trace["labels"]):
         axes.plot(time_s, probabilities[:, column], color=colours[label], label=readable(label))
     _events(axes, {"end_s": movement_s, **trace})
-    axes.set_ylim(-0.02, 1.04)
-    axes.set_xlabel("time after onset [s]")
-    axes.set_ylabel("probability")
+    axes.set(ylim=(-0.02, 1.04), xlabel="time after onset [s]", ylabel="probability")
     figure.legend(loc="outside lower center", ncols=5)
     return figure
 

@@ -75,8 +75,7 @@ def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
     axes.plot(level, drop, color=SOFT, linestyle="--", linewidth=1.3, label="level at half")
     axes.set_ylim(-1.12 * MM * parameters.height_m, 0.25 * MM * parameters.height_m)
     axes.set_aspect("equal")
-    axes.set_xlabel("toward the lip [mm]")
-    axes.set_ylabel("above the rim [mm]")
+    axes.set(xlabel="toward the lip [mm]", ylabel="above the rim [mm]")
     axes.legend(loc="upper center", ncols=4)
     return figure
 

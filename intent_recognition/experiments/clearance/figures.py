@@ -69,8 +69,7 @@ def courses_figure(runs: Sequence[Run]) -> "Figure":
                 hand = done.hand_m[: done.interacting]
                 colour = INK if done is run.free else COLOURS["bent"]
                 axes.plot(hand[:, x], hand[:, y], color=colour, linestyle=style, label=name)
-            axes.set_xlabel("hand x [m]")
-            axes.set_ylabel(f"hand {'xyz'[y]} [m]")
+            axes.set(xlabel="hand x [m]", ylabel=f"hand {'xyz'[y]} [m]")
             axes.set_aspect("equal", adjustable="datalim")
         row[0].set_title(f"{run.task}, from above")
         row[1].set_title("from the side")

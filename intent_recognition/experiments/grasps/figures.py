@@ -58,9 +58,7 @@ def held_figure(shares: Mapping[str, Mapping[str, float]], wanted: float) -> "Fi
         axes.bar_label(bars, fmt="%.0f", padding=1)
     axes.axhline(100.0 * wanted, color=INK, lw=0.8, linestyle=":", label="wanted")
     axes.set_xticks(places, list(shares))
-    axes.set_xlim(-0.8, len(shares) - 0.2)
-    axes.set_ylabel("held for 2 s [%]")
-    axes.set_ylim(0.0, 112.0)
+    axes.set(xlim=(-0.8, len(shares) - 0.2), ylabel="held for 2 s [%]", ylim=(0.0, 112.0))
     axes.grid(visible=False, axis="x")
     shared_legend(figure, [axes], len(MANNERS) + 1)
     return figure

@@ -145,8 +145,7 @@ def components_figure(
             )  # fmt: skip
         axes.set_ylim(bottom=0.0)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set_xlabel("components")
-        axes.set_ylabel(label)
+        axes.set(xlabel="components", ylabel=label)
     shared_legend(figure, grid, 5)
     return figure
 
@@ -177,8 +176,7 @@ def clearance_figure(
             )
         axes.plot([np.median(values)] * 2, [row - 0.27, row + 0.27], color=INK, linewidth=1.6)
     axes.set_yticks(range(len(motions)), list(motions))
-    axes.set_ylim(len(motions) - 0.5, -0.5)
-    axes.set_xlim(left=left)
+    axes.set(ylim=(len(motions) - 0.5, -0.5), xlim=(left, None))
     axes.grid(visible=False, axis="y")
     axes.text(left, -0.42, " in the pole", color=HIT_COLOUR, fontsize=9, va="top")
     axes.set_xlabel("least distance of the arm from the pole's surface [cm]")
@@ -212,9 +210,7 @@ def two_answers_figure(
                 phase, truth[:, q], color=INK, linewidth=1.2,
                 linestyle=DASHED if way == "left" else (0, (1, 1.5)), label=f"shown: {way}",
             )  # fmt: skip
-        axes.set_xlabel("phase")
-        axes.set_ylabel(f"{name} [rad]")
-        axes.set_xlim(0.0, 1.0)
+        axes.set(xlabel="phase", ylabel=f"{name} [rad]", xlim=(0.0, 1.0))
     shared_legend(figure, grid[:1], 5)
     return figure
 

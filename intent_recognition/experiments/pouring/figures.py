@@ -79,9 +79,7 @@ def paths_figure(
         for phase, path in demonstrations:
             axes.plot(phase, path[:, k], color=NONE_COLOUR, lw=0.6, alpha=0.8)
         _band(axes, warped, k, MEAN_COLOUR, "mean, $\\pm$2 sigma", "-")
-        axes.set_title(WARPED_TITLES[k])
-        axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("phase")
+        axes.set(title=WARPED_TITLES[k], xlim=(0.0, 1.0), xlabel="phase")
     grid[0, 1].set_ylim(-1.6, 1.6)
     for k, axes in enumerate(grid[1]):
         for one, colour, dashes in zip(real, PAIR_COLOURS, DASHES, strict=False):

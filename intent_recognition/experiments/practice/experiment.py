@@ -130,12 +130,9 @@ def learning_figure(done: Sequence[Practised]) -> "Drawing":
                 [2 * place, 2 * place + 1], [one.start, one.settled], color=colour, marker="o"
             )
     left.axhline(0.5, color=NONE_COLOUR, lw=0.8, linestyle=":")
-    left.set_xlabel("rollouts")
-    left.set_ylabel("cheapest so far / first")
-    left.set_ylim(bottom=0.0)
+    left.set(xlabel="rollouts", ylabel="cheapest so far / first", ylim=(0.0, None))
     right.set_xticks(range(4), ["start", "after"] * 2)
-    right.set_ylabel("cost of fresh pours")
-    right.set_ylim(bottom=0.0)
+    right.set(ylabel="cost of fresh pours", ylim=(0.0, None))
     shared_legend(figure, [left], 2)
     return figure
 

@@ -146,9 +146,7 @@ def errors_figure(study: CorrectingStudy) -> "MatplotlibFigure":
         axes.plot(x, errors.ravel(), "o", markersize=3.0, alpha=0.5, color=colours[task])
     axes.axhline(100 * (1 - LEAST_FALL) * MOVED_M, color="0.6", linewidth=0.8, linestyle="--")
     axes.set_xticks(range(len(study.sessions[0].error_m)))
-    axes.set_xlabel("corrections kept")
-    axes.set_ylabel("hand off the new place [cm]")
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="corrections kept", ylabel="hand off the new place [cm]", ylim=(0.0, None))
     axes.legend()
     return figure
 

@@ -123,9 +123,7 @@ def curves_figure(study: PractisingStudy) -> "MatplotlibFigure":
                 label = readable(task) if method == CMA else None
                 numbers = np.arange(1, len(curve) + 1)
                 axes.plot(numbers, curve, line, color=colours[task], label=label)
-        axes.set_ylim(0.0, 1.05)
-        axes.set_xlabel("rollouts")
-        axes.set_ylabel(f"{cost}: cheapest so far / first")
+        axes.set(ylim=(0.0, 1.05), xlabel="rollouts", ylabel=f"{cost}: cheapest so far / first")
     axes.legend()
     return figure
 
