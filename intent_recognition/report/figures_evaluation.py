@@ -12,6 +12,7 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
+    new_axes,
     new_figure,
     styled,
 )
@@ -75,8 +76,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str) -> "Figure":
 @styled
 def coverage_figure(coverage: Series) -> "Figure":
     """Share of true values within +-2 sigma; 95 % is right."""
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.7)
     axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
     axes.text(
         0.01,
@@ -105,8 +105,7 @@ def reliability_figure(
         counts: probabilities per bin; the area of the dots.
     """
     counts = np.asarray(counts, dtype=float)
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.7)
     axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="calibrated")
     used = counts > 0
     axes.plot(

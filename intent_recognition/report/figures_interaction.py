@@ -12,8 +12,10 @@ from intent_recognition.report.drawing import (
     PALETTE,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     readable,
+    shared_legend,
     styled,
     task_colours,
 )
@@ -46,8 +48,7 @@ def wrist_figure(trace: Mapping) -> "Figure":
         axes.set(title=title, xlabel="x [m]", ylabel=f"{'xyz'[j]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
         axes.locator_params(nbins=5)
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    shared_legend(figure, grid[:1], 2)
     return figure
 
 
@@ -94,8 +95,7 @@ def posterior_over_time_figure(trace: Mapping, movement_s: float) -> "Figure":
     colours = task_colours(trace["labels"])
     time_s = thin(np.asarray(trace["share"], dtype=float)) * movement_s
     probabilities = thin(np.asarray(trace["probabilities"], dtype=float))
-    figure = new_figure(5.6, 3.9)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.9)
     for column, label in enumerate(trace["labels"]):
         axes.plot(time_s, probabilities[:, column], color=colours[label], label=readable(label))
     _events(axes, {"end_s": movement_s, **trace})

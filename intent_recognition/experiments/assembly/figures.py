@@ -13,6 +13,7 @@ from intent_recognition.report import (
     SOFT,
     new_figure,
     readable,
+    shared_legend,
     styled,
     task_colours,
 )
@@ -103,8 +104,7 @@ def overlap_figure(
         )
         axes.set_aspect("equal", adjustable="datalim")
         axes.set(title=title, xlabel="x [m]", ylabel=f"{'xyz'[j]} [m]")
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    shared_legend(figure, grid[:1], 4)
     return figure
 
 

@@ -12,6 +12,7 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -86,8 +87,7 @@ def delay_figure(delays_s: Mapping[str, Sequence[float]], counts: Mapping[str, i
         delays_s: of those with the new task active at the end, by name.
         counts: all reaches, by name.
     """
-    figure = new_figure(5.2, 3.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.2, 3.6)
     for colour, (name, delays) in zip(PALETTE, delays_s.items(), strict=False):
         ordered = np.sort(np.asarray(delays, dtype=np.float64))
         share = 100.0 * np.arange(len(ordered) + 1) / counts[name]

@@ -12,6 +12,7 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -35,8 +36,7 @@ def scene_figure(
         courses: box (2,), wrist (T, 3) and hand (T, 3) of each place [m].
         turns_at: number of the sample from which on the wrist turns to the box.
     """
-    figure = new_figure(5.4, 4.2)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 4.2)
     for colour, (box, wrist, hand) in zip(PALETTE, courses, strict=False):
         axes.plot(*wrist[:, :2].T, color=colour, label="wrist")
         axes.plot(*hand[:, :2].T, color=colour, linestyle=DASHED, label="robot's hand")

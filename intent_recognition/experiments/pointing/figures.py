@@ -15,6 +15,7 @@ from intent_recognition.report import (
     PAPER_COLOUR,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     styled,
 )
@@ -62,8 +63,7 @@ def table_figure(
     """
     from matplotlib.patches import Circle, Ellipse
 
-    figure = new_figure(5.4, 5.2)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 5.2)
     axes.set_aspect("equal")
 
     def plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -116,8 +116,7 @@ def errors_figure(
     paper_m: float,
 ) -> "Figure":
     """Error of each test spot, with that of the nearest demonstration and the paper's largest."""
-    figure = new_figure(5.4, 3.4)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 3.4)
     at = np.arange(len(numbers))
     axes.bar(at, 100.0 * errors_m, width=0.55, color=POINTED, label="arm", zorder=2)
     axes.plot(

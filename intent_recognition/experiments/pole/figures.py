@@ -14,6 +14,7 @@ from intent_recognition.report import (
     PAPER_COLOUR,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -160,8 +161,7 @@ def clearance_figure(
         motions: per kind, the least distance of each motion [m] (n,), negative inside the pole,
             and whether it touched the pole (n,).
     """
-    figure = new_figure(8.2, 0.9 + 0.55 * len(motions))
-    axes = figure.subplots()
+    figure, axes = new_axes(8.2, 0.9 + 0.55 * len(motions))
     lowest = min(100.0 * float(np.min(values)) for values, _ in motions.values())
     left = min(lowest - 1.0, -1.5)
     axes.axvspan(left, 0.0, color=HIT_COLOUR, alpha=0.08, lw=0)

@@ -12,6 +12,7 @@ from intent_recognition.report import (
     PALETTE,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     styled,
 )
@@ -114,8 +115,7 @@ def spilled_figure(
         spilled: per way to pour the number of each pair.
         n_balls: in the cup at the start.
     """
-    figure = new_figure(10.5, 4.0)
-    axes = figure.subplots()
+    figure, axes = new_axes(10.5, 4.0)
     width, places = 0.8 / len(spilled), np.arange(len(pairs))
     colours = (PALETTE[2], PALETTE[5], PALETTE[1])
     for k, ((name, counts), colour) in enumerate(zip(spilled.items(), colours, strict=False)):
