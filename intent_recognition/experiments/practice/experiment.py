@@ -17,6 +17,7 @@ from intent_recognition.experiments.practice.study import (
     best_so_far,
     investigate,
     of_method,
+    share_left,
 )
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.report import (
@@ -99,18 +100,14 @@ def findings(done: Sequence[Practised]) -> tuple[Finding, ...]:
         ),
         Finding(
             "cost left, share of the start's (median)",
-            f"{_left(rand):.2f} by random search",
-            f"{_left(cma):.2f}",
+            f"{share_left(rand):.2f} by random search",
+            f"{share_left(cma):.2f}",
             None,
             f"The start spills {np.mean([one.spilled[0] for one in cma]):.1f} balls of 40 on"
             f" average, afterwards {np.mean([one.spilled[1] for one in cma]):.1f}, by random"
             f" search {np.mean([one.spilled[1] for one in rand]):.1f}.",
         ),
     )
-
-
-def _left(done: Sequence[Practised]) -> float:
-    return float(np.median([one.settled / max(one.start, 1e-9) for one in done]))
 
 
 @styled

@@ -19,7 +19,7 @@ from intent_recognition.report import (
     Figure,
     Finding,
     Table,
-    new_figure,
+    new_axes,
     readable,
     styled,
     task_colours,
@@ -135,8 +135,7 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
 @styled
 def errors_figure(study: CorrectingStudy) -> "MatplotlibFigure":
     """Error at the new place over kept corrections, a line for each task."""
-    figure = new_figure(6.0, 3.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.0, 3.6)
     colours = task_colours(set(study.tasks))
     for k, task in enumerate(study.tasks):
         errors = 100 * study.of(task, "error_m")
