@@ -6,15 +6,16 @@ and stops at a limit of time.
 """
 
 import json
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.browser import resident_mb
 from benchmarks.measure import Result
 from benchmarks.synthetic import START_NS, movement, synthetic_library
 from intent_recognition.promp import TaskLibrary
@@ -95,7 +96,7 @@ def main() -> None:
             seen += 1
             if moving and seen % 10 == 0:
                 estimator.predict_controlled()
-        sizes.append((seen, resident_mb()))
+        sizes.append((seen, resident_mb(os.getpid())))
         if time.monotonic() > end_s:
             break
     n_first, first_tenth = next(each for each in sizes if each[0] >= seen / 10)
@@ -122,11 +123,3 @@ def _there_and_back(
     back = there[::-1]
     first_ns = there[-1].stamp_ns + PERIOD_NS
     return there + [o._replace(stamp_ns=first_ns + k * PERIOD_NS) for k, o in enumerate(back)]
-
-
-def resident_mb() -> float:
-    """Memory of this process that is in use, on Linux."""
-    for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024
-    return float("nan")

@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
-from intent_recognition.evaluation.in_context import in_context
-from intent_recognition.evaluation.unknown_movements import DecisionMonitor, MovementOutcome
+from intent_recognition.evaluation.unknown_movements import (
+    DecisionMonitor,
+    MovementOutcome,
+    in_context,
+)
 from intent_recognition.filtering import (
     Hypotheses,
     MovementFilter,

@@ -2,7 +2,7 @@
 """What the demo measured: one record per interaction, and their summary beside the paper's."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import fmean, median, stdev
 
@@ -165,17 +165,15 @@ def hand_error(errors_m: Sequence[float]) -> HandError:
     return HandError(len(errors_cm), mean, 2 * stdev(errors_cm) if len(errors_cm) > 1 else None)
 
 
-def summarise(
-    records: Sequence[InteractionRecord], tasks_apart: Collection[str] = TASKS_APART
-) -> DemoSummary:
-    """Count and average; hand errors of `tasks_apart` stay out of the overall hand error."""
+def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
+    """Count and average; hand errors of `TASKS_APART` stay out of the overall hand error."""
     changed = [record for record in records if record.changed_from]
     records = [record for record in records if not record.changed_from]
     by_task: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
     for record in records:
         if record.hand_error_m is not None:
             by_task[record.task].append(record.hand_error_m)
-    apart = tuple(task for task in by_task if task in tasks_apart)
+    apart = tuple(task for task in by_task if task in TASKS_APART)
     shares = [r.decision_share for r in records if r.right and r.decision_share is not None]
     arrivals = [r.arrival_s for r in records if r.arrival_s is not None]
     return DemoSummary(
@@ -194,7 +192,7 @@ def summarise(
             [
                 r.hand_error_m
                 for r in changed
-                if r.hand_error_m is not None and r.task not in tasks_apart
+                if r.hand_error_m is not None and r.task not in TASKS_APART
             ]
         ),
     )

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.evaluation.in_context import in_context
 from intent_recognition.filtering import MovementFilter, make_hypotheses
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import NONE, TaskLibrary
@@ -115,6 +114,11 @@ class DecisionMonitor:
         )
         found = self._activated, self._recognised, worst
         return MovementOutcome(task, self._highest, above, *found)
+
+
+def in_context(library: TaskLibrary, recorded: Demonstration) -> TaskLibrary:
+    """The library in the context in which a recording began; as it is where none was recorded."""
+    return library.given(recorded.context_values) if recorded.context else library
 
 
 def follow(library: TaskLibrary, recorded: Demonstration) -> MovementOutcome:

@@ -6,7 +6,7 @@ left out is predicted as the paper does it: the component that the observation m
 conditioned on the observation (Ewerton et al. 2015, Eq. 11-13, Algorithm 2).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from intent_recognition.errors import TrainingError
 from intent_recognition.evaluation import sample
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.gaussian import (
     Components,
     CovariancePrior,
@@ -29,7 +30,6 @@ from intent_recognition.learning import (
     RIDGE,
     SAMPLED_PHASES,
     Clustering,
-    ComponentTrial,
     Features,
     TrainingExample,
     cluster,
@@ -47,7 +47,7 @@ PHASES = np.linspace(0.0, 1.0, SAMPLED_PHASES)
 FINAL = np.array([SAMPLED_PHASES - 1])
 """Which of them is the end."""
 WHOLE = np.arange(SAMPLED_PHASES)
-"""The experiments, in the order of the papers."""
+"""All of them."""
 END_NOISE_STD_M = 0.003
 """Of the final position: marker and sway."""
 PATH_NOISE_STD_M = 0.01
@@ -98,6 +98,26 @@ class LeftOutPrediction(NamedTuple):
     probability: NDArray[np.float64]
     mean: NDArray[np.float64]
     std: NDArray[np.float64]
+
+
+class TriedNumber(NamedTuple):
+    """One number of components, every demonstration left out in turn, its whole path observed.
+
+    Attributes:
+        number: of components.
+        mixtures: without each demonstration, to predict with.
+        labels: component of each demonstration (n,).
+        nll: left-out score that the number is chosen by (n,).
+        predicted: each robot.
+        joint_rms_rad: error of each prediction over all joints and times (n,).
+    """
+
+    number: int
+    mixtures: Components
+    labels: NDArray[np.integer]
+    nll: NDArray[np.float64]
+    predicted: LeftOutPrediction
+    joint_rms_rad: NDArray[np.float64]
 
 
 def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
@@ -157,40 +177,30 @@ def _maps(
 
 
 def try_numbers(
-    pairs: Pairs,
-    numbers: Sequence[int],
-    rng: Callable[[int], np.random.Generator],
-    progress: Callable[[int], None] = lambda done: None,
-) -> dict[int, tuple[Clustering, ComponentTrial]]:
-    """Fit each number of components, and score its left-out predictions as training does.
+    pairs: Pairs, largest: int, settings: Settings
+) -> tuple[tuple[TriedNumber, ...], int]:
+    """Each number of components up to the largest, and the one `intent train --unlabelled` takes.
+
+    That is the smallest within one error of the best; components of fewer than `MIN_MEMBERS` are
+    not asked for.
 
     Args:
         pairs: the demonstrations.
-        numbers: how many components.
-        rng: a generator of its own for each number.
-        progress: called with each number when it is done.
+        largest: number of components.
+        settings: each number has a random generator of its own; the first fifth of the progress.
     """
-    found = {}
-    for number in numbers:
-        fit = cluster(pairs.features, number, rng(number))
+    tried = []
+    for number in range(1, largest + 1):
+        fit = cluster(pairs.features, number, settings.rng(number))
         prediction = predict_left_out(pairs.features, fit.left_out, pairs.features.prior)
-        nll, rmse = score(prediction, pairs.features.controlled)
-        found[number] = fit, ComponentTrial(number, fit.labels, nll, rmse)
-        progress(number)
-    return found
-
-
-def chosen_number(tried: dict[int, tuple[Clustering, ComponentTrial]], n: int) -> int:
-    """The number that `intent train --unlabelled` takes: smallest within one error of the best.
-
-    Args:
-        tried: from 1 on, without a gap.
-        n: demonstrations; components of fewer than `MIN_MEMBERS` are not asked for.
-    """
-    largest = max(1, n // MIN_MEMBERS)
-    numbers = [number for number in sorted(tried) if number <= largest]
-    scores = np.array([tried[number][1].nll for number in numbers])
-    return numbers[smallest_within_one_error(scores)]
+        nll, _ = score(prediction, pairs.features.controlled)
+        settings.progress(0.2 * number / largest, f"{number} components")
+        mixtures = to_predict_with(pairs, fit)
+        predicted = predict(pairs, mixtures, WHOLE)
+        error = rms(predicted.mean - pairs.controlled)
+        tried.append(TriedNumber(number, mixtures, fit.labels, nll, predicted, error))
+    asked_for = tried[: max(1, len(pairs.names) // MIN_MEMBERS)]
+    return tuple(tried), 1 + smallest_within_one_error(np.array([one.nll for one in asked_for]))
 
 
 def to_predict_with(pairs: Pairs, clustering: Clustering) -> Components:

@@ -115,6 +115,12 @@ def new_figure(
     return figure
 
 
+def new_axes(width_in: float, height_in: float) -> "tuple[Figure, Axes]":
+    """A blank figure, sizes in inches, and the one panel it has."""
+    figure = new_figure(width_in, height_in)
+    return figure, figure.subplots()
+
+
 @styled
 def to_svg(figure: "Figure") -> bytes:
     """The figure as an SVG file; equal figures give equal bytes.

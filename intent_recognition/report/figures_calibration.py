@@ -12,7 +12,7 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
-    new_figure,
+    new_axes,
     readable,
     styled,
 )
@@ -29,8 +29,7 @@ def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]
     Args:
         regions: per phase knowledge, shares that should (L,) and that do (L,) lie inside.
     """
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.7)
     axes.plot([0.4, 1], [0.4, 1], color=SOFT, linewidth=1.2, linestyle=DASHED)
     for phase, (should, does) in regions.items():
         label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
@@ -66,8 +65,7 @@ def confusion_shares_figure(
     counts = np.asarray(counts, dtype=float)
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     n_rows, n_columns = counts.shape
-    figure = new_figure(2.3 + 0.62 * n_columns, 1.3 + 0.42 * n_rows)
-    axes = figure.subplots()
+    figure, axes = new_axes(2.3 + 0.62 * n_columns, 1.3 + 0.42 * n_rows)
     axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.15, aspect="auto")
     if n_columns <= 16:
         for row in range(n_rows):
@@ -85,16 +83,14 @@ def confusion_shares_figure(
         label.set_rotation_mode("anchor")
     axes.grid(False)
     axes.axvline(n_columns - 1.5, color=SOFT, linewidth=1.0)
-    axes.set_xlabel("recognised as")
-    axes.set_ylabel("true task")
+    axes.set(xlabel="recognised as", ylabel="true task")
     return figure
 
 
 @styled
 def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) -> "Figure":
     """Share of known against share of unknown movements that reach each threshold, as steps."""
-    figure = new_figure(5.0, 3.9)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.0, 3.9)
     axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="chance")
     axes.plot(unknown, known, color=PALETTE[0], label=f"area {area:.3f}")
     axes.fill_between(unknown, known, color=PALETTE[0], alpha=0.08, linewidth=0)

@@ -12,6 +12,7 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
+    new_axes,
     new_figure,
     styled,
 )
@@ -46,12 +47,10 @@ def recognition_figure(accuracy: Series, log_loss: Series) -> "Figure":
     figure = new_figure(11.2, 3.5)
     left, right = figure.subplots(1, 2)
     _phases(left, accuracy)
-    left.set_ylabel("accuracy")
-    left.set_ylim(min(0.5, _lowest(accuracy) - 0.05), 1.02)
+    left.set(ylabel="accuracy", ylim=(min(0.5, _lowest(accuracy) - 0.05), 1.02))
     left.legend(loc="lower right")
     _phases(right, log_loss)
-    right.set_ylabel("log loss [nat]")
-    right.set_ylim(bottom=0.0)
+    right.set(ylabel="log loss [nat]", ylim=(0.0, None))
     right.legend(loc="upper right")
     return figure
 
@@ -77,8 +76,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str) -> "Figure":
 @styled
 def coverage_figure(coverage: Series) -> "Figure":
     """Share of true values within +-2 sigma; 95 % is right."""
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.7)
     axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
     axes.text(
         0.01,
@@ -107,8 +105,7 @@ def reliability_figure(
         counts: probabilities per bin; the area of the dots.
     """
     counts = np.asarray(counts, dtype=float)
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.7)
     axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="calibrated")
     used = counts > 0
     axes.plot(
@@ -139,8 +136,7 @@ def _phases(axes: "Axes", series: Series) -> None:
     for phase, (fractions, values) in series.items():
         label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
         _line(axes, fractions, values, label, colour, marker, "-")
-    axes.set_xlabel("share of the movement observed [%]")
-    axes.set_xlim(0, 103)
+    axes.set(xlabel="share of the movement observed [%]", xlim=(0, 103))
 
 
 def _line(

@@ -12,8 +12,10 @@ from intent_recognition.report.drawing import (
     PALETTE,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     readable,
+    shared_legend,
     styled,
     task_colours,
 )
@@ -43,13 +45,10 @@ def wrist_figure(trace: Mapping) -> "Figure":
             axes.plot(
                 path[:, i], path[:, j], color=PREDICTED, linestyle=(0, (4, 1.6)), label="predicted"
             )
-        axes.set_title(title)
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel(f"{'xyz'[j]} [m]")
+        axes.set(title=title, xlabel="x [m]", ylabel=f"{'xyz'[j]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
         axes.locator_params(nbins=5)
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    shared_legend(figure, grid[:1], 2)
     return figure
 
 
@@ -96,14 +95,11 @@ def posterior_over_time_figure(trace: Mapping, movement_s: float) -> "Figure":
     colours = task_colours(trace["labels"])
     time_s = thin(np.asarray(trace["share"], dtype=float)) * movement_s
     probabilities = thin(np.asarray(trace["probabilities"], dtype=float))
-    figure = new_figure(5.6, 3.9)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.9)
     for column, label in enumerate(trace["labels"]):
         axes.plot(time_s, probabilities[:, column], color=colours[label], label=readable(label))
     _events(axes, {"end_s": movement_s, **trace})
-    axes.set_ylim(-0.02, 1.04)
-    axes.set_xlabel("time after onset [s]")
-    axes.set_ylabel("probability")
+    axes.set(ylim=(-0.02, 1.04), xlabel="time after onset [s]", ylabel="probability")
     figure.legend(loc="outside lower center", ncols=5)
     return figure
 

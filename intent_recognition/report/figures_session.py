@@ -13,6 +13,7 @@ from intent_recognition.report.drawing import (
     INK,
     PAPER_COLOUR,
     SOFT,
+    new_axes,
     new_figure,
     readable,
     styled,
@@ -43,8 +44,7 @@ def hand_error_figure(
     """
     paper_cm, remarks = paper_cm or {}, remarks or {}
     colours, markers = task_colours(errors_cm), task_markers(errors_cm)
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.7)
     for place, (task, listed) in enumerate(errors_cm.items()):
         values = np.asarray(listed, dtype=float)
         x = place - 0.12 + _spread(values, 0.1)
@@ -58,8 +58,7 @@ def hand_error_figure(
             _whisker(axes, place + 0.3, *paper_cm[task], PAPER_COLOUR, "paper", marker="D")
     names = [f"{readable(t)}\n{remarks[t]}" if t in remarks else readable(t) for t in errors_cm]
     axes.set_xticks(range(len(names)), names)
-    axes.set_xlim(-0.5, max(len(names), 1) - 0.4)
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlim=(-0.5, max(len(names), 1) - 0.4), ylim=(0.0, None))
     axes.grid(visible=False, axis="x")
     axes.set_ylabel("hand error [cm]")
     figure.legend(handles=_mean_handles(bool(paper_cm)), loc="outside lower center", ncols=3)
@@ -71,53 +70,30 @@ def decision_share_figure(
     shares: Mapping[str, Sequence[float]], bin_share: float = 0.05
 ) -> "Figure":
     """Histogram per task of the share of the human's movement that had passed at the decision."""
-    colours = task_colours(shares)
     arrays = [np.asarray(values, dtype=float) for values in shares.values()]
     everything = np.concatenate(arrays) if arrays else np.empty(0)
     low = min(0.0, np.floor(everything.min(initial=0.0) / bin_share) * bin_share)
     high = max(1.0, np.ceil(everything.max(initial=1.0) / bin_share) * bin_share)
     edges = np.linspace(low, high, round((high - low) / bin_share) + 1)
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
-    axes.hist(
-        [100 * values for values in arrays],
-        bins=list(100 * edges),
-        stacked=True,
-        color=[colours[task] for task in shares],
-        label=[readable(task) for task in shares],
-        edgecolor="white",
-        linewidth=0.6,
-    )
+    percent = {task: 100 * values for task, values in zip(shares, arrays, strict=True)}
+    figure, axes = _histogram(percent, 100 * edges)
     if everything.size:
         _vertical(axes, 100 * np.median(everything), f"median {100 * np.median(everything):.0f} %")
     axes.axvline(100.0, color=INK, linewidth=1.0)
     axes.set_xlabel("share of the human's movement passed at the decision [%]")
-    _counts(figure, axes)
     return figure
 
 
 @styled
 def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]) -> "Figure":
     """Histogram per task of the robot's arrival, counted from the end of the human's movement."""
-    colours = task_colours(arrivals_s)
-    arrays = [np.asarray(values, dtype=float) for values in arrivals_s.values()]
-    everything = np.concatenate(arrays) if arrays else np.zeros(1)
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
-    axes.hist(
-        arrays,
-        bins=list(np.histogram_bin_edges(everything, bins=20)),
-        stacked=True,
-        color=[colours[task] for task in arrivals_s],
-        label=[readable(task) for task in arrivals_s],
-        edgecolor="white",
-        linewidth=0.6,
-    )
+    arrivals = {task: np.asarray(values, dtype=float) for task, values in arrivals_s.items()}
+    everything = np.concatenate(list(arrivals.values())) if arrivals else np.zeros(1)
+    figure, axes = _histogram(arrivals, np.histogram_bin_edges(everything, bins=20))
     if everything.size:
         _vertical(axes, np.median(everything), f"median {np.median(everything):+.2f} s")
     axes.axvline(0.0, color=INK, linewidth=1.0)
     axes.set_xlabel("robot's arrival after the human's end [s]")
-    _counts(figure, axes)
     return figure
 
 
@@ -127,8 +103,7 @@ def timing_figure(
 ) -> "Figure":
     """When it was decided, after onset, over how long the human's movement took, per task."""
     colours, markers = task_colours(movements_s), task_markers(movements_s)
-    figure = new_figure(5.6, 3.7)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.7)
     longest = max((max(v, default=0.0) for v in movements_s.values()), default=0.0) or 1.0
     for share, style in ((1.0, "-"), (0.5, DASHED)):
         axes.plot([0, longest], [0, share * longest], color=SOFT, linewidth=1.1, linestyle=style)
@@ -207,8 +182,7 @@ def confusion_figure(
 ) -> "Figure":
     """How often each true task (row) was recognised as what (column), (R, C) counts."""
     counts = np.asarray(counts)
-    figure = new_figure(5.6, max(3.7, 1.2 + 0.5 * len(rows)))
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, max(3.7, 1.2 + 0.5 * len(rows)))
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.25, aspect="auto")
     for (row, column), count in np.ndenumerate(counts):
@@ -224,8 +198,7 @@ def confusion_figure(
         )
     axes.set_xticks(range(len(columns)), [readable(c).replace(" ", "\n") for c in columns])
     axes.set_yticks(range(len(rows)), [readable(r) for r in rows])
-    axes.set_xlabel("recognised")
-    axes.set_ylabel("true task")
+    axes.set(xlabel="recognised", ylabel="true task")
     axes.grid(visible=False)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
@@ -325,13 +298,28 @@ def _vertical(axes: "Axes", x: float, text: str) -> None:
     )
 
 
-def _counts(figure: "Figure", axes: "Axes") -> None:
+def _histogram(
+    values: Mapping[str, NDArray[np.float64]], edges: NDArray[np.float64]
+) -> "tuple[Figure, Axes]":
+    """How many interactions of each task lie between edges, tasks on top of each other."""
     from matplotlib.ticker import MaxNLocator
 
+    colours = task_colours(values)
+    figure, axes = new_axes(5.6, 3.7)
+    axes.hist(
+        list(values.values()),
+        bins=list(edges),
+        stacked=True,
+        color=[colours[task] for task in values],
+        label=[readable(task) for task in values],
+        edgecolor="white",
+        linewidth=0.6,
+    )
     axes.set_ylabel("interactions")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=False, axis="x")
     figure.legend(loc="outside lower center", ncols=4)
+    return figure, axes
 
 
 def _label_legend(figure: "Figure", labels: Sequence[str], colours: Mapping[str, str]) -> None:

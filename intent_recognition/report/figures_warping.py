@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, styled
+from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_axes, new_figure, styled
 from intent_recognition.warping import Part, PouringParameters, Rim, WarpedObject
 
 if TYPE_CHECKING:
@@ -60,8 +60,7 @@ def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
     side = np.cross(rim.up, along)
     offsets = warped.points - rim.centre
     near = np.abs(offsets @ side) < 0.12 * parameters.opening_radius_m
-    figure = new_figure(5.4, 4.2)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 4.2)
     for part, colour in PART_COLOURS.items():
         here = offsets[near & (warped.labels == part)] * MM
         axes.scatter(here @ along, here @ rim.up, s=9.0, color=colour, label=part.name.lower())
@@ -75,8 +74,7 @@ def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
     axes.plot(level, drop, color=SOFT, linestyle="--", linewidth=1.3, label="level at half")
     axes.set_ylim(-1.12 * MM * parameters.height_m, 0.25 * MM * parameters.height_m)
     axes.set_aspect("equal")
-    axes.set_xlabel("toward the lip [mm]")
-    axes.set_ylabel("above the rim [mm]")
+    axes.set(xlabel="toward the lip [mm]", ylabel="above the rim [mm]")
     axes.legend(loc="upper center", ncols=4)
     return figure
 

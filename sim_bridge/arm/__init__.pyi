@@ -6,6 +6,7 @@ from .feedback_runs import Push, execute
 from .pacing import Pacer
 from .robots import NAMES, Robot, describe_robot, find_robot
 from .spread_control import SpreadControl
+from .state import ArmState
 from .surroundings import Surroundings
 from .trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from .trajectory_follower import TrajectoryFollower
@@ -15,6 +16,7 @@ __all__ = [
     "NAMES",
     "STEPS_PER_SAMPLE",
     "TIME_STEP_S",
+    "ArmState",
     "BulletCell",
     "ControllerGains",
     "Pacer",

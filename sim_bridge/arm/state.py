@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the arm reports, exactly or through noisy sensors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +16,12 @@ class ArmState(NamedTuple):
     qd: NDArray[np.float64]
     torque: NDArray[np.float64]
     time_s: float
+
+    @classmethod
+    def together(cls, states: Sequence["ArmState"]) -> "ArmState":
+        """States one after the other as one, its arrays (T, n); its time is the last one's."""
+        q, qd, torque = (np.array([state[i] for state in states]) for i in range(3))
+        return cls(q, qd, torque, states[-1].time_s)
 
 
 class HandPose(NamedTuple):
@@ -33,8 +40,8 @@ class SensorNoise:
     torque_std_nm: float = 0.1
 
     def measure(self, state: ArmState, rng: np.random.Generator) -> ArmState:
-        """Return the state with independent Gaussian noise on every joint."""
-        draw = rng.standard_normal((3, len(state.q)))
+        """Return a state, or many (T, n), with independent Gaussian noise on every joint."""
+        draw = rng.standard_normal((3, *state.q.shape))
         return ArmState(
             state.q + self.position_std_rad * draw[0],
             state.qd + self.velocity_std_rad_s * draw[1],

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from sim_bridge.balls.hollow import Hollow, offset
+from sim_bridge.containers import at_heights, pieces_between
 
 WALL_M = 0.006
 """Thickness of walls that balls collide with [m], drawn outward from the inner surface."""
@@ -19,7 +20,7 @@ HULL_MARGIN_M = 0.001
 """Bullet's hulls reach this much farther than their corners; the wall is drawn back by it."""
 
 
-def wall_pieces(hollow: Hollow, thickness_m: float = WALL_M) -> list[NDArray[np.float64]]:
+def wall_pieces(hollow: Hollow) -> list[NDArray[np.float64]]:
     """Corners (V, 3) of the convex pieces: one per edge and pair of rings, and the floor.
 
     The inner faces of the pieces, Bullet's margin included, are the inner wall of `hollow`; the
@@ -28,19 +29,10 @@ def wall_pieces(hollow: Hollow, thickness_m: float = WALL_M) -> list[NDArray[np.
     inner = hollow.grown(HULL_MARGIN_M)
     heights = inner.heights_m.copy()
     heights[-1] -= HULL_MARGIN_M
-    outer = offset(inner.rings_m, thickness_m)
-    near, far = _at(inner.rings_m, heights), _at(outer, heights)
-    pieces = []
-    n_rings, n_corners = near.shape[:2]
-    for low in range(n_rings - 1):
-        for k in range(n_corners):
-            after = (k + 1) % n_corners
-            corners = [ring[i, j] for ring in (near, far) for i in (low, low + 1)
-                       for j in (k, after)]  # fmt: skip
-            pieces.append(np.array(corners))
-    below = far[0] - np.array([0.0, 0.0, thickness_m])
-    pieces.append(np.concatenate([far[0], below]))
-    return pieces
+    outer = offset(inner.rings_m, WALL_M)
+    near, far = at_heights(inner.rings_m, heights), at_heights(outer, heights)
+    below = far[0] - np.array([0.0, 0.0, WALL_M])
+    return [*pieces_between(near, far), np.concatenate([far[0], below])]
 
 
 def write_obj(pieces: list[NDArray[np.float64]], path: Path) -> None:
@@ -57,9 +49,3 @@ def write_obj(pieces: list[NDArray[np.float64]], path: Path) -> None:
             lines.append("f " + " ".join(str(used + i + 1) for i in order))
         used += len(corners)
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
-
-
-def _at(rings_m: NDArray[np.float64], heights_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    n_rings, n_corners = rings_m.shape[:2]
-    z = np.broadcast_to(heights_m[:, None, None], (n_rings, n_corners, 1))
-    return np.concatenate([rings_m, z], axis=-1)

@@ -6,7 +6,7 @@ from sim_bridge.containers.generate import CONTAINER_NAMES, SHAPES, build_contai
 from sim_bridge.containers.measured import Measured, measure_mesh
 from sim_bridge.containers.scanning import scan
 from sim_bridge.containers.shells import shell_pieces
-from sim_bridge.containers.surfaces import TUBE_CORNERS
+from sim_bridge.containers.surfaces import TUBE_CORNERS, at_heights, pieces_between
 
 __all__ = [
     "CONTAINER_NAMES",
@@ -14,9 +14,11 @@ __all__ = [
     "TUBE_CORNERS",
     "Container",
     "Measured",
+    "at_heights",
     "build_container",
     "make_container",
     "measure_mesh",
+    "pieces_between",
     "scan",
     "shell_pieces",
 ]

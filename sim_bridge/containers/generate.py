@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.warping import surface_volume
 from sim_bridge.containers.container import Container, Sections
-from sim_bridge.containers.surfaces import close_rings, swept_tube
+from sim_bridge.containers.surfaces import at_heights, close_rings, swept_tube
 
 N_CORNERS = 64
 """Corners of each outline. Convention."""
@@ -144,24 +144,16 @@ def _sections(shape: ContainerShape) -> Sections:
     )
 
 
-def _raise(outline: NDArray[np.float64], height_m: float) -> NDArray[np.float64]:
-    """An outline (S, 2) as a ring (S, 3) at a height."""
-    return np.column_stack([outline, np.full(len(outline), height_m)])
-
-
 def _wall(sections: Sections) -> trimesh.Trimesh:
     """The solid without its handle: up outside, over the crest, down inside."""
-    rings = [_raise(sections.base, 0.0)]
-    rings += [_raise(o, h) for o, h in zip(sections.outer, sections.heights_m, strict=True)]
-    inside = list(zip(sections.inner, sections.heights_m, strict=True))[:-1]
-    rings += [_raise(outline, height) for outline, height in reversed(inside)]
-    return close_rings(np.stack(rings))
+    base = at_heights(sections.base[None], np.zeros(1))
+    inner, outer = (at_heights(o, sections.heights_m) for o in (sections.inner, sections.outer))
+    return close_rings(np.concatenate([base, outer, inner[-2::-1]]))
 
 
 def _cavity(sections: Sections) -> trimesh.Trimesh:
     """The closed cavity up to the plane of the rim."""
-    rings = [_raise(o, h) for o, h in zip(sections.inner, sections.heights_m, strict=True)]
-    return close_rings(np.stack(rings))
+    return close_rings(at_heights(sections.inner, sections.heights_m))
 
 
 def _handle(shape: ContainerShape, sections: Sections) -> trimesh.Trimesh:

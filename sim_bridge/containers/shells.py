@@ -9,6 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.containers.surfaces import at_heights, pieces_between
 
 N_RINGS, N_CORNERS = 9, 32
 """Rings and corners of a wall: 256 pieces, a few millimetres wide on a cup. Convention."""
@@ -53,15 +54,9 @@ def shell_pieces(mesh: trimesh.Trimesh) -> list[NDArray[np.float64]]:
     heights = np.linspace(floor + FLOOR_SHARE * (top - floor), top, N_RINGS)
     walls = _filled(_walls(mesh, axis, heights, directions))
     inner, outer = (
-        np.dstack([axis + walls[..., k, None] * directions[:, :2], _spread(heights)])
-        for k in (0, 1)
+        at_heights(axis + walls[..., k, None] * directions[:, :2], heights) for k in (0, 1)
     )
-    pieces = [
-        np.concatenate([ring[low : low + 2][:, [k, (k + 1) % N_CORNERS]].reshape(-1, 3)
-                        for ring in (inner, outer)])
-        for low in range(N_RINGS - 1)
-        for k in range(N_CORNERS)
-    ]  # fmt: skip
+    pieces = pieces_between(inner, outer)
     vertices = np.asarray(mesh.vertices, dtype=float)
     flat = vertices[:, :2] - axis
     radius, turn = np.hypot(*flat.T), np.arctan2(flat[:, 1], flat[:, 0])
@@ -70,10 +65,6 @@ def shell_pieces(mesh: trimesh.Trimesh) -> list[NDArray[np.float64]]:
     under = (vertices[:, 2] < heights[0]) & (radius < wall + BEYOND_M)
     pieces.append(np.concatenate([outer[0], vertices[under]]))
     return pieces + _handle_pieces(vertices[radius > wall + BEYOND_M], axis)
-
-
-def _spread(heights: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.repeat(heights[:, None], N_CORNERS, axis=1)
 
 
 def _walls(

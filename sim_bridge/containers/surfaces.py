@@ -9,6 +9,27 @@ TUBE_CORNERS = 16
 """Corners of a handle's cross section. Convention."""
 
 
+def at_heights(
+    outlines: NDArray[np.float64], heights_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Rings (R, S, 3) of outlines (R, S, 2) at heights (R,)."""
+    z = np.broadcast_to(heights_m[:, None, None], (*outlines.shape[:2], 1))
+    return np.concatenate([outlines, z], axis=-1)
+
+
+def pieces_between(
+    inner: NDArray[np.float64], outer: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Corners (8, 3) of the pieces of a wall between rings (R, S, 3), ring by ring."""
+    pieces = []
+    for low in range(len(inner) - 1):
+        for k in range(inner.shape[1]):
+            corners = [k, (k + 1) % inner.shape[1]]
+            sides = [ring[low : low + 2, corners].reshape(-1, 3) for ring in (inner, outer)]
+            pieces.append(np.concatenate(sides))
+    return pieces
+
+
 def close_rings(rings: NDArray[np.float64]) -> trimesh.Trimesh:
     """Join rings to a tube and close both ends with fans.
 

@@ -7,7 +7,6 @@ from sim_bridge.coworker.hardness import (
     TEST_COUNTS,
     TRAINING_COUNTS,
     demonstration_rng,
-    nearest_mean_labels,
 )
 from sim_bridge.coworker.reach import (
     Movement,
@@ -56,7 +55,6 @@ __all__ = [
     "draw_reach",
     "draw_rest",
     "minimum_jerk",
-    "nearest_mean_labels",
     "parse_task_list",
     "plan_demonstration",
     "plan_session",

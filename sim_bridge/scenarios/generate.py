@@ -87,7 +87,7 @@ def generate(
         )
     todo = _scenario(scenario).orders(seed)
     for order in todo:
-        _make_room(output / order.folder, overwrite)
+        make_room(output / order.folder, overwrite)
     written = []
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         futures = [pool.submit(_make, scenario, order, output) for order in todo]
@@ -112,7 +112,12 @@ def record(
     return [_make(scenario, order, output) for order in orders]
 
 
-def _make_room(folder: Path, overwrite: bool) -> None:
+def make_room(folder: Path, overwrite: bool) -> None:
+    """Make sure that there is no bag of that name.
+
+    Raises:
+        ResourceBusyError: there is one, and it is not to be overwritten.
+    """
     if folder.exists() and not overwrite:
         cure = "Choose another folder or add --overwrite."
         raise ResourceBusyError(describe("output", "no bag of that name", folder, cure))

@@ -7,14 +7,13 @@ import pytest
 from intent_recognition.experiments.left_out import (
     FINAL,
     WHOLE,
-    chosen_number,
     majority_names,
     pairs_of,
     predict,
     rms,
-    to_predict_with,
     try_numbers,
 )
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
@@ -44,7 +43,7 @@ def two_rules():
             demonstrations.append(demonstration(f"{kind}_{number}", goal, response))
             kinds.append(kind)
     pairs = pairs_of(demonstrations)
-    return pairs, np.array(kinds), try_numbers(pairs, (1, 2), lambda k: np.random.default_rng(k))
+    return pairs, np.array(kinds), try_numbers(pairs, 2, Settings())
 
 
 def test_the_measured_and_the_smoothed_trajectories_agree(two_rules):
@@ -54,33 +53,30 @@ def test_the_measured_and_the_smoothed_trajectories_agree(two_rules):
 
 
 def test_two_rules_are_told_apart_and_predicted(two_rules):
-    pairs, kinds, fits = two_rules
-    assert chosen_number(fits, len(kinds)) == 2
-    labels = fits[2][0].labels
+    pairs, kinds, ((one, two), chosen) = two_rules
+    assert chosen == two.number == 2
+    labels = two.labels
     assert len(set(zip(labels.tolist(), kinds.tolist(), strict=True))) == 2
-    mixtures = to_predict_with(pairs, fits[2][0])
     for seen in (WHOLE, FINAL):
-        predicted = predict(pairs, mixtures, seen)
+        predicted = predict(pairs, two.mixtures, seen)
         np.testing.assert_array_equal(predicted.component, labels)  # in the labels' order
         np.testing.assert_allclose(predicted.probability.sum(axis=1), 1.0)
-        single = predict(pairs, to_predict_with(pairs, fits[1][0]), seen)
+        single = predict(pairs, one.mixtures, seen)
         error, worse = (rms(p.mean - pairs.controlled).mean() for p in (predicted, single))
         assert error < 0.05 and error < 0.5 * worse
 
 
 def test_the_left_out_one_has_no_say(two_rules):
-    pairs, _, fits = two_rules
-    mixtures = to_predict_with(pairs, fits[2][0])
+    pairs, _, ((_, two), _) = two_rules
     for i in range(len(pairs.names)):
-        used = mixtures.rows[i][mixtures.row_weight[i] > 0]
+        used = two.mixtures.rows[i][two.mixtures.row_weight[i] > 0]
         assert i not in used
 
 
 def test_a_component_that_is_given_is_the_one_that_predicts(two_rules):
-    pairs, _, fits = two_rules
-    mixtures = to_predict_with(pairs, fits[2][0])
-    other = 1 - fits[2][0].labels
-    predicted = predict(pairs, mixtures, FINAL, other)
+    pairs, _, ((_, two), _) = two_rules
+    other = 1 - two.labels
+    predicted = predict(pairs, two.mixtures, FINAL, other)
     np.testing.assert_array_equal(predicted.component, other)
     assert rms(predicted.mean - pairs.controlled).min() > 0.5
 

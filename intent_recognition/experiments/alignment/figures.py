@@ -48,10 +48,8 @@ def warp_figure(
                 zorder=(5.0, 4.0, 2.5, 3.0)[number],
                 label=name,
             )
-        axes.set_xlabel("phase of the reference")
-        axes.set_xlim(0.0, 1.0)
-    left.set_ylabel("recorded phase less the true one")
-    left.set_title("error of the timing")
+        axes.set(xlabel="phase of the reference", xlim=(0.0, 1.0))
+    left.set(ylabel="recorded phase less the true one", title="error of the timing")
     right.set_ylabel("velocity [range of the movement / phase]")
     right.set_title("velocity of the warped movement")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
@@ -76,8 +74,6 @@ def recordings_figure(
         fill_two_sigma(axes, phase, mean, std, PALETTE[0])
         axes.plot(phase, values.T, color=PALETTE[0], linewidth=0.7, alpha=0.6)
         axes.plot(phase, mean, color=INK, linewidth=1.6)
-        axes.set_title(title)
-        axes.set_xlabel("phase")
-        axes.set_xlim(0.0, 1.0)
+        axes.set(title=title, xlabel="phase", xlim=(0.0, 1.0))
     grid[0].set_ylabel(quantity)
     return figure

@@ -13,6 +13,7 @@ from intent_recognition.report import (
     SOFT,
     new_figure,
     readable,
+    shared_legend,
     styled,
     task_colours,
 )
@@ -102,11 +103,8 @@ def overlap_figure(
             label=f"its last {n_circled}",
         )
         axes.set_aspect("equal", adjustable="datalim")
-        axes.set_title(title)
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel(f"{'xyz'[j]} [m]")
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+        axes.set(title=title, xlabel="x [m]", ylabel=f"{'xyz'[j]} [m]")
+    shared_legend(figure, grid[:1], 4)
     return figure
 
 
@@ -128,8 +126,7 @@ def certainty_figure(
         for axes, (true, values) in zip(line, by_task.items(), strict=True):
             axes.axvspan(3, certain_after, color="#eef1f5", zorder=0)
             _bands(axes, labels, values, colours)
-            axes.set_title(f"{readable(true)} ({len(values)} left out)")
-            axes.set_ylim(-0.03, 1.05)
+            axes.set(title=f"{readable(true)} ({len(values)} left out)", ylim=(-0.03, 1.05))
         line[0].set_ylabel(f"probability\n{name}")
     for axes in grid[-1]:
         axes.set_xlabel("number of observations")
@@ -163,9 +160,7 @@ def ambiguity_figure(
         figure.subplots(1, len(ways), sharey=True), ways.items(), strict=True
     ):
         _bands(axes, labels, values, colours, first=1)
-        axes.set_title(name)
-        axes.set_xlabel("observation")
-        axes.set_ylim(-0.03, 1.05)
+        axes.set(title=name, xlabel="observation", ylim=(-0.03, 1.05))
     figure.axes[0].set_ylabel(f"probability\n(true: {readable(true)})")
     _task_legend(figure, labels, colours)
     return figure
@@ -183,8 +178,7 @@ def spread_figure(
         phase = np.linspace(0.0, 100.0, len(before_cm[task]))
         axes.plot(phase, before_cm[task], color=SOFT, linestyle=DASHED, label="as recorded")
         axes.plot(phase, after_cm[task], color=colours[task], label="aligned")
-        axes.set_title(readable(task))
-        axes.set_xlabel("phase [%]")
+        axes.set(title=readable(task), xlabel="phase [%]")
     top = max(values.max() for values in (*before_cm.values(), *after_cm.values()))
     panels[0].set_ylim(0.0, 1.35 * top)
     for axes in panels:

@@ -12,6 +12,7 @@ from intent_recognition.report import (
     INK,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     readable,
     styled,
@@ -67,8 +68,7 @@ def prediction_error_figure(
     from matplotlib.lines import Line2D
 
     colours, markers = task_colours(known_cm), task_markers(known_cm)
-    figure = new_figure(5.6, 3.9)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.9)
     for task, errors in known_cm.items():
         at = np.arange(len(errors))
         axes.plot(at, errors, marker=markers[task], color=colours[task], markersize=4)
@@ -137,8 +137,7 @@ def arrival_figure(
 ) -> "Figure":
     """Where and when the hand arrived, compared with the assistant's wrist; a dot a recording."""
     colours, markers = task_colours(end_cm), task_markers(end_cm)
-    figure = new_figure(5.6, 3.9)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.6, 3.9)
     axes.axvline(0.0, color=SOFT, lw=1.0)
     for task, errors in end_cm.items():
         axes.scatter(

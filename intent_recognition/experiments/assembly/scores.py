@@ -140,8 +140,7 @@ def watch(
         evidence.append(posterior.log_evidence[:-1])
         (belief,) = _normalised(evidence[-1][None])
         probabilities.append(belief)
-        mean, square = _mixture(run, belief, times_s)
-        std = np.sqrt(np.maximum(square - mean**2, 1e-12))
+        mean, std = _mixture(run, belief, times_s)
         inside = float(np.mean(np.abs(mean - truth) <= 2.0 * std))
         scores.append((*_distances(mean, truth), inside))
     path, end, inside = np.array(scores).T
@@ -166,19 +165,20 @@ def predicted_after(
         run.observe(observation)
     posterior = task_posterior(run.log_evidence, hypotheses, duration_s)
     (belief,) = _normalised(posterior.log_evidence[None, :-1])
-    mean, square = _mixture(run, belief, times_s)
     truth = sample(left_out.controlled, left_out.start_ns, times_s)
-    return times_s, truth, mean, np.sqrt(np.maximum(square - mean**2, 1e-12))
+    return times_s, truth, *_mixture(run, belief, times_s)
 
 
 def _mixture(
     run: MovementFilter, belief: NDArray[np.float64], times_s: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
-    """Mean and mean square of the assistant's wrist over all tasks that may be, (T, 3) each."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean and standard deviation of the assistant's wrist over all tasks that may be, (T, 3)."""
     likely = np.flatnonzero(belief > 1e-3)
     share = belief[likely] / belief[likely].sum()
     moments = [run.prediction(int(task)).mixture_at(times_s) for task in likely]
-    return [np.tensordot(share, np.array(part), axes=1) for part in zip(*moments, strict=True)]
+    parts = (np.array(part) for part in zip(*moments, strict=True))
+    mean, square = (np.tensordot(share, part, axes=1) for part in parts)
+    return mean, np.sqrt(np.maximum(square - mean**2, 1e-12))
 
 
 def single_evidence(

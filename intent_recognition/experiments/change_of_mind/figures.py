@@ -12,6 +12,7 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -42,9 +43,7 @@ def courses_figure(
             axes.plot(path[:, x], path[:, y], color=INK, linestyle=DASHED, lw=1.2, label=name)
         for colour, (name, path) in zip(PALETTE, courses.items(), strict=False):
             axes.plot(path[:, x], path[:, y], color=colour, label=name)
-        axes.set_title(title)
-        axes.set_xlabel("wrist x [m]")
-        axes.set_ylabel(f"wrist {'xyz'[y]} [m]")
+        axes.set(title=title, xlabel="wrist x [m]", ylabel=f"wrist {'xyz'[y]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
     shared_legend(figure, grid, 3)
     return figure
@@ -73,9 +72,7 @@ def outcome_figure(
                 level = 100.0 * wanted[share]
                 axes.plot([k - 0.4, k + 0.4], [level] * 2, color=INK, label="wanted")
         axes.set_xticks(at, [f"{share:.0%}" for share in cells])
-        axes.set_xlabel("change at")
-        axes.set_title(title)
-        axes.set_ylim(0.0, 100.0)
+        axes.set(xlabel="change at", title=title, ylim=(0.0, 100.0))
         axes.grid(visible=False, axis="x")
     grid[0].set_ylabel("reaches [%]")
     shared_legend(figure, grid, 4)
@@ -90,8 +87,7 @@ def delay_figure(delays_s: Mapping[str, Sequence[float]], counts: Mapping[str, i
         delays_s: of those with the new task active at the end, by name.
         counts: all reaches, by name.
     """
-    figure = new_figure(5.2, 3.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.2, 3.6)
     for colour, (name, delays) in zip(PALETTE, delays_s.items(), strict=False):
         ordered = np.sort(np.asarray(delays, dtype=np.float64))
         share = 100.0 * np.arange(len(ordered) + 1) / counts[name]

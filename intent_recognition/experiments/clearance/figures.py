@@ -14,6 +14,7 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -34,8 +35,7 @@ COLOURS = {
 @styled
 def nearest_figure(runs: Sequence[Run], clearance_m: float) -> "Figure":
     """Least distance from a box in each run: of the guarded arm over that without boxes."""
-    figure = new_figure(6.4, 4.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 4.6)
     for outcome, colour in COLOURS.items():
         own = [run for run in runs if run.outcome == outcome]
         axes.plot(
@@ -69,8 +69,7 @@ def courses_figure(runs: Sequence[Run]) -> "Figure":
                 hand = done.hand_m[: done.interacting]
                 colour = INK if done is run.free else COLOURS["bent"]
                 axes.plot(hand[:, x], hand[:, y], color=colour, linestyle=style, label=name)
-            axes.set_xlabel("hand x [m]")
-            axes.set_ylabel(f"hand {'xyz'[y]} [m]")
+            axes.set(xlabel="hand x [m]", ylabel=f"hand {'xyz'[y]} [m]")
             axes.set_aspect("equal", adjustable="datalim")
         row[0].set_title(f"{run.task}, from above")
         row[1].set_title("from the side")

@@ -16,7 +16,6 @@ from intent_recognition.experiments.constraints.features import (
     THROW_STANDARD,
     THROW_UPRIGHT,
     UPRIGHT,
-    annotated_source,
     filling_samples,
     know_all,
     pouring_samples,
@@ -28,6 +27,7 @@ from intent_recognition.report import ExperimentResult
 from intent_recognition.share import share_path
 from sim_bridge.balls import FILLING, POURING, TRIALS_FILE, read_trials
 from sim_bridge.containers import CONTAINER_NAMES
+from sim_bridge.scenarios.pouring import annotated_source
 
 SETS_PER_OBJECT = 10
 

@@ -12,7 +12,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
     NO_REFERENCES,
     FillingConstraint,
@@ -48,7 +47,6 @@ THROW_UPRIGHT = "standard, upright, and the throw of a usual cup"
 STANDARDS = (STANDARD, UPRIGHT, THROW_STANDARD, THROW_UPRIGHT)
 """Ways to do without references in filling."""
 
-SOURCE = "mug"
 OTHER_AHEAD_M = 0.2
 """Where the other container is, from this one's opening, when the lip is chosen."""
 
@@ -84,11 +82,6 @@ class Samples(NamedTuple):
     labels: NDArray[np.float64]
     objects: NDArray[np.integer]
     unit_throw: NDArray[np.float64] | None = None
-
-
-def annotated_source() -> ObjectModel:
-    """The one object whose parts are annotated: the shipped mug, of another size than ours."""
-    return ObjectModel.learn(load_object(find_object(SOURCE)))
 
 
 def know_all(

@@ -62,8 +62,7 @@ def roc_figure(rows: Sequence[Sequence[RocPanel]]) -> "Figure":
         axes.set_title(panel.title)
         axes.legend(loc="lower right", title="mean area", alignment="right")
         axes.set_aspect("equal")
-        axes.set_xlim(-0.02, 1.0)
-        axes.set_ylim(0.0, 1.02)
+        axes.set(xlim=(-0.02, 1.0), ylim=(0.0, 1.02))
     for axes in grid[-1]:
         axes.set_xlabel("false positive rate")
     for axes in grid[:, 0]:

@@ -12,6 +12,7 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -35,8 +36,7 @@ def scene_figure(
         courses: box (2,), wrist (T, 3) and hand (T, 3) of each place [m].
         turns_at: number of the sample from which on the wrist turns to the box.
     """
-    figure = new_figure(5.4, 4.2)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 4.2)
     for colour, (box, wrist, hand) in zip(PALETTE, courses, strict=False):
         axes.plot(*wrist[:, :2].T, color=colour, label="wrist")
         axes.plot(*hand[:, :2].T, color=colour, linestyle=DASHED, label="robot's hand")
@@ -45,8 +45,7 @@ def scene_figure(
     axes.plot(
         *wrist[turns_at, :2], marker="o", color=INK, linestyle="none", label="the wrist turns"
     )
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal", adjustable="datalim")
     shared_legend(figure, [axes], 4)
     return figure
@@ -82,9 +81,7 @@ def outcome_figure(
         right.step(100.0 * np.r_[0.0, times], share, where="post", color=colour, linestyle=line)
     for axes in (left, right):
         axes.axvline(100.0 * turns_at, color=INK, lw=1.0, linestyle=DASHED)
-        axes.set_xlabel("movement passed [%]")
-        axes.set_xlim(0.0, 82.0)
-        axes.set_ylim(bottom=0.0)
+        axes.set(xlabel="movement passed [%]", xlim=(0.0, 82.0), ylim=(0.0, None))
     left.set_ylabel("error of the hand's predicted end [cm]")
     right.set_ylabel("acted on [%]")
     shared_legend(figure, [left], 4)

@@ -17,6 +17,7 @@ from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import predict_controlled
 from intent_recognition.signals import Demonstration, Signal
+from sim_bridge.coworker import minimum_jerk
 
 RATE_HZ = 50.0
 REST_S = 0.6
@@ -154,20 +155,14 @@ def paths(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Wrist and hand (T, 3) at shares of the movement [m]."""
     box = np.array([*box_m, 0.1])
-    first, late = _minimum_jerk(share / 0.75), _minimum_jerk((share - TURNS_AT) / (1 - TURNS_AT))
+    first, late = minimum_jerk(share / 0.75), minimum_jerk((share - TURNS_AT) / (1 - TURNS_AT))
     shelf = SHELF_M[task] + scatter_m[0]
     wrist = first[:, None] * shelf + late[:, None] * (box + scatter_m[0] - shelf)
     cosine, sine = np.cos(turn), np.sin(turn)
     x, y, z = BESIDE_M[task]
     place = box + [cosine * x - sine * y, sine * x + cosine * y, z] + scatter_m[1]
-    hand = HOME_M + _minimum_jerk((share - 0.1) / 0.9)[:, None] * (place - HOME_M)
+    hand = HOME_M + minimum_jerk((share - 0.1) / 0.9)[:, None] * (place - HOME_M)
     return wrist, hand
-
-
-def _minimum_jerk(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of the way (Flash and Hogan 1985); at rest outside [0, 1]."""
-    share = np.clip(share, 0.0, 1.0)
-    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
 
 
 def _said_late(one: Demonstration) -> tuple[Signal, ...]:

@@ -58,8 +58,7 @@ def distribution_figure(
                     color=colour, linestyle=dash, linewidth=1.4, label=label,
                 )  # fmt: skip
         axes.plot(times_s, moments[0][0][:, k], color=STOCHASTIC, lw=1.0, label="arm, mean")
-        axes.set_ylabel(f"joint {k + 1} [rad]")
-        axes.set_xlim(0.0, grid[-1])
+        axes.set(ylabel=f"joint {k + 1} [rad]", xlim=(0.0, grid[-1]))
     _legend(panels, corner)
     return figure
 
@@ -89,9 +88,7 @@ def spread_figure(
         axes.plot(grid, std[:, k], color=PRIMITIVE, label="primitive")
         for (_, spread), name, colour, dash in zip(moments, NAMES, COLOURS, DASHES, strict=True):
             axes.plot(times_s, spread[:, k], color=colour, linestyle=dash, label=f"arm, {name}")
-        axes.set_ylabel(f"std of joint {k + 1} [rad]")
-        axes.set_xlim(0.0, grid[-1])
-        axes.set_ylim(0.0, None)
+        axes.set(ylabel=f"std of joint {k + 1} [rad]", xlim=(0.0, grid[-1]), ylim=(0.0, None))
     _legend(panels, corner)
     return figure
 
@@ -110,8 +107,7 @@ def stiffness_figure(policy: FeedbackPolicy, demonstrated: NDArray[np.float64]) 
         colour = PALETTE[k % len(PALETTE)]
         upper.plot(policy.times_s, demonstrated[:, k], color=colour, label=f"joint {k + 1}")
         lower.plot(policy.times_s, policy.stiffness[:, k], color=colour)
-    upper.set_ylabel("std of the demonstrations [rad]")
-    upper.set_ylim(0.0, None)
+    upper.set(ylabel="std of the demonstrations [rad]", ylim=(0.0, None))
     lower.set_ylabel("stiffness [1/s\N{SUPERSCRIPT TWO}]")
     lower.set_xlabel("time [s]")
     lower.set_xlim(0.0, policy.times_s[-1])
@@ -138,8 +134,7 @@ def push_figure(
             start_s, 100 * deflection_m[:, k], color=colour, marker=marker, label=name,
             markeredgecolor="white", markersize=7,
         )  # fmt: skip
-    upper.set_ylabel("deflection of the hand [cm]")
-    upper.set_ylim(0.0, None)
+    upper.set(ylabel="deflection of the hand [cm]", ylim=(0.0, None))
     lower.plot(
         start_s, 100 * spread_m, color=PRIMITIVE, marker="D", markersize=5, label="primitive"
     )

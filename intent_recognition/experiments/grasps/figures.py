@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.experiments.grasps.study import CARRIED, MANNERS, WARPED, Trial
-from intent_recognition.report import INK, PALETTE, new_figure, shared_legend, styled
+from intent_recognition.report import INK, PALETTE, new_axes, new_figure, shared_legend, styled
 from intent_recognition.warping import Grasp
 from sim_bridge.grasping import CLEARANCE_M, FINGER_M, PAD_M
 
@@ -48,8 +48,7 @@ def cuts_figure(trials: Sequence[Trial]) -> "Figure":
 @styled
 def held_figure(shares: Mapping[str, Mapping[str, float]], wanted: float) -> "Figure":
     """Bars of the shares held, by kind of container and manner."""
-    figure = new_figure(5.4, 3.2)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 3.2)
     places, width = np.arange(len(shares)), 0.8 / len(MANNERS)
     for k, manner in enumerate(MANNERS):
         at = places + (k - 0.5 * (len(MANNERS) - 1)) * width
@@ -58,9 +57,7 @@ def held_figure(shares: Mapping[str, Mapping[str, float]], wanted: float) -> "Fi
         axes.bar_label(bars, fmt="%.0f", padding=1)
     axes.axhline(100.0 * wanted, color=INK, lw=0.8, linestyle=":", label="wanted")
     axes.set_xticks(places, list(shares))
-    axes.set_xlim(-0.8, len(shares) - 0.2)
-    axes.set_ylabel("held for 2 s [%]")
-    axes.set_ylim(0.0, 112.0)
+    axes.set(xlim=(-0.8, len(shares) - 0.2), ylabel="held for 2 s [%]", ylim=(0.0, 112.0))
     axes.grid(visible=False, axis="x")
     shared_legend(figure, [axes], len(MANNERS) + 1)
     return figure

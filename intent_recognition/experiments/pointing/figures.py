@@ -15,6 +15,7 @@ from intent_recognition.report import (
     PAPER_COLOUR,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     styled,
 )
@@ -62,8 +63,7 @@ def table_figure(
     """
     from matplotlib.patches import Circle, Ellipse
 
-    figure = new_figure(5.4, 5.2)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 5.2)
     axes.set_aspect("equal")
 
     def plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -116,8 +116,7 @@ def errors_figure(
     paper_m: float,
 ) -> "Figure":
     """Error of each test spot, with that of the nearest demonstration and the paper's largest."""
-    figure = new_figure(5.4, 3.4)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.4, 3.4)
     at = np.arange(len(numbers))
     axes.bar(at, 100.0 * errors_m, width=0.55, color=POINTED, label="arm", zorder=2)
     axes.plot(
@@ -137,9 +136,7 @@ def errors_figure(
         axes.text(u, 100.0 * error + 0.12, f"{100 * error:.1f}", ha="center", fontsize=8.5)
     axes.set_xticks(at, [f"#{number}" for number in numbers])
     axes.grid(axis="x", visible=False)
-    axes.set_xlabel("test spot")
-    axes.set_ylabel("error on the table [cm]")
-    axes.set_ylim(0.0, None)
+    axes.set(xlabel="test spot", ylabel="error on the table [cm]", ylim=(0.0, None))
     figure.legend(loc="outside upper center", ncols=3)
     return figure
 
@@ -182,8 +179,7 @@ def conditioned_figure(
                 done[0], done[1][:, k - 3], color=POINTED, linewidth=1.2, linestyle=DASHED,
                 label="arm as it moved",
             )  # fmt: skip
-            axes.set_ylabel(f"joint {k - 2} [rad]")
-            axes.set_xlabel("phase")
+            axes.set(ylabel=f"joint {k - 2} [rad]", xlabel="phase")
         axes.set_xlim(0.0, 1.0)
         axes.set_xticks([0.0, 0.5, 1.0])
     handles, labels = upper[0].get_legend_handles_labels()

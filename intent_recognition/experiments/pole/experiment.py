@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from intent_recognition.experiments.draws import for_json
 from intent_recognition.experiments.pole.report import blocks, findings
-from intent_recognition.experiments.pole.study import Carried, PoleStudy, investigate
+from intent_recognition.experiments.pole.study import Carried, PoleStudy, investigate, n_through
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import purity
 from intent_recognition.report import ExperimentResult
@@ -59,8 +59,8 @@ def _numbers(study: PoleStudy) -> Mapping[str, object]:
         "chosen": study.chosen,
         "nll": [float(t.nll.mean()) for t in study.tried],
         "joint_rms_rad": [t.joint_rms_rad.tolist() for t in study.tried],
-        "tip_rms_m": [t.tip_rms_m.tolist() for t in study.tried],
-        "predicted_through_pole": [t.n_through for t in study.tried],
+        "tip_rms_m": study.tip_rms_m.tolist(),
+        "predicted_through_pole": [n_through(t.predicted) for t in study.tried],
         "purity": purity(list(study.ways), study.taken.labels),
         "draws": for_json(study.draws),
         "executed": [_carried_numbers(c) for c in study.carried],

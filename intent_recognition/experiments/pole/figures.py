@@ -14,6 +14,7 @@ from intent_recognition.report import (
     PAPER_COLOUR,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -145,8 +146,7 @@ def components_figure(
             )  # fmt: skip
         axes.set_ylim(bottom=0.0)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set_xlabel("components")
-        axes.set_ylabel(label)
+        axes.set(xlabel="components", ylabel=label)
     shared_legend(figure, grid, 5)
     return figure
 
@@ -161,8 +161,7 @@ def clearance_figure(
         motions: per kind, the least distance of each motion [m] (n,), negative inside the pole,
             and whether it touched the pole (n,).
     """
-    figure = new_figure(8.2, 0.9 + 0.55 * len(motions))
-    axes = figure.subplots()
+    figure, axes = new_axes(8.2, 0.9 + 0.55 * len(motions))
     lowest = min(100.0 * float(np.min(values)) for values, _ in motions.values())
     left = min(lowest - 1.0, -1.5)
     axes.axvspan(left, 0.0, color=HIT_COLOUR, alpha=0.08, lw=0)
@@ -177,8 +176,7 @@ def clearance_figure(
             )
         axes.plot([np.median(values)] * 2, [row - 0.27, row + 0.27], color=INK, linewidth=1.6)
     axes.set_yticks(range(len(motions)), list(motions))
-    axes.set_ylim(len(motions) - 0.5, -0.5)
-    axes.set_xlim(left=left)
+    axes.set(ylim=(len(motions) - 0.5, -0.5), xlim=(left, None))
     axes.grid(visible=False, axis="y")
     axes.text(left, -0.42, " in the pole", color=HIT_COLOUR, fontsize=9, va="top")
     axes.set_xlabel("least distance of the arm from the pole's surface [cm]")
@@ -212,9 +210,7 @@ def two_answers_figure(
                 phase, truth[:, q], color=INK, linewidth=1.2,
                 linestyle=DASHED if way == "left" else (0, (1, 1.5)), label=f"shown: {way}",
             )  # fmt: skip
-        axes.set_xlabel("phase")
-        axes.set_ylabel(f"{name} [rad]")
-        axes.set_xlim(0.0, 1.0)
+        axes.set(xlabel="phase", ylabel=f"{name} [rad]", xlim=(0.0, 1.0))
     shared_legend(figure, grid[:1], 5)
     return figure
 

@@ -14,7 +14,7 @@ from intent_recognition.experiments.pole.figures import (
     scene_figure,
     two_answers_figure,
 )
-from intent_recognition.experiments.pole.study import Carried, PoleStudy
+from intent_recognition.experiments.pole.study import Carried, PoleStudy, n_through
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.learning import purity
 from intent_recognition.report import (
@@ -39,7 +39,7 @@ JOINT_ERROR = "error of the joints [rad]"
 
 def findings(study: PoleStudy) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
-    one, taken = study.tried[0], study.taken
+    single_m, taken_m = (study.tip_rms_m[k - 1] for k in (1, study.chosen))
     middle = float(np.median(drawn(study.draws, "path")))
     n = len(study.single.runs)
     single, mixture, single_end, end = (int(c.hits.sum()) for c in study.carried)
@@ -48,14 +48,14 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
         Finding.wanted(
             "error of the predicted path, leave-one-out [cm]",
             "about 4",
-            f"{_one_sigma(taken.tip_rms_m)}{also(study.draws, 'path')}",
+            f"{_one_sigma(taken_m)}{also(study.draws, 'path')}",
             middle <= PAPER_PLATEAU_CM,
             "A path on the other side counts in full.",
         ),
         Finding(
             "... with a single Gaussian [cm]",
             "",
-            f"{_one_sigma(one.tip_rms_m)}{also(study.draws, 'path, single')}",
+            f"{_one_sigma(single_m)}{also(study.draws, 'path, single')}",
             None,
             "The paper shows it in its Fig. 4 without a number.",
         ),
@@ -111,7 +111,7 @@ def _ways(carried: Carried) -> list[tuple[str, int]]:
 
 
 def _key_numbers(study: PoleStudy) -> KeyNumbers:
-    error = 100.0 * study.taken.tip_rms_m.mean()
+    error = 100.0 * study.tip_rms_m[study.chosen - 1].mean()
     n = len(study.mixture.runs)
     hits = int(study.mixture.hits.sum())
     found = purity(list(study.ways), study.taken.labels)
@@ -176,7 +176,7 @@ def _paths(study: PoleStudy) -> Figure:
 def _components(study: PoleStudy) -> Figure:
     numbers = [t.number for t in study.tried]
     errors = {
-        TIP_ERROR: 100.0 * np.array([t.tip_rms_m for t in study.tried]),
+        TIP_ERROR: 100.0 * study.tip_rms_m,
         JOINT_ERROR: np.array([t.joint_rms_rad for t in study.tried]),
     }
     figure = components_figure(numbers, errors, study.chosen, {TIP_ERROR: PAPER_PLATEAU_CM})
@@ -199,12 +199,12 @@ def _table(study: PoleStudy) -> Table:
         Column("through the pole"),
     )
     rows = []
-    for tried in study.tried:
+    for tried, tip_rms_m in zip(study.tried, study.tip_rms_m, strict=True):
         predicted = [way_of(path) for path in fingertip(tried.predicted.mean)]
         other = np.array([a != b for a, b in zip(predicted, study.ways, strict=True)])
-        errors = tried.nll.mean(), _one_sigma(tried.tip_rms_m), tried.joint_rms_rad.mean()
+        errors = tried.nll.mean(), _one_sigma(tip_rms_m), tried.joint_rms_rad.mean()
         others = other.sum(), (other & ~study.both).sum()
-        rows.append((tried.number, *errors, *others, tried.n_through))
+        rows.append((tried.number, *errors, *others, n_through(tried.predicted)))
     return Table.of(columns, rows, "Predictions, before execution.", strong=[study.chosen - 1])
 
 

@@ -16,18 +16,15 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.draws import Draw, draw_again
 from intent_recognition.experiments.left_out import (
     FINAL,
-    WHOLE,
     LeftOutPrediction,
     Pairs,
-    chosen_number,
+    TriedNumber,
     pairs_of,
     predict,
     rms,
-    to_predict_with,
     try_numbers,
 )
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.gaussian import Components
 from intent_recognition.learning import MIN_MEMBERS, purity
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
@@ -39,31 +36,6 @@ if TYPE_CHECKING:
 LARGEST_NUMBER = 17
 QUICK_LARGEST = 3
 QUICK_EXECUTED = 2
-
-
-@dataclass(frozen=True)
-class PoleMixture:
-    """One number of components, every demonstration left out in turn, its whole path observed.
-
-    Attributes:
-        number: of components.
-        mixtures: without each demonstration, to predict with.
-        labels: component of each demonstration (n,).
-        nll: left-out score that the number is chosen by (n,).
-        predicted: each robot.
-        joint_rms_rad: error of each prediction over all joints and times (n,).
-        tip_rms_m: of the fingertip over all times (n,).
-        n_through: predictions that run into the pole.
-    """
-
-    number: int
-    mixtures: Components
-    labels: NDArray[np.integer]
-    nll: NDArray[np.float64]
-    predicted: LeftOutPrediction
-    joint_rms_rad: NDArray[np.float64]
-    tip_rms_m: NDArray[np.float64]
-    n_through: int
 
 
 @dataclass(frozen=True)
@@ -116,7 +88,7 @@ class PoleStudy:
     pairs: Pairs
     ways: tuple[str, ...]
     both: NDArray[np.bool_]
-    tried: tuple[PoleMixture, ...]
+    tried: tuple[TriedNumber, ...]
     chosen: int
     single: Carried
     mixture: Carried
@@ -125,9 +97,14 @@ class PoleStudy:
     draws: tuple[Draw, ...] = ()
 
     @property
-    def taken(self) -> PoleMixture:
+    def taken(self) -> TriedNumber:
         """Results with the number of components chosen."""
         return self.tried[self.chosen - 1]
+
+    @property
+    def tip_rms_m(self) -> NDArray[np.float64]:
+        """Error of the fingertip by number of components and demonstration (K, n)."""
+        return np.array([tip_rms_m(self.pairs, one.predicted) for one in self.tried])
 
     @property
     def carried(self) -> tuple[Carried, ...]:
@@ -143,7 +120,7 @@ def investigate(settings: Settings) -> PoleStudy:
     ways = tuple(d.metadata["way"] for d in demonstrations)
     both = np.array([len(d.metadata["reachable"].split()) == 2 for d in demonstrations])
     largest = QUICK_LARGEST if settings.quick else LARGEST_NUMBER
-    tried, chosen = _try_all(pairs, largest, settings)
+    tried, chosen = try_numbers(pairs, largest, settings)
     count = QUICK_EXECUTED if settings.quick else len(demonstrations)
     nearest = planned_clearance(tried[0].predicted.mean).min(axis=1)
     indices = np.sort(np.argsort(nearest)[:count])
@@ -179,29 +156,25 @@ def draw(recordings: Path, settings: Settings) -> dict[str, float]:
     demonstrations = _read(recordings)
     pairs = pairs_of(demonstrations)
     silent = replace(settings, progress=lambda share, what: None)
-    tried, chosen = _try_all(pairs, max(1, len(demonstrations) // MIN_MEMBERS), silent)
+    tried, chosen = try_numbers(pairs, max(1, len(demonstrations) // MIN_MEMBERS), silent)
     ways = tuple(d.metadata["way"] for d in demonstrations)
     return _numbers_of_draw(pairs, ways, tried, chosen)
 
 
 def _numbers_of_draw(
-    pairs: Pairs, ways: Sequence[str], tried: Sequence[PoleMixture], chosen: int
+    pairs: Pairs, ways: Sequence[str], tried: Sequence[TriedNumber], chosen: int
 ) -> dict[str, float]:
     """What a draw is told by: counts, and mean errors of the path [cm]."""
     single, taken = tried[0], tried[chosen - 1]
-    through = [
-        int(np.sum(planned_clearance(predict(pairs, t.mixtures, FINAL).mean).min(axis=1) < 0.0))
-        for t in (single, taken)
-    ]
     return {
         "components": chosen,
         "in their own": round(purity(list(ways), taken.labels) * len(ways)),
-        "path, single": 100.0 * float(single.tip_rms_m.mean()),
-        "path": 100.0 * float(taken.tip_rms_m.mean()),
-        "through the pole, single": single.n_through,
-        "through the pole": taken.n_through,
-        "end only, single": through[0],
-        "end only": through[1],
+        "path, single": 100.0 * float(tip_rms_m(pairs, single.predicted).mean()),
+        "path": 100.0 * float(tip_rms_m(pairs, taken.predicted).mean()),
+        "through the pole, single": n_through(single.predicted),
+        "through the pole": n_through(taken.predicted),
+        "end only, single": n_through(predict(pairs, single.mixtures, FINAL)),
+        "end only": n_through(predict(pairs, taken.mixtures, FINAL)),
     }
 
 
@@ -210,33 +183,14 @@ def _read(recordings: Path) -> list[Demonstration]:
     return read_demonstrations([recordings], dofs)[0]
 
 
-def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[PoleMixture, ...], int]:
-    """Results with each number of components up to the largest, and the number chosen."""
-    fits = try_numbers(
-        pairs,
-        range(1, largest + 1),
-        settings.rng,
-        lambda number: settings.progress(0.2 * number / largest, f"{number} components"),
-    )
-    truth = fingertip(pairs.controlled)
-    tried = []
-    for number, (clustering, scored) in fits.items():
-        mixtures = to_predict_with(pairs, clustering)
-        predicted = predict(pairs, mixtures, WHOLE)
-        tip = np.linalg.norm(fingertip(predicted.mean) - truth, axis=2)
-        tried.append(
-            PoleMixture(
-                number,
-                mixtures,
-                clustering.labels,
-                scored.nll,
-                predicted,
-                rms(predicted.mean - pairs.controlled),
-                rms(tip),
-                int(np.sum(planned_clearance(predicted.mean).min(axis=1) < 0.0)),
-            )
-        )
-    return tuple(tried), chosen_number(fits, len(truth))
+def tip_rms_m(pairs: Pairs, predicted: LeftOutPrediction) -> NDArray[np.float64]:
+    """Error of the fingertip over all times, of each prediction (n,)."""
+    return rms(np.linalg.norm(fingertip(predicted.mean) - fingertip(pairs.controlled), axis=2))
+
+
+def n_through(predicted: LeftOutPrediction) -> int:
+    """How many predictions run into the pole, as planned."""
+    return int(np.sum(planned_clearance(predicted.mean).min(axis=1) < 0.0))
 
 
 def _carry_out(

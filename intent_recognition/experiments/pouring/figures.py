@@ -12,6 +12,7 @@ from intent_recognition.report import (
     PALETTE,
     SOFT,
     fill_two_sigma,
+    new_axes,
     new_figure,
     styled,
 )
@@ -79,9 +80,7 @@ def paths_figure(
         for phase, path in demonstrations:
             axes.plot(phase, path[:, k], color=NONE_COLOUR, lw=0.6, alpha=0.8)
         _band(axes, warped, k, MEAN_COLOUR, "mean, $\\pm$2 sigma", "-")
-        axes.set_title(WARPED_TITLES[k])
-        axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("phase")
+        axes.set(title=WARPED_TITLES[k], xlim=(0.0, 1.0), xlabel="phase")
     grid[0, 1].set_ylim(-1.6, 1.6)
     for k, axes in enumerate(grid[1]):
         for one, colour, dashes in zip(real, PAIR_COLOURS, DASHES, strict=False):
@@ -116,8 +115,7 @@ def spilled_figure(
         spilled: per way to pour the number of each pair.
         n_balls: in the cup at the start.
     """
-    figure = new_figure(10.5, 4.0)
-    axes = figure.subplots()
+    figure, axes = new_axes(10.5, 4.0)
     width, places = 0.8 / len(spilled), np.arange(len(pairs))
     colours = (PALETTE[2], PALETTE[5], PALETTE[1])
     for k, ((name, counts), colour) in enumerate(zip(spilled.items(), colours, strict=False)):

@@ -17,6 +17,7 @@ from intent_recognition.experiments.practice.study import (
     best_so_far,
     investigate,
     of_method,
+    share_left,
 )
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.report import (
@@ -99,18 +100,14 @@ def findings(done: Sequence[Practised]) -> tuple[Finding, ...]:
         ),
         Finding(
             "cost left, share of the start's (median)",
-            f"{_left(rand):.2f} by random search",
-            f"{_left(cma):.2f}",
+            f"{share_left(rand):.2f} by random search",
+            f"{share_left(cma):.2f}",
             None,
             f"The start spills {np.mean([one.spilled[0] for one in cma]):.1f} balls of 40 on"
             f" average, afterwards {np.mean([one.spilled[1] for one in cma]):.1f}, by random"
             f" search {np.mean([one.spilled[1] for one in rand]):.1f}.",
         ),
     )
-
-
-def _left(done: Sequence[Practised]) -> float:
-    return float(np.median([one.settled / max(one.start, 1e-9) for one in done]))
 
 
 @styled
@@ -130,12 +127,9 @@ def learning_figure(done: Sequence[Practised]) -> "Drawing":
                 [2 * place, 2 * place + 1], [one.start, one.settled], color=colour, marker="o"
             )
     left.axhline(0.5, color=NONE_COLOUR, lw=0.8, linestyle=":")
-    left.set_xlabel("rollouts")
-    left.set_ylabel("cheapest so far / first")
-    left.set_ylim(bottom=0.0)
+    left.set(xlabel="rollouts", ylabel="cheapest so far / first", ylim=(0.0, None))
     right.set_xticks(range(4), ["start", "after"] * 2)
-    right.set_ylabel("cost of fresh pours")
-    right.set_ylim(bottom=0.0)
+    right.set(ylabel="cost of fresh pours", ylim=(0.0, None))
     shared_legend(figure, [left], 2)
     return figure
 

@@ -136,3 +136,8 @@ def best_so_far(done: Sequence[Practised]) -> NDArray[np.float64]:
     """Cheapest rollout so far over the first's cost, (practices, rollouts)."""
     costs = np.array([one.costs for one in done])
     return np.minimum.accumulate(costs, axis=1) / np.maximum(costs[:, :1], 1e-9)
+
+
+def share_left(done: Sequence[Practised]) -> float:
+    """Median over practices of the cost left, as a share of the start's."""
+    return float(np.median([one.settled / max(one.start, 1e-9) for one in done]))

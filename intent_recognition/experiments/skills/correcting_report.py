@@ -19,7 +19,7 @@ from intent_recognition.report import (
     Figure,
     Finding,
     Table,
-    new_figure,
+    new_axes,
     readable,
     styled,
     task_colours,
@@ -135,8 +135,7 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
 @styled
 def errors_figure(study: CorrectingStudy) -> "MatplotlibFigure":
     """Error at the new place over kept corrections, a line for each task."""
-    figure = new_figure(6.0, 3.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.0, 3.6)
     colours = task_colours(set(study.tasks))
     for k, task in enumerate(study.tasks):
         errors = 100 * study.of(task, "error_m")
@@ -146,9 +145,7 @@ def errors_figure(study: CorrectingStudy) -> "MatplotlibFigure":
         axes.plot(x, errors.ravel(), "o", markersize=3.0, alpha=0.5, color=colours[task])
     axes.axhline(100 * (1 - LEAST_FALL) * MOVED_M, color="0.6", linewidth=0.8, linestyle="--")
     axes.set_xticks(range(len(study.sessions[0].error_m)))
-    axes.set_xlabel("corrections kept")
-    axes.set_ylabel("hand off the new place [cm]")
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="corrections kept", ylabel="hand off the new place [cm]", ylim=(0.0, None))
     axes.legend()
     return figure
 

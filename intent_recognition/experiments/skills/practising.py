@@ -6,7 +6,6 @@ compared with the start beside other recorded people, and by the whole chain in 
 activation and arm, beside reaches that no model has seen.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -111,8 +110,3 @@ def _execute(library: TaskLibrary, task: str, k: int, seed: int) -> tuple[float,
     there = arrival_s(times, done.hand_m[:n], place)
     waits = arrival_s(samples.times_s, samples.positions_m, watched.goal_m)
     return there - waits, float(np.linalg.norm(done.hand_m[n - 1] - place))
-
-
-def share_left(some: Sequence[TaskPractised]) -> float:
-    """Median over practices of the cost left, as a share of the start's."""
-    return float(np.median([one.done.settled / max(one.done.start, 1e-9) for one in some]))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from intent_recognition.experiments.practice.study import CMA, RANDOM
+from intent_recognition.experiments.practice.study import CMA, RANDOM, share_left
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.skills.part import Part
 from intent_recognition.experiments.skills.practising import (
@@ -16,7 +16,6 @@ from intent_recognition.experiments.skills.practising import (
     TIME,
     PractisingStudy,
     investigate,
-    share_left,
 )
 from intent_recognition.report import (
     Column,
@@ -52,11 +51,11 @@ def run(settings: Settings) -> Part:
 def _findings(study: PractisingStudy) -> tuple[Finding, ...]:
     rows = []
     for cost in COSTS:
-        by = {method: study.of(cost, method) for method in (CMA, RANDOM)}
-        halved = {method: sum(one.done.halved for one in some) for method, some in by.items()}
+        by = {m: [one.done for one in study.of(cost, m)] for m in (CMA, RANDOM)}
+        halved = {method: sum(one.halved for one in some) for method, some in by.items()}
         factor, unit = SHOWN[cost]
         start, end = (
-            factor * np.mean([getattr(one.done, name) for one in by[CMA]])
+            factor * np.mean([getattr(one, name) for one in by[CMA]])
             for name in ("start", "settled")
         )
         rows.append(
@@ -123,9 +122,7 @@ def curves_figure(study: PractisingStudy) -> "MatplotlibFigure":
                 label = readable(task) if method == CMA else None
                 numbers = np.arange(1, len(curve) + 1)
                 axes.plot(numbers, curve, line, color=colours[task], label=label)
-        axes.set_ylim(0.0, 1.05)
-        axes.set_xlabel("rollouts")
-        axes.set_ylabel(f"{cost}: cheapest so far / first")
+        axes.set(ylim=(0.0, 1.05), xlabel="rollouts", ylabel=f"{cost}: cheapest so far / first")
     axes.legend()
     return figure
 

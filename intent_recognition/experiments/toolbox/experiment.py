@@ -55,7 +55,7 @@ def _numbers(study: ToolboxStudy) -> Mapping[str, object]:
         "purity": purity(study.tasks.tolist(), study.taken.labels),
         "nll": [float(t.nll.mean()) for t in study.tried],
         "joint_rms_rad": [t.joint_rms_rad.tolist() for t in study.tried],
-        "end_only_rms_rad": [t.end_rms_rad.tolist() for t in study.tried],
+        "end_only_rms_rad": study.end_rms_rad.tolist(),
         "hand_error_end_alone_m": study.hand_error_m(study.end_alone).tolist(),
         "hand_error_m": study.hand_error_m(study.from_end).tolist(),
         "inside_2_sigma": float(inside_two_sigma(study)),

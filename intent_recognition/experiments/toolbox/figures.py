@@ -61,9 +61,7 @@ def components_found_figure(
             fill_two_sigma(axes, phase, mean, std, colour)
             text = f"component {label + 1}, {len(members)}: {readable(tasks[int(label)])}"
             axes.plot(phase, mean, color=colour, label=text)
-        axes.set_ylabel(name)
-        axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("phase")
+        axes.set(ylabel=name, xlim=(0.0, 1.0), xlabel="phase")
     shared_legend(figure, flat[:1], 4)
     return figure
 
@@ -118,9 +116,7 @@ def conditioned_figure(
             phase, truth[:, dof], color=INK if dof >= n_observed else SOFT, linewidth=1.2,
             linestyle=DASHED, label="truth" if dof >= n_observed else "not conditioned on",
         )  # fmt: skip
-        axes.set_ylabel(name)
-        axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("phase")
+        axes.set(ylabel=name, xlim=(0.0, 1.0), xlabel="phase")
     shared_legend(figure, (flat[0], flat[-1]), 6)
     return figure
 

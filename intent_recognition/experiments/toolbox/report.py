@@ -155,7 +155,7 @@ def _components(study: ToolboxStudy) -> Figure:
         [t.number for t in study.tried],
         {
             "joints, whole movement seen [rad]": np.array([t.joint_rms_rad for t in study.tried]),
-            "joints, from the final wrist [rad]": np.array([t.end_rms_rad for t in study.tried]),
+            "joints, from the final wrist [rad]": study.end_rms_rad,
         },
         study.chosen,
     )
@@ -254,8 +254,8 @@ def _table(study: ToolboxStudy) -> Table:
         Column("members"),
     )
     rows = []
-    for t in study.tried:
-        errors = t.nll.mean(), t.joint_rms_rad.mean(), t.end_rms_rad.mean()
+    for t, end_rms_rad in zip(study.tried, study.end_rms_rad, strict=True):
+        errors = t.nll.mean(), t.joint_rms_rad.mean(), end_rms_rad.mean()
         members = ", ".join(str(n) for n in np.bincount(t.labels))
         rows.append((t.number, *errors, purity(study.tasks.tolist(), t.labels), members))
     return Table.of(columns, rows, strong=[study.chosen - 1])

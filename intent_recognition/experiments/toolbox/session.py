@@ -5,7 +5,7 @@ The wrist goes through the same ingest as in the node, then through the same est
 decision; the arm stands at home whenever a movement begins.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -99,19 +99,13 @@ def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[Seen]:
         yield Seen(float(samples.times_s[k]), estimate, decision)
 
 
-def play(
-    library: TaskLibrary,
-    names: Mapping[str, str],
-    plan: SessionPlan,
-    progress: Callable[[float], None] = lambda share: None,
-) -> list[Execution]:
+def play(library: TaskLibrary, names: Mapping[str, str], plan: SessionPlan) -> list[Execution]:
     """Let the estimator see a whole session.
 
     Args:
         library: learned without labels.
         names: the coworker's word for each label of the library.
         plan: the session.
-        progress: called with the share of interactions seen.
     """
     estimator = IntentEstimator(library)
     ends = [interaction.end_s for interaction in plan.interactions]
@@ -121,7 +115,6 @@ def play(
         if ends and seen.time_s >= ends[0]:
             hand = predicted_hand(estimator)
             ends.pop(0)
-            progress(1.0 - len(ends) / len(plan.interactions))
         acted.append(_Acted(seen.time_s, names.get(seen.decision.active, ""), hand))
     return _score(plan.interactions, acted)
 

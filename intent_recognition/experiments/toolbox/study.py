@@ -12,20 +12,17 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.draws import Draw, draw_again
 from intent_recognition.experiments.left_out import (
     FINAL,
-    WHOLE,
     LeftOutPrediction,
     Pairs,
-    chosen_number,
+    TriedNumber,
     majority_names,
     pairs_of,
     predict,
     rms,
-    to_predict_with,
     try_numbers,
 )
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.session import HAND_TASKS, Execution, play
-from intent_recognition.gaussian import Components
 from intent_recognition.kinematics import hand_position
 from intent_recognition.learning import (
     TrainingSettings,
@@ -52,27 +49,6 @@ SESSION_SEED = 7000
 
 
 @dataclass(frozen=True)
-class ToolboxMixture:
-    """One number of components, every demonstration left out in turn.
-
-    Attributes:
-        number: of components.
-        mixtures: without each demonstration, to predict with.
-        labels: component of each demonstration (n,).
-        nll: left-out score that the number is chosen by (n,).
-        joint_rms_rad: error of the predictions from the whole movement (n,).
-        end_rms_rad: of those from the final position, the component known (n,).
-    """
-
-    number: int
-    mixtures: Components
-    labels: NDArray[np.integer]
-    nll: NDArray[np.float64]
-    joint_rms_rad: NDArray[np.float64]
-    end_rms_rad: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
 class ToolboxStudy:
     """Results of the study.
 
@@ -81,6 +57,8 @@ class ToolboxStudy:
         pairs: both agents at the same phases.
         tasks: labels, for scoring alone.
         tried: every number of components.
+        end_rms_rad: error of the joints predicted by each from the final position, the component
+            known (K, n).
         chosen: the number taken.
         from_end: with it, predicted from the wrist's final position, the component recognised
             from the whole movement.
@@ -93,7 +71,8 @@ class ToolboxStudy:
     demonstrations: tuple[Demonstration, ...]
     pairs: Pairs
     tasks: NDArray[np.str_]
-    tried: tuple[ToolboxMixture, ...]
+    tried: tuple[TriedNumber, ...]
+    end_rms_rad: NDArray[np.float64]
     chosen: int
     from_end: LeftOutPrediction
     end_alone: LeftOutPrediction
@@ -102,7 +81,7 @@ class ToolboxStudy:
     draws: tuple[Draw, ...] = ()
 
     @property
-    def taken(self) -> ToolboxMixture:
+    def taken(self) -> TriedNumber:
         """Results with the number of components chosen."""
         return self.tried[self.chosen - 1]
 
@@ -153,17 +132,18 @@ def leave_each_out(recordings: Path, settings: Settings) -> ToolboxStudy:
     """Mixtures of some recordings and their left-out predictions; nothing is executed."""
     demonstrations, _ = read_demonstrations([recordings], load_dofs())
     pairs = pairs_of(demonstrations)
-    tried, chosen = _try_all(pairs, QUICK_LARGEST if settings.quick else LARGEST_NUMBER, settings)
-    mixtures = tried[chosen - 1].mixtures
-    component = predict(pairs, mixtures, WHOLE).component
+    largest = QUICK_LARGEST if settings.quick else LARGEST_NUMBER
+    tried, chosen = try_numbers(pairs, largest, settings)
+    from_end = [predict(pairs, t.mixtures, FINAL, t.predicted.component) for t in tried]
     return ToolboxStudy(
         tuple(demonstrations),
         pairs,
         np.array([d.task for d in demonstrations]),
         tried,
+        np.array([rms(p.mean - pairs.controlled) for p in from_end]),
         chosen,
-        predict(pairs, mixtures, FINAL, component),
-        predict(pairs, mixtures, FINAL),
+        from_end[chosen - 1],
+        predict(pairs, tried[chosen - 1].mixtures, FINAL),
     )
 
 
@@ -197,23 +177,3 @@ def learn_unlabelled(
         members, counts = np.unique(tasks[labels == label], return_counts=True)
         names[label] = str(members[counts.argmax()])
     return library, names
-
-
-def _try_all(
-    pairs: Pairs, largest: int, settings: Settings
-) -> tuple[tuple[ToolboxMixture, ...], int]:
-    """Results with each number of components up to the largest, and the number chosen."""
-    fits = try_numbers(
-        pairs,
-        range(1, largest + 1),
-        settings.rng,
-        lambda number: settings.progress(0.2 * number / largest, f"{number} components"),
-    )
-    tried = []
-    for number, (clustering, scored) in fits.items():
-        mixtures = to_predict_with(pairs, clustering)
-        whole = predict(pairs, mixtures, WHOLE)
-        end = predict(pairs, mixtures, FINAL, whole.component)
-        errors = (rms(p.mean - pairs.controlled) for p in (whole, end))
-        tried.append(ToolboxMixture(number, mixtures, clustering.labels, scored.nll, *errors))
-    return tuple(tried), chosen_number(fits, len(pairs.names))

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
 from sim_bridge.coworker import bow_profile, minimum_jerk
 from sim_bridge.scenarios.pointing.finger import PointingBodies
 from sim_bridge.scenarios.pointing.scene import (
     HOME,
-    arm_posture,
     home_pose,
     pointed_at,
     pointing_pose,
@@ -24,6 +23,7 @@ from sim_bridge.scenarios.toolbox import (
     SENSOR_NOISE,
     TEACHING_STD_M,
     TEACHING_STD_RAD,
+    arm_posture,
     pose,
 )
 from sim_bridge.teaching import Grip, HandTarget, pull
@@ -140,31 +140,16 @@ def teach(rng: np.random.Generator, path: LedPath, n_samples: int) -> TaughtPoin
                 arm.step(STEPS_PER_SAMPLE)
             states.append(arm.state())
             touched = touched or bodies.touches()
-    q, qd, torque = (np.array([state[i] for state in states]) for i in range(3))
-    noise = rng.standard_normal((3, n_samples, 7))
-    return TaughtPointing(
-        q + SENSOR_NOISE.position_std_rad * noise[0],
-        qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
-        torque + SENSOR_NOISE.torque_std_nm * noise[2],
-        pointed_at(q[-1]),
-        strongest,
-        touched,
-    )
+    said = SENSOR_NOISE.measure(ArmState.together(states), rng)
+    return TaughtPointing(*said[:3], pointed_at(states[-1].q), strongest, touched)
 
 
 def stand(rng: np.random.Generator, n_samples: int) -> TaughtPointing:
     """The arm standing at home, as its sensors report it; nobody leads it."""
     q = HOME + HOME_STD_RAD * rng.standard_normal(7)
-    noise = rng.standard_normal((3, n_samples, 7))
     with SimulatedArm(q) as arm:
         PointingBodies(arm)
         arm.step(500)
         state = arm.state()
-    return TaughtPointing(
-        state.q + SENSOR_NOISE.position_std_rad * noise[0],
-        state.qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
-        state.torque + SENSOR_NOISE.torque_std_nm * noise[2],
-        pointed_at(state.q),
-        0.0,
-        False,
-    )
+    said = SENSOR_NOISE.measure(ArmState.together([state] * n_samples), rng)
+    return TaughtPointing(*said[:3], pointed_at(state.q), 0.0, False)

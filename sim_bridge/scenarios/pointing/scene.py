@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.kinematics import forward_kinematics, solve
-from sim_bridge.scenarios.toolbox import ARM_BRANCH, ARM_SWIVEL_RAD, pose
+from intent_recognition.kinematics import forward_kinematics
+from sim_bridge.scenarios.toolbox import arm_posture, pose
 
 TASK = "pointing"
 TABLE_HEIGHT_M = -0.10
@@ -85,15 +85,6 @@ def pointing_pose(
     direction = rotation[:, 2]
     tip = np.asarray(spot_m) + direction * (TIP_ABOVE_TABLE_M / direction[2])
     return pose(tip - FINGER_LENGTH_M * direction, rotation)
-
-
-def arm_posture(hand_pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Joint angles (7,) of a hand's pose (4, 4), on one branch and swivel for all spots.
-
-    Raises:
-        KinematicsError: the pose is out of reach.
-    """
-    return solve(hand_pose, ARM_SWIVEL_RAD, ARM_BRANCH)
 
 
 def pointed_at(q: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
 from sim_bridge.scenarios.pole.plan import Way
 from sim_bridge.scenarios.pole.world import Pole
 from sim_bridge.scenarios.toolbox import SENSOR_NOISE
@@ -90,13 +90,6 @@ def lead_around(
                 arm.step(STEPS_PER_SAMPLE)
             states.append(arm.state())
             distance.append(pole.clearance(states[-1].q))
-    q, qd, torque = (np.array([state[i] for state in states]) for i in range(3))
-    noise = rng.standard_normal((3, n_samples, 7))
-    return PoleLesson(
-        q + SENSOR_NOISE.position_std_rad * noise[0],
-        qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
-        torque + SENSOR_NOISE.torque_std_nm * noise[2],
-        q,
-        np.array(distance),
-        hand.strongest_pull_n,
-    )
+    true = ArmState.together(states)
+    said = SENSOR_NOISE.measure(true, rng)
+    return PoleLesson(*said[:3], true.q, np.array(distance), hand.strongest_pull_n)

@@ -14,7 +14,7 @@ from .executed import (
     seen_as,
 )
 from .live import LivePouring, balls_above_m, start_posture
-from .novel import learn_pouring, read_demonstrated, read_pour
+from .novel import annotated_source, learn_pouring, read_demonstrated, read_pour
 from .pour import Poured
 from .practice import SHORT_STD_RADII, PouringPractice, short_skill
 from .task_space import PourPath
@@ -32,6 +32,7 @@ __all__ = [
     "Poured",
     "PouringPractice",
     "Skill",
+    "annotated_source",
     "balls_above_m",
     "execute",
     "learn_pouring",

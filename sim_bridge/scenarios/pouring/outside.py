@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.balls import HULL_MARGIN_M, offset
-from sim_bridge.containers import TUBE_CORNERS, Container
+from sim_bridge.containers import TUBE_CORNERS, Container, at_heights, pieces_between
 
 N_LEVELS = 7
 N_CORNERS = 32
@@ -22,7 +22,7 @@ THINNEST_M, LOWEST_M = 0.0004, 0.0001
 def solid_pieces(container: Container) -> list[NDArray[np.float64]]:
     """Corners (V, 3) of slabs that fill a container up to its rim, and of its handle."""
     _, outer, heights = _rows(container)
-    rings = [_at(ring, z) for ring, z in zip(outer, heights, strict=True)]
+    rings = at_heights(outer, heights)
     slabs = [np.concatenate(pair) for pair in pairwise(rings)]
     return slabs + _handle_pieces(container)
 
@@ -30,18 +30,9 @@ def solid_pieces(container: Container) -> list[NDArray[np.float64]]:
 def shell_pieces(container: Container) -> list[NDArray[np.float64]]:
     """Corners (V, 3) of the pieces of a container's wall, of its floor and of its handle."""
     inner, outer, heights = _rows(container)
-    pieces = [np.concatenate([_at(outer[0], heights[0]), _at(outer[1], heights[1])])]
-    for low in range(1, len(heights) - 1):
-        for k in range(N_CORNERS):
-            after = (k + 1) % N_CORNERS
-            corners = [
-                (*ring[row, corner], heights[row])
-                for ring in (inner, outer)
-                for row in (low, low + 1)
-                for corner in (k, after)
-            ]
-            pieces.append(np.array(corners))
-    return pieces + _handle_pieces(container)
+    near, far = at_heights(inner, heights), at_heights(outer, heights)
+    wall = pieces_between(near[1:], far[1:])
+    return [np.concatenate([far[0], far[1]]), *wall, *_handle_pieces(container)]
 
 
 def _rows(
@@ -83,7 +74,3 @@ def _handle_pieces(container: Container) -> list[NDArray[np.float64]]:
     grip = np.linalg.norm(rings - middle, axis=2, keepdims=True)
     rings = middle + (rings - middle) * (1.0 - HULL_MARGIN_M / grip)
     return [np.concatenate(pair) for pair in pairwise(rings)]
-
-
-def _at(ring: NDArray[np.float64], height_m: float) -> NDArray[np.float64]:
-    return np.column_stack([ring, np.full(len(ring), height_m)])

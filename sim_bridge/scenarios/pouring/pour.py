@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, SimulatedArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, ArmState, SimulatedArm
 from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.table import PouringTable
 from sim_bridge.scenarios.pouring.task_space import (
@@ -206,9 +206,7 @@ def _run(
     in_cup, in_second = np.array(counts).T
     return Poured(
         times,
-        np.array([state.q for state in states]),
-        np.array([state.qd for state in states]),
-        np.array([state.torque for state in states]),
+        *ArmState.together(states)[:3],
         seen_path(times, np.array(poses), table.grasp.lip_m, OPENING_M),
         in_cup,
         in_second,

@@ -172,18 +172,13 @@ def joint_messages(
         noise: of the sensors.
         every: keep one sample of so many.
     """
+    from sim_bridge.arm import ArmState
     from sim_bridge.scenarios.toolbox import SENSOR_NOISE
 
-    draw = noise.standard_normal((3, *poured.joints_rad.shape))
-    measured = (
-        (poured.joints_rad, SENSOR_NOISE.position_std_rad, ANGLE_STEP_RAD),
-        (poured.velocities_rad_s, SENSOR_NOISE.velocity_std_rad_s, RATE_STEP_RAD_S),
-        (poured.torques_nm, SENSOR_NOISE.torque_std_nm, TORQUE_STEP_NM),
-    )
-    columns = [
-        to_counts(values + std * part, step)
-        for (values, std, step), part in zip(measured, draw, strict=True)
-    ]
+    true = ArmState(poured.joints_rad, poured.velocities_rad_s, poured.torques_nm, 0.0)
+    said = SENSOR_NOISE.measure(true, noise)
+    steps = (ANGLE_STEP_RAD, RATE_STEP_RAD_S, TORQUE_STEP_NM)
+    columns = [to_counts(values, step) for values, step in zip(said[:3], steps, strict=True)]
     for k in range(0, len(poured.times_s), every):
         stamp = start_ns + k * SAMPLE_NS
         yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, *(c[k] for c in columns))

@@ -8,15 +8,15 @@ tasks is learned. No arm is in them. The same seed gives the same bytes.
 """
 
 import argparse
-import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from intent_recognition import __version__
 from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
-from intent_recognition.errors import IntentError, ResourceBusyError, describe
+from intent_recognition.errors import IntentError
 from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
+from sim_bridge.scenarios.generate import make_room
 from sim_bridge.teaching import (
     POSE_TOPIC,
     POSE_TYPE,
@@ -88,12 +88,7 @@ def main(args: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(args)
     try:
         for number in range(options.sessions):
-            path = options.output / f"session_{number:02d}"
-            if path.exists() and not options.overwrite:
-                cure = "Choose another folder or add --overwrite."
-                raise ResourceBusyError(describe("output", "no bag of that name", path, cure))
-            if path.exists():
-                shutil.rmtree(path)
+            make_room(options.output / f"session_{number:02d}", options.overwrite)
             record_session(options.output, options.seed + number, number, options.interactions)
     except IntentError as error:
         sys.stderr.write(f"record_sessions: {error}\n")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.arm import STEPS_PER_SAMPLE, SensorNoise, SimulatedArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SensorNoise, SimulatedArm
 from sim_bridge.coworker import HOLD
 from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M
@@ -140,14 +140,10 @@ def teach(
                 (state, arm.hand_pose().position, lesson.objects.holders[path.task],
                  lesson.objects.position(path.task))
             )  # fmt: skip
-    count = len(rows)
-    q, qd, torque = (np.array([row[0][i] for row in rows]) for i in range(3))
-    noise = rng.standard_normal((3, count, 7))
+    said = SENSOR_NOISE.measure(ArmState.together([row[0] for row in rows]), rng)
     return TaughtArm(
-        np.arange(count, dtype=np.float64) * 0.01,
-        q + SENSOR_NOISE.position_std_rad * noise[0],
-        qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
-        torque + SENSOR_NOISE.torque_std_nm * noise[2],
+        np.arange(len(rows), dtype=np.float64) * 0.01,
+        *said[:3],
         np.array([row[1] for row in rows]),
         lesson.strongest_pull_n,
         tuple(row[2] for row in rows),
