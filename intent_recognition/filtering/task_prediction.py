@@ -6,9 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.bank import CourseWeights, FilterBank
 from intent_recognition.filtering.deviation import Deviations
-from intent_recognition.filtering.switched_belief import CourseWeights
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import (
     ControlGrid,

@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plain import mixture_at
+from plain import mixture_at, run_bank
 from simulation import START_NS, make_library, minimum_jerk, nearly_known, simulate
 
-from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter, run_bank
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
@@ -47,7 +46,7 @@ def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
     library = library_with(rng, STEADY, groups=(2, 1))
     hypotheses = fixed_hypotheses(library, 2.0)
     observations = seen(library, rng, 25)
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    bank = run_bank(library, hypotheses, observations, START_NS)
     run = run_on(library, 1, hypotheses, observations)
     noise = library.control_noise_variance()
     for start in (None, StartPosture(np.array([0.01, 0.02]), np.full(2, 1e-5))):
@@ -70,7 +69,7 @@ def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
     library = library_with(rng, STEADY)
     hypotheses = make_hypotheses(library, n_scales=5)._replace(duration_evidence=0.1)
     observations = seen(library, rng, n)
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    bank = run_bank(library, hypotheses, observations, START_NS)
     run = run_on(library, 0, hypotheses, observations)
     posterior = task_posterior(bank.log_evidence, hypotheses, 1.0)
     np.testing.assert_allclose(run.duration_weights, posterior.scale_weights[0], atol=1e-9)
