@@ -15,7 +15,7 @@ from intent_recognition.filtering.movement import MovementFilter, make_memory
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.filtering.switching import NEGLIGIBLE, SwitchedHypotheses
-from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid, deviations_at
+from intent_recognition.filtering.task_prediction import TaskPrediction, deviations_at
 
 __all__ = [
     "NEGLIGIBLE",
@@ -32,7 +32,6 @@ __all__ = [
     "SwitchedHypotheses",
     "TaskPrediction",
     "condition_on",
-    "control_grid",
     "deviations_at",
     "duration_offsets",
     "fixed_hypotheses",

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian import Gaussian, GaussianBatch, symmetrize
+from intent_recognition.gaussian import Gaussian, GaussianBatch, mixture_moments
 
 
 class FilterBank(NamedTuple):
@@ -29,10 +29,7 @@ class FilterBank(NamedTuple):
 
     def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
         """Mean and covariance of their mixture, each of a probability, (B,)."""
-        mean = weight @ self.mean
-        apart = (self.mean - mean) * np.sqrt(weight)[:, None]
-        covariance = np.tensordot(weight, self.covariance, axes=1)
-        return Gaussian(mean, symmetrize(covariance + apart.T @ apart))
+        return mixture_moments(weight, self.mean, self.covariance)
 
 
 class CourseWeights:

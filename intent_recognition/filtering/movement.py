@@ -14,7 +14,7 @@ from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.pruning import PrunedBank
 from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.filtering.switching import SwitchedHypotheses
-from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
+from intent_recognition.filtering.task_prediction import TaskPrediction
 from intent_recognition.promp import (
     ControlGrid,
     StartPosture,
@@ -51,7 +51,7 @@ class MovementFilter:
         hypotheses: the grid of tasks and durations.
         onset_ns: stamp from which phases count.
         memory: that of a filter which is not used any more; None for new memory.
-        grids: the library's `control_grid` of tasks that had one; others are added.
+        grids: the `ControlGrid` of tasks that had one; others are added.
         prune: do not filter tasks whose posterior is negligible (`pruning`), when there are many.
         task_weight: what the posterior of the known tasks may be multiplied by, (K,); see there.
         switched: memory of the hypotheses that are born on the way, when a person may turn to
@@ -165,7 +165,7 @@ class MovementFilter:
         if self._last is not None and self._last[0] == asked and self._last[1] is start:
             return self._last[2]
         if task not in self._grids:
-            self._grids[task] = control_grid(self.library, task)
+            self._grids[task] = ControlGrid(self.library, task)
         trajectory = self.prediction(task).controlled(n_points, start, self._grids[task])
         self._last = asked, start, trajectory
         return trajectory

@@ -51,7 +51,7 @@ def distance_to(library: TaskLibrary, task: int, point: ControlPoint) -> float:
     """
     mean, covariance = controlled_at(library, task, point.phase)
     spread = symmetrize(point.matrix @ covariance @ point.matrix.T) + point.covariance
-    factor = cholesky(spread, name="spread at the via point")
+    factor = cholesky(spread, name="spread at the point")
     return float(np.linalg.norm(solve_lower(factor, point.values - point.matrix @ mean)))
 
 

@@ -10,8 +10,9 @@ from simulation import START_NS, make_library, minimum_jerk, nearly_known, simul
 
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
 from intent_recognition.filtering.movement import MovementFilter
-from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
+from intent_recognition.filtering.task_prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
@@ -139,7 +140,7 @@ def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_d
     end = run.controlled(1)
     for alone, whole in zip(end[:2], found[:2], strict=True):
         np.testing.assert_allclose(alone[0], whole[-1], atol=1e-9)
-    kept = run.controlled(41, grid=control_grid(library, 0))
+    kept = run.controlled(41, grid=ControlGrid(library, 0))
     for ours, theirs in zip(kept, found, strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
