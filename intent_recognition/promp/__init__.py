@@ -6,7 +6,6 @@ from intent_recognition.promp.combining import (
     Blend,
     blend,
     co_activate,
-    condition_response,
     smooth_switch,
     via_point,
 )
@@ -14,6 +13,7 @@ from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.control_points import (
     ControlPoint,
+    condition_response,
     controlled_at,
     distance_to,
     through,

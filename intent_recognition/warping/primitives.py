@@ -143,8 +143,8 @@ class WarpedPrimitive:
         share = np.maximum((first - at) / first, 0.0) + np.maximum((at - last) / (1.0 - last), 0.0)
         apart = (at[:, None] - at) / FREE_SCALE
         own = np.outer(share, share) * np.exp(-0.5 * apart**2)
-        root = np.asarray(FREE_STD * covariance_root(own), dtype=np.float64)
-        return np.kron(np.eye(N_WARPED), root)
+        roots = np.kron(np.eye(N_WARPED), FREE_STD * covariance_root(own))
+        return np.asarray(roots, dtype=np.float64)
 
     def mean_path(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean at phases (T,): (T, 4)."""
