@@ -48,7 +48,7 @@ def clearance(library: TaskLibrary) -> Iterator[Result]:
             way = rng.uniform(low, high) - robot.ready
             path = make_path(3.0 * s[:, 0], robot.ready + s**2 * (3.0 - 2.0 * s) * way, limits)
             start = JointReference.at_rest(path.spline(0.0))
-            plan = plan_interaction(path, NominalTiming(0.0, 3.0), start, 0.0, 0.0, limits)
+            plan = plan_interaction(path, NominalTiming(0.0, 3.0), start, limits)
             if plan is not None:
                 begun_s = time.process_time()
                 guard.obstruction(plan)

@@ -46,7 +46,7 @@ def _plan(estimator: IntentEstimator) -> Result:
     path = make_path(times, positions, LWR_LIMITS, velocities)
     nominal = NominalTiming(-PLAN_AFTER_S, path.duration_s)
     start = JointReference.at_rest(positions[0])
-    work = partial(plan_interaction, path, nominal, start, 0.0, 0.0, LWR_LIMITS)
+    work = partial(plan_interaction, path, nominal, start, LWR_LIMITS)
     return Result(
         "one plan within the limits",
         1e3 * seconds(work, 10),

@@ -8,7 +8,7 @@ from intent_recognition.activation.state_machine import Activation
 from intent_recognition.activation.states import Mode, PredictedInteraction
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.motion.path import make_path
-from intent_recognition.motion.settings import scaled_limits
+from intent_recognition.motion.plan import scaled_limits
 
 LIMITS = scaled_limits(LWR_LIMITS)
 HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])

@@ -1,15 +1,68 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plain way to what a bank of hypotheses says of a movement, for comparison."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.observation_model import check_observation
+from intent_recognition.gaussian.batch import GaussianBatch, make_state
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import dof_variance
+from intent_recognition.signals.observation import Observation
+
+
+def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
+    """The bank before any observation."""
+    return FilterBank(
+        np.repeat(library.observed_mean, hypotheses.n_scales, axis=0),
+        np.repeat(library.observed_covariance, hypotheses.n_scales, axis=0),
+        np.zeros(len(hypotheses.duration_s)),
+    )
+
+
+def run_bank(
+    library: TaskLibrary,
+    hypotheses: Hypotheses,
+    observations: Iterable[Observation],
+    onset_ns: int,
+) -> FilterBank:
+    """The bank after a stretch of observations that begins at onset."""
+    run = MovementFilter(library, hypotheses, onset_ns)
+    for observation in observations:
+        run.observe(observation)
+    return run.bank
+
+
+def condition_bank(
+    bank: FilterBank,
+    dofs: np.ndarray,
+    rows: np.ndarray,
+    values: np.ndarray,
+    noise_covariance: np.ndarray,
+) -> FilterBank:
+    """Every hypothesis conditioned on one observation; the argument is not changed.
+
+    Args:
+        bank: B hypotheses.
+        dofs: index of the DOF behind each observed value, (m,).
+        rows: row of the observation matrix within that DOF's block, (B, m, N) or (B, 1, N).
+        values: (m,).
+        noise_covariance: (m, m) or one per hypothesis, (B, m, m).
+    """
+    check_observation(dofs, values, noise_covariance)
+    n, n_basis = len(bank.mean), rows.shape[-1]
+    rows = np.broadcast_to(rows, (n, *rows.shape[1:]))
+    block = GaussianBatch(make_state(bank.mean, bank.covariance, n_basis), n_basis)
+    log_density = block.condition(dofs, rows, values, noise_covariance)
+    block.apply_downdates()
+    return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)
 
 
 def observed_weights(bank: FilterBank, scale_weights: np.ndarray, task: int) -> Gaussian:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain import condition_bank, start_bank
 
 from benchmarks import __main__ as command
 from benchmarks.bank_memory import growth, long_run
@@ -13,7 +14,6 @@ from benchmarks.bank_numerics import one_movement
 from benchmarks.measure import Result
 from benchmarks.soak import Soak, Usage, results
 from benchmarks.synthetic import synthetic_library
-from intent_recognition.filtering.bank import condition_bank, start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
 from intent_recognition.promp.basis import NormalizedRBFBasis
 

@@ -2,9 +2,9 @@
 """From task probabilities and predictions to the robot's motion: a state machine without ROS."""
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
-from intent_recognition.activation.settings import ActivationSettings, Command
+from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.state_machine import Activation
-from intent_recognition.activation.states import Mode, Outcome, PredictedInteraction
+from intent_recognition.activation.states import Command, Mode, Outcome, PredictedInteraction
 
 __all__ = [
     "Activation",

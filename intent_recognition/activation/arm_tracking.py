@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.settings import ActivationSettings, Command
+from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.states import Command
 from intent_recognition.motion import JointReference
 
 LARGEST_SKEW_NS = 1_000_000_000
@@ -135,7 +136,7 @@ class ArmTracking:
 
     def phase(self, now_ns: int) -> float:
         """Share of the predicted interaction that the command in force has done, 1 without one."""
-        return 1.0 if self.current is None else self.current.phase_at(now_ns)[0]
+        return 1.0 if self.current is None else self.current.phase_at(now_ns).phase
 
     def in_force(self) -> Command:
         """The newest command, where one must have been sent."""
@@ -160,8 +161,10 @@ class ArmTracking:
     def follows(self, now_ns: int) -> bool:
         """Whether the arm is where it was told to be; reported once a command."""
         measured = self._recent(now_ns)
-        if measured is None:
-            return False
+        return measured is not None and self._is_near(measured)
+
+    def _is_near(self, measured: Measured) -> bool:
+        """Whether the measured arm is near its reference then; reported once a command."""
         error = self._error(measured)
         if error <= self.settings.max_tracking_error_rad:
             return True
@@ -171,9 +174,10 @@ class ArmTracking:
 
     def off_command(self, now_ns: int) -> str:
         """Why the command in force may not go on by what the arm measured, or an empty text."""
-        if not self.fresh(now_ns):
+        measured = self._recent(now_ns)
+        if measured is None:
             return "stale_joint_states"
-        return "" if self.follows(now_ns) else "arm_off_reference"
+        return "" if self._is_near(measured) else "arm_off_reference"
 
     def start_reference(self, now_ns: int, start_ns: int) -> JointReference | None:
         """Where a new motion starts from: the reference, or the arm if others moved it.

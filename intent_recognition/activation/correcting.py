@@ -21,6 +21,7 @@ from intent_recognition.motion import (
     Correction,
     DeviationDetector,
     JointReference,
+    PhaseState,
     Via,
     phase_of,
     with_via,
@@ -136,7 +137,7 @@ class Correcting:
             interaction.prediction,
             start_ns,
             self._arm.in_force().at(start_ns),
-            (phase, 0.0, 0.0),
+            PhaseState(phase),
             interaction.vias,
         )
         if command is None:

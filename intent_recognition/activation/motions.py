@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import ArmTracking
-from intent_recognition.activation.settings import ActivationSettings, Command
-from intent_recognition.activation.states import PredictedInteraction
+from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.states import Command, PredictedInteraction
 from intent_recognition.motion import (
+    BEGINNING,
     JointPath,
     JointPlan,
     JointReference,
     NominalTiming,
     Obstruction,
+    PhaseState,
     PredictedPerson,
     Via,
     brake_plan,
@@ -101,7 +103,7 @@ class Motions:
         prediction: PredictedInteraction,
         start_ns: int,
         start: JointReference,
-        progress: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        progress: PhaseState = BEGINNING,
         vias: tuple[Via, ...] = (),
     ) -> Command | None:
         """Follow a prediction from a reference on; None where no plan keeps the limits.
@@ -111,7 +113,7 @@ class Motions:
             prediction: what to follow.
             start_ns: when the command takes over.
             start: the reference then.
-            progress: phase, phase rate [1/s] and its derivative [1/s^2] then.
+            progress: how much of it is done then.
             vias: corrections, which the prediction is conditioned on.
         """
         if vias and self.settings.correction is not None:
@@ -119,7 +121,7 @@ class Motions:
                 prediction.path, prediction.label, vias, self.settings.limits
             )
             prediction = prediction._replace(path=path)
-        followed = self._clear_of_things(prediction, progress[0])
+        followed = self._clear_of_things(prediction, progress.phase)
         if followed is None:
             return None
         onset_s = (prediction.onset_ns - start_ns) * 1e-9
@@ -143,7 +145,7 @@ class Motions:
         onset_s: float,
         start_ns: int,
         start: JointReference,
-        progress: tuple[float, float, float],
+        progress: PhaseState,
     ) -> tuple[JointPlan | None, bool]:
         """A plan along a path that is to begin at a time, and whether the person slows it."""
         again = self._planner(path, NominalTiming(onset_s, path.duration_s), start, progress)
@@ -156,7 +158,7 @@ class Motions:
         path: JointPath,
         timing: NominalTiming,
         start: JointReference,
-        progress: tuple[float, float, float],
+        progress: PhaseState,
     ) -> _Planner:
         """Plans along a path from a reference on, under ceilings of the phase rate.
 
@@ -165,21 +167,12 @@ class Motions:
         limits = self.settings.limits
 
         def plan(rate_ceiling: NDArray[np.float64] | None) -> JointPlan | None:
-            if rate_ceiling is not None and progress[1] > 0.0:
-                phase, rate, acceleration = progress
-                brake = stop_plan(path, start, phase, rate, limits, acceleration)
+            if rate_ceiling is not None and progress.rate > 0.0:
+                brake = stop_plan(path, start, limits, progress)
                 grid = np.linspace(0.0, 1.0, len(rate_ceiling))
-                braking = np.interp(grid, brake.phase, brake.phase_rate, left=rate)
+                braking = np.interp(grid, brake.phase, brake.phase_rate, left=progress.rate)
                 rate_ceiling = np.maximum(rate_ceiling, braking)
-            return plan_interaction(
-                path,
-                timing,
-                start,
-                *progress[:2],
-                limits,
-                phase_acceleration=progress[2],
-                rate_ceiling=rate_ceiling,
-            )
+            return plan_interaction(path, timing, start, limits, progress, rate_ceiling)
 
         return plan
 
@@ -281,7 +274,7 @@ class Motions:
         path = make_path(plan.times_s, plan.positions, settings.limits, plan.velocities)
         timing = NominalTiming(0.0, plan.duration_s)
         free = replace(plan, phase=plan.times_s * rate, phase_rate=np.full_like(plan.times_s, rate))
-        again = self._planner(path, timing, start, (0.0, rate, 0.0))
+        again = self._planner(path, timing, start, PhaseState(rate=rate))
         slowed = self._slowed(free, path, start_ns, again)
         if slowed is None:
             return None
@@ -293,10 +286,10 @@ class Motions:
         path: JointPath,
         start_ns: int,
         start: JointReference,
-        progress: tuple[float, float, float],
+        progress: PhaseState,
     ) -> _Way | None:
         """Along a path from a phase on; None where no plan keeps the limits."""
-        onset_s = -progress[0] * path.duration_s
+        onset_s = -progress.phase * path.duration_s
         plan, slowed = self._along(path, onset_s, start_ns, start, progress)
         return None if plan is None else _Way(kind, plan, path, slowed)
 
@@ -346,8 +339,8 @@ class Motions:
         if isinstance(found, Obstruction):
             self._refuse("the way back", found)
             return None
-        phase = 1.0 - current.phase_at(start_ns)[0]
-        way = self._way_along("retreat", found[0].reversed(), start_ns, start, (phase, 0.0, 0.0))
+        phase = 1.0 - current.phase_at(start_ns).phase
+        way = self._way_along("retreat", found[0].reversed(), start_ns, start, PhaseState(phase))
         if way is None or self._touches(way.plan, "the way back"):
             return None
         return way
@@ -384,9 +377,11 @@ class Motions:
     def _stop_plan(self, start_ns: int, executed: PredictedInteraction | None) -> JointPlan:
         current = self._arm.in_force()
         start = current.at(start_ns)
-        phase, rate, acceleration = current.phase_at(start_ns)
-        limits = self.settings.limits
-        followed = self._followed
+        progress, limits, followed = (
+            current.phase_at(start_ns),
+            self.settings.limits,
+            self._followed,
+        )
         if executed is None or followed is None or current.plan.kind in _OFF_THE_PATH:
-            return brake_plan(start, phase, limits)
-        return stop_plan(followed.path, start, phase, rate, limits, acceleration)
+            return brake_plan(start, progress.phase, limits)
+        return stop_plan(followed.path, start, limits, progress)

@@ -1,21 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into and comes out of the activation's state machine."""
+"""Settings of the activation."""
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import (
-    Clearance,
-    Correction,
-    JointPlan,
-    JointReference,
-    Separation,
-)
+from intent_recognition.motion import Clearance, Correction, Separation
 from intent_recognition.recognition import DecisionSettings
 
 
@@ -66,23 +59,3 @@ class ActivationSettings:
     clearance: Clearance | None = None
     separation: Separation | None = None
     correction: Correction | None = None
-
-
-class Command(NamedTuple):
-    """A plan that takes over at start_ns."""
-
-    start_ns: int
-    plan: JointPlan
-
-    @property
-    def end_ns(self) -> int:
-        """When it comes to rest."""
-        return self.start_ns + round(self.plan.duration_s * 1e9)
-
-    def at(self, time_ns: int) -> JointReference:
-        """What it asks of the arm at a time."""
-        return self.plan.at((time_ns - self.start_ns) * 1e-9)
-
-    def phase_at(self, time_ns: int) -> tuple[float, float, float]:
-        """Phase, phase rate [1/s] and its derivative [1/s^2] at a time."""
-        return self.plan.phase_at((time_ns - self.start_ns) * 1e-9)

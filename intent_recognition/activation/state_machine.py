@@ -29,11 +29,12 @@ from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
-from intent_recognition.activation.settings import ActivationSettings, Command
+from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import (
     UNDER_WAY,
     ActiveInteraction,
     Arrived,
+    Command,
     Executing,
     Homing,
     Idle,

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the arm is doing, as values: each state of the activation carries only what it needs."""
+"""What the arm is doing, as values: commands, and states that carry only what they need."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
-from intent_recognition.activation.settings import Command
-from intent_recognition.motion import JointPath, Via
+from intent_recognition.motion import JointPath, JointPlan, JointReference, PhaseState, Via
 
 
 class Mode(Enum):
@@ -19,6 +18,26 @@ class Mode(Enum):
     HOMING = "homing"
     PRETRIGGERED = "pretriggered"
     YIELDING = "yielding"
+
+
+class Command(NamedTuple):
+    """A plan that takes over at start_ns."""
+
+    start_ns: int
+    plan: JointPlan
+
+    @property
+    def end_ns(self) -> int:
+        """When it comes to rest."""
+        return self.start_ns + round(self.plan.duration_s * 1e9)
+
+    def at(self, time_ns: int) -> JointReference:
+        """What it asks of the arm at a time."""
+        return self.plan.at((time_ns - self.start_ns) * 1e-9)
+
+    def phase_at(self, time_ns: int) -> PhaseState:
+        """How much of the interaction is done at a time."""
+        return self.plan.phase_at((time_ns - self.start_ns) * 1e-9)
 
 
 class PredictedInteraction(NamedTuple):

@@ -10,9 +10,10 @@ from intent_recognition.activation.arm_tracking import ArmTracking, same_posture
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
-from intent_recognition.activation.settings import ActivationSettings, Command
+from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import (
     ActiveInteraction,
+    Command,
     Homing,
     Idle,
     Pretriggered,

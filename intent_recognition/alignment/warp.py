@@ -45,6 +45,7 @@ class Warp:
         shift: recorded phase at reference phase 0, v0.
         log_rate: log of d recorded phase / d reference phase in even intervals of the reference
             phase from 0 to 1, (G - 1,), at least one.
+        recorded: recorded phases at the grid, strictly increasing, (G,), read-only.
 
     Raises:
         ShapeError: `log_rate` is not a vector of at least one value.
@@ -53,7 +54,7 @@ class Warp:
 
     shift: float
     log_rate: NDArray[np.float64]
-    _recorded: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    recorded: NDArray[np.float64] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         log_rate = np.array(self.log_rate, dtype=np.float64)
@@ -81,7 +82,7 @@ class Warp:
         recorded.setflags(write=False)
         object.__setattr__(self, "shift", float(self.shift))
         object.__setattr__(self, "log_rate", log_rate)
-        object.__setattr__(self, "_recorded", recorded)
+        object.__setattr__(self, "recorded", recorded)
 
     @classmethod
     def identity(cls, n_grid: int = 2) -> "Warp":
@@ -92,11 +93,6 @@ class Warp:
     def grid(self) -> NDArray[np.float64]:
         """Reference phases of the grid, (G,)."""
         return np.linspace(0.0, 1.0, self.log_rate.size + 1)
-
-    @property
-    def recorded(self) -> NDArray[np.float64]:
-        """Recorded phases at the grid, strictly increasing, (G,), read-only."""
-        return self._recorded
 
     def apply(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Recorded phases of reference phases, same shape."""

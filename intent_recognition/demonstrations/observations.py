@@ -238,7 +238,7 @@ def iter_samples(
     for source, entries in ((Source.CONTROLLED, dofs.controlled), (Source.CONTEXT, dofs.context)):
         for group, entry in enumerate(entries):
             by_topic[entry.topic].append((source, ObservationReader(entry, group)))
-    states: dict[str, IngestState] = defaultdict(IngestState.initial)
+    states: dict[str, IngestState] = defaultdict(IngestState)
     for item in reader.messages(list(by_topic)):
         topic = item.topic.lstrip("/")
         stamp, message = item.stamp_ns, item.message

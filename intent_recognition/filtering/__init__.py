@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recursive conditioning of every hypothesis over task, duration and phase; pruning."""
 
-from intent_recognition.filtering.bank import FilterBank, condition_bank, start_bank
+from intent_recognition.filtering.bank import FilterBank, SwitchedBelief
 from intent_recognition.filtering.deviation import Deviations, Step, condition_on
 from intent_recognition.filtering.hypotheses import (
     N_SCALES,
@@ -11,12 +11,11 @@ from intent_recognition.filtering.hypotheses import (
     fixed_hypotheses,
     make_hypotheses,
 )
-from intent_recognition.filtering.movement import MovementFilter, make_memory, run_bank
+from intent_recognition.filtering.movement import MovementFilter, make_memory
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switched_belief import SwitchedBelief
 from intent_recognition.filtering.switching import NEGLIGIBLE, SwitchedHypotheses
-from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid, deviations_at
+from intent_recognition.filtering.task_prediction import TaskPrediction, deviations_at
 
 __all__ = [
     "NEGLIGIBLE",
@@ -32,14 +31,10 @@ __all__ = [
     "SwitchedBelief",
     "SwitchedHypotheses",
     "TaskPrediction",
-    "condition_bank",
     "condition_on",
-    "control_grid",
     "deviations_at",
     "duration_offsets",
     "fixed_hypotheses",
     "make_hypotheses",
     "make_memory",
-    "run_bank",
-    "start_bank",
 ]

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recursive conditioning of every (task, phase) hypothesis at once (Maeda et al. 2014, Eq. 6-11).
+"""What the filter hands out: weights of hypotheses as values, and what those born on the way say.
 
-Only the observed block of the weights is filtered: observations do not touch the rest, which
-follows by regression when asked for (`promp.controlled_weights`). No loop runs over hypotheses.
-These are values and pure functions; `RunningBank` filters a movement under way in place.
+Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8): observations do not
+touch the rest, which follows by regression when asked for (`promp.controlled_weights`).
 """
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.observation_model import check_observation
-from intent_recognition.gaussian import Gaussian, GaussianBatch, make_state, symmetrize
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.gaussian import Gaussian, GaussianBatch, mixture_moments
 
 
 class FilterBank(NamedTuple):
@@ -32,48 +29,69 @@ class FilterBank(NamedTuple):
 
     def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
         """Mean and covariance of their mixture, each of a probability, (B,)."""
-        mean = weight @ self.mean
-        apart = (self.mean - mean) * np.sqrt(weight)[:, None]
-        covariance = np.tensordot(weight, self.covariance, axes=1)
-        return Gaussian(mean, symmetrize(covariance + apart.T @ apart))
+        return mixture_moments(weight, self.mean, self.covariance)
 
 
-def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
-    """The bank before any observation."""
-    repeat = hypotheses.n_scales
-    return FilterBank(
-        np.repeat(library.observed_mean, repeat, axis=0),
-        np.repeat(library.observed_covariance, repeat, axis=0),
-        np.zeros(len(hypotheses.duration_s)),
-    )
+class CourseWeights:
+    """Weights of some hypotheses' courses, as a `FilterBank`; those of their offsets left out.
 
-
-def condition_bank(
-    bank: FilterBank,
-    dofs: NDArray[np.int64],
-    rows: NDArray[np.float64],
-    values: NDArray[np.float64],
-    noise_covariance: NDArray[np.float64],
-) -> FilterBank:
-    """Condition every hypothesis on one observation of some DOFs; the argument is not changed.
+    Each covariance is formed only when it is asked for: their mixture takes less.
 
     Args:
-        bank: B hypotheses over P DOFs.
-        dofs: index of the DOF behind each observed value, (m,); a DOF may come twice (position
-            and velocity), and what is not observed has no entry.
-        rows: row of the observation matrix within that DOF's block, (B, m, N) or (B, 1, N) for
-            positions, whose row is the same for all DOFs.
-        values: observed values, (m,).
-        noise_covariance: (m, m) or one per hypothesis, (B, m, m), positive definite.
-
-    Raises:
-        ShapeError: the arrays do not fit each other.
-        ArgumentError: a value is not finite, or an innovation covariance not positive definite.
+        weights: with those of the offsets, a copy that nothing changes.
+        own: which of these are the course's, (P N,).
+        log_evidence: of each hypothesis, (n,).
     """
-    check_observation(dofs, values, noise_covariance)
-    n, n_basis = len(bank.mean), rows.shape[-1]
-    rows = np.broadcast_to(rows, (n, *rows.shape[1:]))
-    block = GaussianBatch(make_state(bank.mean, bank.covariance, n_basis), n_basis)
-    log_density = block.condition(dofs, rows, values, noise_covariance)
-    block.apply_downdates()
-    return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)
+
+    def __init__(
+        self, weights: GaussianBatch, own: NDArray[np.int64], log_evidence: NDArray[np.float64]
+    ):
+        self._weights, self._own, self.log_evidence = weights, own, log_evidence
+
+    @cached_property
+    def _current(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        mean, covariance = self._weights.current(np.arange(len(self.log_evidence)))
+        return mean[:, self._own], covariance[:, self._own[:, None], self._own]
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """(n, P N)."""
+        return self._current[0]
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(n, P N, P N)."""
+        return self._current[1]
+
+    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
+        """Mean and covariance of their mixture, each of a probability, (n,)."""
+        mean, covariance = self._weights.mixture(weight)
+        return Gaussian(mean[self._own], covariance[np.ix_(self._own, self._own)])
+
+
+class SwitchedBelief(NamedTuple):
+    """What born hypotheses make of a movement's task and timing; zero where there are none.
+
+    Attributes:
+        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
+        staying: log probability with which a task of the onset passed nothing on.
+        duration_s: expected duration given the task, (K + 1,).
+        task: number of the task of each hypothesis, (n,).
+        weight: their probabilities given the task, (n,).
+        begin_s: when the course of each began, after onset, (n,).
+        course_s: how long it takes, (n,).
+    """
+
+    log_joint: NDArray[np.float64]
+    staying: float
+    duration_s: NDArray[np.float64]
+    task: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    begin_s: NDArray[np.float64]
+    course_s: NDArray[np.float64]
+
+    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
+        """Expected phase given the task, so long after onset, (K + 1,)."""
+        phase = np.minimum(np.maximum((elapsed_s - self.begin_s) / self.course_s, 0.0), 1.0)
+        expected = np.bincount(self.task, self.weight * phase, len(self.log_joint))
+        return expected.astype(np.float64)

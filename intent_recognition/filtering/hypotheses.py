@@ -110,9 +110,5 @@ def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.flo
 
 def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
     """One hypothesis per task, all of a known duration: the phase is known."""
-    with np.errstate(divide="ignore"):
-        log_prior = np.log(
-            np.r_[library.task_prior * (1.0 - library.none_prior), library.none_prior]
-        )
     duration = np.full(library.n_tasks + 1, float(duration_s))
-    return Hypotheses(1, duration, log_prior, none_margin=library.none_margin)
+    return make_hypotheses(library, n_scales=1)._replace(duration_s=duration)

@@ -5,19 +5,16 @@ An observation passes through the observation model into the bank of hypotheses.
 both agents' trajectories are read off the same bank.
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.bank import FilterBank, SwitchedBelief
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.pruning import PrunedBank
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switched_belief import SwitchedBelief
 from intent_recognition.filtering.switching import SwitchedHypotheses
-from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
+from intent_recognition.filtering.task_prediction import TaskPrediction
 from intent_recognition.promp import (
     ControlGrid,
     StartPosture,
@@ -53,9 +50,8 @@ class MovementFilter:
         library: the learned tasks.
         hypotheses: the grid of tasks and durations.
         onset_ns: stamp from which phases count.
-        initial: the bank at onset; None for the library's priors.
         memory: that of a filter which is not used any more; None for new memory.
-        grids: the library's `control_grid` of tasks that had one; others are added.
+        grids: the `ControlGrid` of tasks that had one; others are added.
         prune: do not filter tasks whose posterior is negligible (`pruning`), when there are many.
         task_weight: what the posterior of the known tasks may be multiplied by, (K,); see there.
         switched: memory of the hypotheses that are born on the way, when a person may turn to
@@ -64,6 +60,7 @@ class MovementFilter:
     Attributes:
         observation_model: what observations are to the filter.
         memory: the filtered hypotheses.
+        n_used: how many observations every hypothesis was conditioned on.
     """
 
     def __init__(
@@ -72,7 +69,6 @@ class MovementFilter:
         hypotheses: Hypotheses,
         onset_ns: int,
         *,
-        initial: FilterBank | None = None,
         memory: RunningBank | None = None,
         grids: dict[int, ControlGrid] | None = None,
         prune: bool = False,
@@ -83,12 +79,11 @@ class MovementFilter:
         if memory is None or memory.shape != _shape(library, hypotheses):
             memory = make_memory(library, hypotheses)
         self.memory = memory
-        deviation = deviation_prior(library.phase_deviation)
-        if initial is None:
-            prior = library.observed_mean, library.observed_covariance
-            self.memory.start(*prior, deviation=deviation)
-        else:
-            self.memory.start(*initial, deviation=deviation)
+        self.memory.start(
+            library.observed_mean,
+            library.observed_covariance,
+            deviation_prior(library.phase_deviation),
+        )
         self.observation_model = ObservationModel(library, hypotheses, onset_ns)
         prune = prune and len(hypotheses.duration_s) >= PRUNE_FROM
         self._bank = PrunedBank(memory, self.observation_model, task_weight, prune=prune)
@@ -96,7 +91,7 @@ class MovementFilter:
         if switched is not None:
             switched.start(hypotheses)
         self._grids = {} if grids is None else grids
-        self._n_used, self._elapsed_s = 0, 0.0
+        self.n_used, self._elapsed_s = 0, 0.0
         self._predictions: dict[int, TaskPrediction] = {}
         self._last: tuple[tuple[int, int, int], StartPosture | None, Trajectory] | None = None
 
@@ -118,7 +113,7 @@ class MovementFilter:
         self._bank.condition(measurement)
         if self._switched is not None:
             self._switched.observe(measurement, self._bank.log_evidence, self.memory)
-        self._n_used += 1
+        self.n_used += 1
         self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
         self._predictions.clear()
 
@@ -158,24 +153,19 @@ class MovementFilter:
             found = self._predictions[task] = self._predict(task)
         return found
 
-    @property
-    def n_used(self) -> int:
-        """How many observations every hypothesis was conditioned on."""
-        return self._n_used
-
     def switched(self) -> SwitchedBelief | None:
         """What hypotheses that were born on the way make of task and timing; None without any."""
-        if self._switched is None or not self._n_used:
+        if self._switched is None or not self.n_used:
             return None
         return self._switched.belief()
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
-        asked = (task, n_points, self._n_used)
+        asked = (task, n_points, self.n_used)
         if self._last is not None and self._last[0] == asked and self._last[1] is start:
             return self._last[2]
         if task not in self._grids:
-            self._grids[task] = control_grid(self.library, task)
+            self._grids[task] = ControlGrid(self.library, task)
         trajectory = self.prediction(task).controlled(n_points, start, self._grids[task])
         self._last = asked, start, trajectory
         return trajectory
@@ -205,23 +195,7 @@ class MovementFilter:
         )
 
     def _copy(self, index: NDArray[np.int64]) -> FilterBank:
-        self._restore(np.unique(index // self.hypotheses.n_scales))
+        tasks = np.unique(index // self.hypotheses.n_scales)
+        self._bank.restore(np.intersect1d(tasks, self._bank.pruned_tasks))
         mean, covariance = self.memory.distributions(index)
         return FilterBank(mean, covariance, self.log_evidence[index])
-
-    def _restore(self, tasks: NDArray[np.int64]) -> None:
-        self._bank.restore(np.intersect1d(tasks, self._bank.pruned_tasks))
-
-
-def run_bank(
-    library: TaskLibrary,
-    hypotheses: Hypotheses,
-    bank: FilterBank,
-    observations: Iterable[Observation],
-    onset_ns: int,
-) -> FilterBank:
-    """Condition a bank on a stretch of observations that begins at onset."""
-    run = MovementFilter(library, hypotheses, onset_ns, initial=bank)
-    for observation in observations:
-        run.observe(observation)
-    return run.bank

@@ -64,10 +64,6 @@ class ObservationModel:
         self._used_ns: dict[tuple[int, tuple[int, ...] | None, bool], int] = {}
         self._last_s: float | None = None
 
-    def elapsed_s(self, observation: Observation) -> float:
-        """Time from onset to an observation."""
-        return (observation.stamp_ns - self.onset_ns) * 1e-9
-
     def measurement(self, observation: Observation) -> Measurement | None:
         """An observation with its noise; None if it follows too closely on the last one.
 
@@ -95,7 +91,7 @@ class ObservationModel:
         if not observation.derivative:
             for dof in dofs:
                 self._last_ns[dof] = observation.stamp_ns
-        elapsed_s = self.elapsed_s(observation)
+        elapsed_s = (observation.stamp_ns - self.onset_ns) * 1e-9
         passed_s = inf if self._last_s is None else max(elapsed_s - self._last_s, 0.0)
         self._last_s = elapsed_s if self._last_s is None else max(elapsed_s, self._last_s)
         return Measurement(

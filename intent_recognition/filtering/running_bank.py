@@ -75,38 +75,32 @@ class RunningBank:
         self,
         mean: NDArray[np.float64],
         covariance: NDArray[np.float64],
-        log_evidence: NDArray[np.float64] | float = 0.0,
         deviation: NDArray[np.float64] | float = 1.0,
     ) -> None:
-        """Begin with these distributions, all active.
+        """Begin with these distributions, shared by the hypotheses of a task, all active.
 
         Args:
-            mean: (T, P N), shared by the hypotheses of a task, or (T S, P N).
-            covariance: alike, with one dimension more.
-            log_evidence: of what they were conditioned on before, (T S,).
+            mean: (T, P N).
+            covariance: (T, P N, P N).
             deviation: probability of each phase deviation, (E,).
 
         Raises:
             ShapeError: the arrays do not fit the bank.
         """
-        n, size, _ = self._state.shape
-        if mean.shape not in ((n, size), (self.shape[0], size)) or covariance.shape != (
-            *mean.shape,
-            size,
-        ):
+        (n_tasks, n_scales), (_, size, width) = self.shape[:2], self._state.shape
+        if mean.shape != (n_tasks, size) or covariance.shape != (n_tasks, size, size):
             raise ShapeError(
                 describe(
                     "mean, covariance",
-                    f"({self.shape[0]} or {n}, {size}) and one dimension more",
+                    f"({n_tasks}, {size}) and one dimension more",
                     f"{mean.shape} and {covariance.shape}",
-                    "Pass one distribution per task or per hypothesis.",
+                    "Pass one distribution per task.",
                 )
             )
-        repeats = n // len(mean)
-        state = self._state.reshape(-1, repeats, *self._state.shape[1:])
+        state = self._state.reshape(n_tasks, n_scales, size, width)
         state[..., :size] = covariance[:, None]
         state[..., size] = mean[:, None]
-        self._evidence[:] = log_evidence
+        self._evidence[:] = 0.0
         self._deviation[:] = deviation
         self._activate_all()
 

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.filtering.bank import CourseWeights, SwitchedBelief
 from intent_recognition.filtering.births import (
     DELAYS,
     birth_grid,
@@ -28,7 +29,6 @@ from intent_recognition.filtering.newborn import (
 )
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switched_belief import CourseWeights, SwitchedBelief
 from intent_recognition.gaussian import Gaussian, GaussianBatch, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 

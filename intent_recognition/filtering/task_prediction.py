@@ -6,9 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.bank import CourseWeights, FilterBank
 from intent_recognition.filtering.deviation import Deviations
-from intent_recognition.filtering.switched_belief import CourseWeights
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import (
     ControlGrid,
@@ -25,8 +24,6 @@ from intent_recognition.promp import (
 
 N_PHASES = 201
 """Reference phases at which a mixture's trajectories are tabulated. Convention."""
-N_TABULATED = 101
-"""Reference phases between which the controlled agent's trajectory is interpolated. Convention."""
 NEGLIGIBLE_DURATION = 1e-4
 """Posterior probability below which a duration is left out of a mixture. Convention."""
 
@@ -134,9 +131,9 @@ class TaskPrediction:
         Args:
             n_points: T.
             start: measured posture of the controlled agent at onset.
-            grid: `control_grid` of this task, if there is one.
+            grid: that of this task, if there is one.
         """
-        grid = grid or control_grid(self.library, self.task)
+        grid = grid or ControlGrid(self.library, self.task)
         duration_s = self.duration_s
         along = grid.predict(self.observed_weights(), 1.0, start)
         times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
@@ -246,11 +243,6 @@ def _smoothed(
             later = np.einsum("sef,sf->se", moved, later * likelihood[k])
             later /= later.max(axis=1, keepdims=True)
     return np.stack(smoothed[::-1], axis=1)
-
-
-def control_grid(library: TaskLibrary, task: int) -> ControlGrid:
-    """The controlled agent over reference phase, for `TaskPrediction.controlled`."""
-    return ControlGrid(library, task, N_TABULATED)
 
 
 def _between(

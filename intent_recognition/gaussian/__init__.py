@@ -2,11 +2,12 @@
 """Gaussian distributions: every way to condition them (dense, batched, delayed), and mixtures."""
 
 from intent_recognition.gaussian.batch import GaussianBatch, make_state, pending_shape, state_width
-from intent_recognition.gaussian.density_product import product
 from intent_recognition.gaussian.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
 from intent_recognition.gaussian.linalg import (
     LOG_2_PI,
+    affine_span,
     cholesky,
+    covariance_root,
     log_normalizer,
     solve_lower,
     student_log_density,
@@ -29,10 +30,11 @@ from intent_recognition.gaussian.normal import (
     condition,
     log_density,
     marginal,
+    mixture_moments,
+    product,
     regression,
     whiten_innovation,
 )
-from intent_recognition.gaussian.span import affine_span
 from intent_recognition.gaussian.starts import kmeans_starts
 from intent_recognition.gaussian.tube import tube_faces, tube_rings
 
@@ -50,6 +52,7 @@ __all__ = [
     "batches",
     "cholesky",
     "condition",
+    "covariance_root",
     "fit_gaussian_mixture",
     "fit_mixture",
     "kmeans_starts",
@@ -59,6 +62,7 @@ __all__ = [
     "make_state",
     "marginal",
     "maximisation",
+    "mixture_moments",
     "one_hot",
     "pending_shape",
     "product",

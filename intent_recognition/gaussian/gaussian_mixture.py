@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, one_hot
-from intent_recognition.gaussian.normal import Gaussian, condition, log_density
+from intent_recognition.gaussian.normal import Gaussian, condition, log_density, mixture_moments
 from intent_recognition.gaussian.starts import kmeans_starts
 
 RELATIVE_FLOOR = 1e-6
@@ -59,13 +59,8 @@ class GaussianMixture:
     @property
     def moments(self) -> Gaussian:
         """Mean and covariance of the whole mixture (Ewerton et al. 2015, Eq. 14)."""
-        means = np.array([component.mean for component in self.components])
-        mean = self.weights @ means
-        scaled = (means - mean) * np.sqrt(self.weights)[:, None]
-        within = np.einsum(
-            "k,kij->ij", self.weights, np.array([c.covariance for c in self.components])
-        )
-        return Gaussian(mean, within + scaled.T @ scaled)
+        means, covariances = zip(*self.components, strict=True)
+        return mixture_moments(self.weights, np.array(means), np.array(covariances))
 
     def log_density(self, points: ArrayLike) -> NDArray[np.float64]:
         """Log density of points (n, d), (n,)."""

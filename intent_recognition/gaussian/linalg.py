@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The delicate numerics, once: symmetric positive definite factors, solves and log densities."""
+"""The delicate numerics, once: factors of covariances, solves, log densities, affine spans."""
 
 from math import inf, isfinite, lgamma, log, pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from scipy.linalg import solve_triangular
 from intent_recognition.errors import ArgumentError, describe
 
 LOG_2_PI = float(np.log(2.0 * np.pi))
+RANK_TOLERANCE = 1e-10
+"""Singular values below this part of the largest one count as zero. Convention: rounding."""
 
 
 def symmetrize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -42,6 +45,12 @@ def cholesky(matrix: NDArray[np.float64], *, name: str = "covariance") -> NDArra
             describe(name, "finite numbers", "NaN or infinity", "Leave such measurements out.")
         )
     return np.asarray(factor, dtype=np.float64)
+
+
+def covariance_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """L with L L^T a covariance (d, d), which may be singular; negative eigenvalues count as 0."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def solve_lower(factor: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,3 +95,29 @@ def student_log_density(
         return -0.5 * squares - log_scale - 0.5 * m * LOG_2_PI
     constant = lgamma(0.5 * (nu + m)) - lgamma(0.5 * nu) - 0.5 * m * log(nu * pi)
     return constant - log_scale - 0.5 * (nu + m) * np.log1p(squares / nu)
+
+
+class Span(NamedTuple):
+    """n vectors of length d as coordinates in the at most n - 1 dimensions they span.
+
+    `vectors = mean + coordinates @ axes`; distances and inner products of deviations are kept.
+
+    Attributes:
+        mean: of the vectors, (d,).
+        axes: orthonormal principal axes, (r, d), that of the largest variance first.
+        coordinates: (n, r), zero on average.
+    """
+
+    mean: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    coordinates: NDArray[np.float64]
+
+
+def affine_span(vectors: NDArray[np.float64]) -> Span:
+    """Coordinates of vectors (n, d) along their principal axes; r is their rank, 0 if all equal."""
+    mean = vectors.mean(axis=0)
+    left, values, axes = np.linalg.svd(vectors - mean, full_matrices=False)
+    scale = max(float(values[0]) if values.size else 0.0, float(np.abs(mean).max(initial=0.0)))
+    rank = int(np.sum(values > RANK_TOLERANCE * scale)) if scale > 0 else 0
+    rank = min(rank, len(vectors) - 1)
+    return Span(mean, axes[:rank], left[:, :rank] * values[:rank])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The multivariate normal distribution: density, marginal, conditioning on a linear observation."""
+"""The multivariate normal distribution: density, marginal, conditioning, products, mixtures."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -144,3 +145,50 @@ def regression(joint: Gaussian, n_source: int) -> Regression:
     return Regression(
         matrix, joint.mean[target] - matrix @ joint.mean[source], symmetrize(covariance)
     )
+
+
+def mixture_moments(
+    weights: NDArray[np.float64], means: NDArray[np.float64], covariances: NDArray[np.float64]
+) -> Gaussian:
+    """Mean and covariance of a mixture (Ewerton et al. 2015, Eq. 14).
+
+    Args:
+        weights: probability of each component, (K,).
+        means: (K, d).
+        covariances: (K, d, d).
+    """
+    mean = weights @ means
+    apart = (means - mean) * np.sqrt(weights)[:, None]
+    within = np.tensordot(weights, covariances, axes=1)
+    return Gaussian(mean, symmetrize(within + apart.T @ apart))
+
+
+def product(factors: Sequence[Gaussian], powers: Sequence[float]) -> Gaussian:
+    """The normal distribution whose density is proportional to prod_i N(x; m_i, P_i)^a_i.
+
+    Its precision is the sum of a_i P_i^-1, so that a power of zero leaves a factor out.
+
+    Args:
+        factors: over the same (d,), covariances positive definite.
+        powers: not negative, not all zero.
+
+    Raises:
+        ArgumentError: a covariance is not positive definite.
+    """
+    used = [(factor, power) for factor, power in zip(factors, powers, strict=True) if power > 0.0]
+    if len(used) == 1 and used[0][1] == 1.0:
+        return used[0][0]
+    size = len(factors[0].mean)
+    precision, pull = np.zeros((size, size)), np.zeros(size)
+    for factor, power in used:
+        own = power * _inverse(factor.covariance)
+        precision += own
+        pull += own @ factor.mean
+    covariance = _inverse(symmetrize(precision))
+    return Gaussian(covariance @ pull, covariance)
+
+
+def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of a positive definite matrix."""
+    factor = cholesky(matrix)
+    return symmetrize(cho_solve((factor, True), np.eye(len(matrix))))

@@ -261,7 +261,7 @@ class TaskPractice:
             return None
         timing = NominalTiming(-DECIDED_SHARE * duration_s, duration_s)
         start = JointReference.at_rest(self._rest)
-        return plan_interaction(path, timing, start, 0.0, 0.0, self._limits)
+        return plan_interaction(path, timing, start, self._limits)
 
     def _execute(self, person: Person, weights: NDArray[np.float64]) -> Rollout:
         """Run it; where there is no plan the arm stays at rest."""

@@ -77,11 +77,6 @@ def within_position_limits(
     return np.all(inside, axis=-1)
 
 
-def clamp_position(q: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
-    """Return q (..., n) [rad] with every joint moved to the nearest allowed position."""
-    return np.clip(np.asarray(q, dtype=np.float64), limits.lower, limits.upper)
-
-
 def position_violation(q: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
     """Return by how much each joint of q (..., n) is outside [rad], 0 where it is inside."""
     q = np.asarray(q, dtype=np.float64)

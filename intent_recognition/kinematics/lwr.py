@@ -44,18 +44,11 @@ SHOULDER_HEIGHT_M = float(DH.d_m[0])
 UPPER_ARM_M = float(DH.d_m[2])
 FOREARM_M = float(DH.d_m[4])
 HAND_OFFSET_M = float(DH.d_m[6])
-
-
-def lwr_limits(acceleration_rad_s2: float = DEFAULT_ACCELERATION_RAD_S2) -> JointLimits:
-    """Return the limits of the LWR 4+ with this acceleration limit [rad/s^2] on every joint."""
-    upper = np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0])
-    return JointLimits(
-        lower=-upper,
-        upper=upper,
-        velocity=np.radians([110.0, 110.0, 128.0, 128.0, 204.0, 184.0, 184.0]),
-        acceleration=np.full(N_JOINTS, acceleration_rad_s2),
-        torque=np.array([176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0]),
-    )
-
-
-LWR_LIMITS = lwr_limits()
+_LARGEST_RAD = np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0])
+LWR_LIMITS = JointLimits(
+    lower=-_LARGEST_RAD,
+    upper=_LARGEST_RAD,
+    velocity=np.radians([110.0, 110.0, 128.0, 128.0, 204.0, 184.0, 184.0]),
+    acceleration=np.full(N_JOINTS, DEFAULT_ACCELERATION_RAD_S2),
+    torque=np.array([176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0]),
+)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import KinematicsError, describe
 from intent_recognition.kinematics.forward import hand_position, jacobian, joint_vector
-from intent_recognition.kinematics.limits import JointLimits, clamp_position
+from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 
 _DAMPING_M2 = 1e-3
@@ -39,7 +39,7 @@ def reach_position(
     if not np.all(np.isfinite(target)):
         cure = "Check the input for NaN."
         raise KinematicsError(describe("position_m", "finite numbers", target, cure))
-    q = clamp_position(joint_vector(seed, "seed"), limits)
+    q = np.clip(joint_vector(seed, "seed"), limits.lower, limits.upper)
     for _ in range(_N_STEPS):
         error = target - hand_position(q)
         if np.linalg.norm(error) < _TOLERANCE_M:
@@ -49,7 +49,7 @@ def reach_position(
         square = _DAMPING_M2 * min(1.0, float(np.linalg.norm(error))) + 1e-12
         step = J.T @ np.linalg.solve(J @ J.T + square * np.eye(3), error)
         step *= min(1.0, _LARGEST_STEP_RAD / max(float(np.abs(step).max()), 1e-12))
-        q = clamp_position(q + step, limits)
+        q = np.clip(q + step, limits.lower, limits.upper)
     distance = float(np.linalg.norm(target - hand_position(q)))
     if distance > _LARGEST_ERROR_M:
         raise KinematicsError(

@@ -15,7 +15,7 @@ from intent_recognition.learning.preprocessing import (
     settle_preprocessing,
 )
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.statistics import TaskStatistics, merge_statistics, summarize
+from intent_recognition.learning.statistics import TaskStatistics, merge_tasks, summarize
 from intent_recognition.signals import Demonstration
 
 REFERENCE_RECORDINGS = 100
@@ -104,12 +104,9 @@ def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
                 "Accumulate all parts with one preprocessing.",
             )
         )
-    tasks = dict(first.tasks)
-    for label, task in second.tasks.items():
-        tasks[label] = merge_statistics(tasks[label], task) if label in tasks else task
     return Accumulated(
         ours or theirs,
-        dict(sorted(tasks.items())),
+        merge_tasks(first.tasks, second.tasks),
         (first.used + second.used)[:NAMES_KEPT],
         (first.rejected + second.rejected)[:NAMES_KEPT],
         first.n_rejected + second.n_rejected,

@@ -19,11 +19,9 @@ from intent_recognition.learning.examples import (
 )
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import (
-    Scatter,
     TaskLibrary,
     deviation_prior,
     deviation_transition,
-    leave_one_out_scatter,
     reference_phase,
 )
 from intent_recognition.signals import commensurate
@@ -119,21 +117,6 @@ def paired_examples(
         for example, as_recorded in zip(task.examples, recorded[label].examples, strict=True)
     ]
     return evenly(pairs, most)
-
-
-def without_demonstration(
-    pooled: Scatter, own: Scatter, deviation: NDArray[np.float64]
-) -> tuple[Scatter, Scatter]:
-    """Scatter of a task, and of all tasks, without one demonstration.
-
-    Args:
-        pooled: of all tasks; at least two demonstrations beyond their means.
-        own: of the task.
-        deviation: of the demonstration's weights from the mean of the task, (d,).
-    """
-    part = leave_one_out_scatter(own, deviation)
-    rest = pooled.matrix - (own.matrix - part)
-    return Scatter(part, own.freedom - 1), Scatter(rest, pooled.freedom - 1)
 
 
 def nearest_tasks(

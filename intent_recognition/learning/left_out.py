@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample
-from intent_recognition.learning.held_out import without_demonstration
 from intent_recognition.learning.none_model import (
     Departure,
     departures,
@@ -23,7 +22,13 @@ from intent_recognition.learning.none_model import (
 )
 from intent_recognition.learning.selection import STRENGTH
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
-from intent_recognition.promp import Scatter, TaskLibrary, observed_block, shared_covariance
+from intent_recognition.promp import (
+    Scatter,
+    TaskLibrary,
+    observed_block,
+    shared_covariance,
+    without_demonstration,
+)
 
 
 class LeftOut(NamedTuple):

@@ -27,17 +27,17 @@ from intent_recognition.learning.held_out import (
     filter_samples,
     nearest_tasks,
     paired_examples,
-    without_demonstration,
 )
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
     Scatter,
     TaskLibrary,
-    leave_one_out_targets,
     observed_block,
     reference_phase,
     shared_covariance,
     shrunk_covariance,
+    structured_target,
+    without_demonstration,
 )
 from intent_recognition.signals import is_spatial
 
@@ -220,17 +220,17 @@ def _without(
 ) -> _LeftOut:
     task, n_observed = tasks[number], example.observed.shape[1]
     size = n_observed * example.weights.shape[1]
-    deviation = (example.weights - task.mean)[None]
-    own = task.moments
+    deviation, own = example.weights - task.mean, task.moments
     if pooled.freedom > 1:
         part, rest = without_demonstration(pooled, own, deviation.ravel())
-    else:  # two demonstrations in all: nothing would be left
+        target = structured_target(part, rest, floor).covariance()
+    else:  # two demonstrations in all: nothing would be left to estimate a target from
         part, rest = Scatter(np.zeros_like(own.matrix), 0), pooled
+        target = structured_target(own, pooled, floor).covariance()
     shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
-    (target,) = leave_one_out_targets(own, pooled, deviation, floor)
     covariance = symmetrize(shrunk_covariance(part.matrix, task.n - 1, target, REGRESSION_STRENGTH))
     gain = np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
-    mean = (task.mean - deviation[0] / (task.n - 1)).ravel()
+    mean = (task.mean - deviation / (task.n - 1)).ravel()
     others = np.delete(np.arange(len(tasks)), number)
     rivals = nearest_tasks(tasks, example, others, units[:n_observed])
     truth, samples = as_recorded.controlled, as_recorded.observed

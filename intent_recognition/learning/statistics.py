@@ -136,6 +136,16 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
     )
 
 
+def merge_tasks(
+    first: Mapping[str, TaskStatistics], second: Mapping[str, TaskStatistics]
+) -> dict[str, TaskStatistics]:
+    """Statistics of the demonstrations of both by label, sorted."""
+    merged = dict(first)
+    for label, task in second.items():
+        merged[label] = merge_statistics(merged[label], task) if label in merged else task
+    return dict(sorted(merged.items()))
+
+
 def pooled_moments(tasks: Iterable[TaskStatistics]) -> Scatter:
     """Scatter of all demonstrations about the means of their tasks."""
     tasks = list(tasks)

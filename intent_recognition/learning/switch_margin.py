@@ -9,7 +9,6 @@ probable than that (docs/decisions/change_of_mind.md).
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from intent_recognition.learning.held_out import conformal_bound, paired_example
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Observation
+from intent_recognition.signals import observations_of
 
 FALSE_SWITCHES = 0.05
 """Share of movements in which another task may become more probable than the true one. Convention.
@@ -76,7 +75,8 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
     switched = SwitchedHypotheses(library, N_FOLLOWED_SCALES)
     run = MovementFilter(library, hypotheses, 0, switched=switched)
     largest = -NEGLIGIBLE
-    for observation in _observations(library, recorded):
+    stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
+    for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
         run.observe(observation)
         born, left = switched.log_joint[:-1], switched.left(run.log_evidence)[:-1]
         largest = max(largest, _log_odds(born, left, task))
@@ -87,14 +87,3 @@ def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -
     """Of the born hypotheses of other tasks, against all others."""
     others = np.logaddexp.reduce(np.delete(born, task))
     return float(others - np.logaddexp.reduce(np.r_[left, born[task]]))
-
-
-def _observations(library: TaskLibrary, recorded: TrainingExample) -> list[Observation]:
-    """The samples of a movement that begins at zero, of one signal after the other."""
-    edges = np.cumsum([0, *library.observed_groups])
-    stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
-    return [
-        Observation(int(stamp_ns), group, values[first:last])
-        for stamp_ns, values in zip(stamps_ns, recorded.observed, strict=True)
-        for group, (first, last) in enumerate(pairwise(edges))
-    ]

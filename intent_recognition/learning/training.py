@@ -21,7 +21,7 @@ from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import (
     TaskStatistics,
     aligned_statistics,
-    merge_statistics,
+    merge_tasks,
     summarize,
 )
 from intent_recognition.learning.switch_margin import learn_switch_margin
@@ -176,10 +176,7 @@ def add_statistics(
         tasks: statistics of each label.
         names: of the demonstrations, for the provenance.
     """
-    merged = dict(trained.tasks)
-    for label, task in tasks.items():
-        merged[label] = merge_statistics(merged[label], task) if label in merged else task
-    merged = dict(sorted(merged.items()))
+    merged = merge_tasks(trained.tasks, tasks)
     before = trained.library
     bags = before.provenance.get("bags")
     known_bags = bags if isinstance(bags, (list, tuple)) else ()

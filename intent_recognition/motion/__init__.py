@@ -30,7 +30,13 @@ from intent_recognition.motion.hand_path import (
     joints_along,
 )
 from intent_recognition.motion.path import JointPath, make_path
-from intent_recognition.motion.plan import JointPlan, JointReference
+from intent_recognition.motion.plan import (
+    BEGINNING,
+    JointPlan,
+    JointReference,
+    PhaseState,
+    scaled_limits,
+)
 from intent_recognition.motion.planning import plan_interaction, stop_plan
 from intent_recognition.motion.point_to_point import brake_plan, home_plan
 from intent_recognition.motion.retiming import NominalTiming
@@ -41,9 +47,9 @@ from intent_recognition.motion.separation import (
     permitted_speed,
     phase_times_ns,
 )
-from intent_recognition.motion.settings import scaled_limits
 
 __all__ = [
+    "BEGINNING",
     "LARGEST_BEND",
     "Clearance",
     "Correction",
@@ -56,6 +62,7 @@ __all__ = [
     "NominalTiming",
     "Obstruction",
     "Offset",
+    "PhaseState",
     "PredictedPerson",
     "Separation",
     "SeparationSettings",

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.gaussian import Gaussian, regression
+from intent_recognition.gaussian import Gaussian, covariance_root, regression
 from intent_recognition.kinematics import Arm, Bodies, Contact
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, via_point
 from intent_recognition.signals import right_jacobian, to_tangent
@@ -61,8 +61,7 @@ class Spread:
     @cached_property
     def root(self) -> NDArray[np.float64]:
         """A root L of the covariance, L L^T (Q N, Q N); that has no full rank."""
-        values, vectors = np.linalg.eigh(self.covariance)
-        return vectors * np.sqrt(np.maximum(values, 0.0))
+        return covariance_root(self.covariance)
 
     @classmethod
     def of(

@@ -155,9 +155,10 @@ def feedback_policy(
         got = f"{len(weights.mean)} weights, {duration_s} s"
         raise ArgumentError(describe("weights, duration_s", expected, got, "Give matching ones."))
     times = np.linspace(0.0, duration_s, settings.n_times)
-    moments = _moments(basis, weights, times / duration_s, duration_s, n_joints)
-    mean, covariance = _controllable(moments, times, settings, n_joints)
-    return _policy(times, mean, covariance, settings.density(n_joints), n_joints)
+    moments = _moments(basis, weights, times / duration_s, duration_s)
+    density = settings.density(n_joints)
+    mean, covariance = _controllable(moments, times, density, settings.bandwidth_rad_s)
+    return _policy(times, mean, covariance, density)
 
 
 def resting_gains(
@@ -247,7 +248,6 @@ def _moments(
     weights: Gaussian,
     phase: NDArray[np.float64],
     duration_s: float,
-    n_joints: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean (T, 3, Q) and covariance (T, 3, Q, 3, Q) of positions, velocities, accelerations."""
     rows = np.stack(
@@ -257,8 +257,9 @@ def _moments(
             basis.second_derivative_matrix(phase) / duration_s**2,
         )
     )
-    mean = np.einsum("atn,qn->taq", rows, weights.mean.reshape(n_joints, -1))
-    blocks = weights.covariance.reshape(n_joints, basis.n_basis, n_joints, basis.n_basis)
+    per_joint = weights.mean.reshape(-1, basis.n_basis)
+    mean = np.einsum("atn,qn->taq", rows, per_joint)
+    blocks = weights.covariance.reshape(per_joint.shape * 2)
     half = np.einsum("atn,qnrm->taqrm", rows, blocks, optimize=True)
     return mean, np.einsum("taqrm,btm->taqbr", half, rows, optimize=True)
 
@@ -266,15 +267,14 @@ def _moments(
 def _controllable(
     moments: tuple[NDArray[np.float64], NDArray[np.float64]],
     times_s: NDArray[np.float64],
-    settings: FeedbackSettings,
-    n_joints: int,
+    density: NDArray[np.float64],
+    bandwidth_rad_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same with the two terms that make the state one that can be controlled."""
     mean, covariance = moments
     covariance = covariance.copy()
-    density = settings.density(n_joints)
-    index = np.arange(n_joints)
-    covariance[:, 0, index, 0, index] += density / (4.0 * settings.bandwidth_rad_s**3)
+    index = np.arange(len(density))
+    covariance[:, 0, index, 0, index] += density / (4.0 * bandwidth_rad_s**3)
     position = symmetrize(covariance[:, 0, :, 0, :])
     velocity = _rest_velocity(position, density)
     slope = np.gradient(velocity, times_s, axis=0, edge_order=2)
@@ -300,10 +300,9 @@ def _policy(
     mean: NDArray[np.float64],
     covariance: NDArray[np.float64],
     density: NDArray[np.float64],
-    n_joints: int,
 ) -> FeedbackPolicy:
     """Gains from the moments."""
-    n = n_joints
+    n = len(density)
     state = symmetrize(covariance[:, :2, :, :2, :].reshape(-1, 2 * n, 2 * n))
     wanted = covariance[:, 2, :, :2, :].reshape(-1, n, 2 * n).copy()
     wanted[:, :, n:] -= 0.5 * np.diag(density)

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion.settings import POSITION_MARGIN_RAD
+from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 
 SOFT_BAND_RAD = 0.06
 """Width of the band in which a joint is bent back inside [rad]. Convention: 3.4 degrees."""

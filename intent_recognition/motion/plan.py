@@ -16,6 +16,15 @@ from intent_recognition.kinematics import (
 
 RETURN_ROOM_RAD = 1e-3
 """How much farther a joint that starts outside its limits may go out [rad]. Convention."""
+POSITION_MARGIN_RAD = 0.01
+"""Paths keep this far away from position limits [rad]. Convention: no cubic strays farther
+between its samples (`plan_step`)."""
+STEP_S = 0.02
+"""Time between the samples of a plan [s]; longer motions get longer steps (`plan_step`).
+Convention: a cubic strays from a path of 8 rad/s^2 by 0.4 mrad at most."""
+N_SAMPLES = 200
+"""The step grows so that the nominal duration has about so many samples. Convention: a message of
+200 points."""
 
 
 class JointReference(NamedTuple):
@@ -30,6 +39,18 @@ class JointReference(NamedTuple):
         """Standing still at `position` [rad]."""
         q = np.array(position, dtype=np.float64)
         return cls(q, np.zeros_like(q), np.zeros_like(q))
+
+
+class PhaseState(NamedTuple):
+    """How much of an interaction is done, in [0, 1], at which rate [1/s], and its rate [1/s^2]."""
+
+    phase: float = 0.0
+    rate: float = 0.0
+    acceleration: float = 0.0
+
+
+BEGINNING = PhaseState()
+"""Nothing is done yet, and nothing moves."""
 
 
 class Excess(NamedTuple):
@@ -133,15 +154,16 @@ class JointPlan:
         part_s = np.repeat(h[:, 0] / n, n, axis=0)
         return q, part_s * _fastest(part_s, q[:-1], v[:-1], q[1:], v[1:])
 
-    def phase_at(self, time_s: float) -> tuple[float, float, float]:
-        """Phase, phase rate [1/s] and its derivative [1/s^2] `time_s` after the start."""
+    def phase_at(self, time_s: float) -> PhaseState:
+        """How much is done `time_s` after the start."""
         if time_s >= self.duration_s:
-            return float(self.phase[-1]), 0.0, 0.0
+            return PhaseState(float(self.phase[-1]))
         i, h, tau = self._locate(time_s)
         position, rate, acceleration = _hermite(
             h, tau, self.phase[i], self.phase_rate[i], self.phase[i + 1], self.phase_rate[i + 1]
         )
-        return float(np.clip(position, 0.0, 1.0)), float(max(rate, 0.0)), float(acceleration)
+        phase = float(np.clip(position, 0.0, 1.0))
+        return PhaseState(phase, float(max(rate, 0.0)), float(acceleration))
 
     def _locate(self, time_s: float) -> tuple[int, float, float]:
         """Interval index, its length [s] and the time since its start as a share of it."""
@@ -244,3 +266,30 @@ def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) ->
         room = np.where(room > 0.0, room + RETURN_ROOM_RAD, 0.0)
         limits = replace(limits, lower=limits.lower - room, upper=limits.upper + room)
     return excess(plan.times_s, plan.positions, plan.velocities, limits).within()
+
+
+def scaled_limits(
+    limits: JointLimits, velocity_scale: float = 0.9, acceleration_scale: float = 1.0
+) -> JointLimits:
+    """The limits plans are held to: a share of the arm's own."""
+    return replace(
+        limits,
+        velocity=limits.velocity * velocity_scale,
+        acceleration=limits.acceleration * acceleration_scale,
+    )
+
+
+def plan_step(duration_s: float, limits: JointLimits) -> float:
+    """Time between the samples of a plan [s].
+
+    Longer for longer motions, but a cubic with the largest acceleration a strays from the line
+    between its samples by a h^2 / 8, which is to be less than `POSITION_MARGIN_RAD`.
+    """
+    longest_s = float(np.sqrt(8.0 * POSITION_MARGIN_RAD / limits.acceleration.max()))
+    return max(STEP_S, min(duration_s / N_SAMPLES, longest_s))
+
+
+def sample_times(duration_s: float, step_s: float) -> NDArray[np.float64]:
+    """Evenly spaced times from 0 to a duration, (T,) [s], at most step_s apart."""
+    n = max(int(np.ceil(duration_s / step_s - 1e-9)), 1)
+    return np.linspace(0.0, duration_s, n + 1)

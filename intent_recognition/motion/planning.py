@@ -13,7 +13,6 @@ Path and offset share the limits: what the offset needs is taken off what the pa
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,15 @@ from numpy.typing import NDArray
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion.blending import Offset, decay
 from intent_recognition.motion.path import JointPath
-from intent_recognition.motion.plan import JointPlan, JointReference, interval_use, keeps_limits
+from intent_recognition.motion.plan import (
+    BEGINNING,
+    JointPlan,
+    JointReference,
+    PhaseState,
+    interval_use,
+    keeps_limits,
+    plan_step,
+)
 from intent_recognition.motion.point_to_point import brake_plan
 from intent_recognition.motion.retiming import (
     N_GRID,
@@ -32,7 +39,6 @@ from intent_recognition.motion.retiming import (
     run,
     speed_limits,
 )
-from intent_recognition.motion.settings import plan_step
 
 _N_ATTEMPTS = 8
 """Plans tried with a tighter and tighter budget before giving up. Convention: nearly all that can
@@ -66,55 +72,49 @@ _NEIGHBOURS = 2
 
 def plan_interaction(
     path: JointPath,
-    nominal: NominalTiming,
+    nominal: NominalTiming | None,
     start: JointReference,
-    phase: float,
-    phase_rate: float,
     limits: JointLimits,
-    phase_acceleration: float = 0.0,
+    progress: PhaseState = BEGINNING,
     rate_ceiling: NDArray[np.float64] | None = None,
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
 
+    Path and offset are bounded each on its own; where their sum exceeds a limit, another attempt
+    gives them less.
+
     Args:
         path: the predicted path.
-        nominal: its timing, relative to the plan's start.
+        nominal: its timing, relative to the plan's start; None: along the path to a stand.
         start: the running reference at the plan's start.
-        phase: how much of the interaction is done, in [0, 1].
-        phase_rate: its rate [1/s].
         limits: position, velocity and acceleration limits, as scaled as wanted.
-        phase_acceleration: the rate's derivative [1/s^2] in the plan before; what it explains
-            of the start's acceleration is not left to the offset.
+        progress: of the plan before; what it explains of the start's motion is not left to the
+            offset.
         rate_ceiling: largest phase rate at each point of the path's grid (G + 1,) [1/s].
 
     Returns:
         The plan, or None if none keeps the limits from this start: the plan before it ends at
         rest and is safe to go on with.
     """
-    phase_state = _PhaseState(phase, phase_rate, phase_acceleration)
-    return _along(path, nominal, start, phase_state, limits, rate_ceiling)
+    budget = _Budget() if nominal is None else _Budget(np.full(N_GRID, _FIRST_SHARE))
+    for attempt in range(_N_ATTEMPTS):
+        tried = _attempt(path, nominal, start, progress, limits, budget, rate_ceiling)
+        if tried is None:
+            return None
+        plan, offset = tried
+        if keeps_limits(plan, start, limits):
+            return replace(plan, slowed=nominal is not None and _too_fast(path, limits))
+        everywhere = 1.0 if attempt < _N_LOCAL_ATTEMPTS else _SHRINK
+        budget = budget.tightened(plan, offset, limits, everywhere)
+    return None
 
 
 def stop_plan(
-    path: JointPath,
-    start: JointReference,
-    phase: float,
-    phase_rate: float,
-    limits: JointLimits,
-    phase_acceleration: float = 0.0,
+    path: JointPath, start: JointReference, limits: JointLimits, progress: PhaseState = BEGINNING
 ) -> JointPlan:
     """Slow to a stand along the path as fast as the limits allow; always gives a plan."""
-    phase_state = _PhaseState(phase, phase_rate, phase_acceleration)
-    plan = _along(path, None, start, phase_state, limits)
-    return plan if plan is not None else brake_plan(start, phase, limits)
-
-
-class _PhaseState(NamedTuple):
-    """Phase, its rate [1/s] and the rate's derivative [1/s^2] at a plan's start."""
-
-    phase: float
-    rate: float
-    acceleration: float
+    plan = plan_interaction(path, None, start, limits, progress)
+    return plan if plan is not None else brake_plan(start, progress.phase, limits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,69 +152,43 @@ class _Budget:
         return _Budget(self.share * factor * everywhere, self.stretch * stretch)
 
 
-def _along(
-    path: JointPath,
-    nominal: NominalTiming | None,
-    start: JointReference,
-    phase: _PhaseState,
-    limits: JointLimits,
-    rate_ceiling: NDArray[np.float64] | None = None,
-) -> JointPlan | None:
-    """A plan along the path, in time with the nominal timing or (None) to a stand.
-
-    Path and offset are bounded each on its own; where their sum exceeds a limit, another attempt
-    gives them less.
-    """
-    budget = _Budget() if nominal is None else _Budget(np.full(N_GRID, _FIRST_SHARE))
-    for attempt in range(_N_ATTEMPTS):
-        tried = _attempt(path, nominal, start, phase, limits, budget, rate_ceiling)
-        if tried is None:
-            return None
-        plan, offset = tried
-        if keeps_limits(plan, start, limits):
-            return replace(plan, slowed=nominal is not None and _too_fast(path, limits))
-        everywhere = 1.0 if attempt < _N_LOCAL_ATTEMPTS else _SHRINK
-        budget = budget.tightened(plan, offset, limits, everywhere)
-    return None
-
-
 def _attempt(
     path: JointPath,
     nominal: NominalTiming | None,
     start: JointReference,
-    phase: _PhaseState,
+    progress: PhaseState,
     limits: JointLimits,
     budget: _Budget,
     rate_ceiling: NDArray[np.float64] | None,
 ) -> tuple[JointPlan, Offset] | None:
     """A plan within the budget, and its offset; None where the path takes too long."""
     step_s = plan_step(0.0 if nominal is None else nominal.duration_s, limits)
-    offset = _join(path, start, phase, limits)
+    offset = _join(path, start, progress, limits)
     bounds = _path_bounds(path, offset, limits, budget.share, rate_ceiling)
-    rate = min(phase.rate, largest_rate(bounds, phase.phase))
-    if rate < phase.rate:
-        offset = _join(path, start, phase._replace(rate=rate), limits)
+    rate = min(progress.rate, largest_rate(bounds, progress.phase))
+    if rate < progress.rate:
+        offset = _join(path, start, progress._replace(rate=rate), limits)
     offset = offset._replace(duration_s=offset.duration_s * budget.stretch)
-    hold_s = _hold(offset) if phase.rate <= 0.0 else 0.0
-    progress = run(bounds, phase.phase, rate, nominal, step_s=step_s, hold_s=hold_s)
-    if progress is None:
+    hold_s = _hold(offset) if progress.rate <= 0.0 else 0.0
+    way = run(bounds, progress.phase, rate, nominal, step_s=step_s, hold_s=hold_s)
+    if way is None:
         return None
     kind = "stop" if nominal is None else "interaction"
-    return _compose(path, progress, offset, step_s, kind), offset
+    return _compose(path, way, offset, step_s, kind), offset
 
 
 def _join(
     path: JointPath,
     start: JointReference,
-    phase: _PhaseState,
+    progress: PhaseState,
     limits: JointLimits,
 ) -> Offset:
     """The offset between a reference and the path at this phase."""
-    slope, bend = path.derivative(phase.phase), path.derivative(phase.phase, 1)
+    slope, bend = path.derivative(progress.phase), path.derivative(progress.phase, 1)
     return decay(
-        start.position - path.spline(phase.phase),
-        start.velocity - slope * phase.rate,
-        start.acceleration - bend * phase.rate**2 - slope * phase.acceleration,
+        start.position - path.spline(progress.phase),
+        start.velocity - slope * progress.rate,
+        start.acceleration - bend * progress.rate**2 - slope * progress.acceleration,
         max_velocity=_OFFSET_VELOCITY_SHARE * limits.velocity,
         max_acceleration=_OFFSET_SHARE * limits.acceleration,
         shortest_s=_SHORTEST_OFFSET_S,

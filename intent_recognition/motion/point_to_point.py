@@ -22,14 +22,12 @@ from ruckig import (
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import POSITION_TOLERANCE_RAD, JointLimits, position_violation
 from intent_recognition.motion.plan import (
+    STEP_S,
     JointPlan,
     JointReference,
     keeps_limits,
-    position_range,
-)
-from intent_recognition.motion.settings import (
-    STEP_S,
     plan_step,
+    position_range,
     sample_times,
     scaled_limits,
 )

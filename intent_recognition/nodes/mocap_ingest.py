@@ -46,7 +46,7 @@ class MocapIngest(Node):
         self._settings = self._read_settings()
         variance = self._settings.orientation_std_rad**2
         self._diagnostics = Diagnostics(self)
-        self._states = dict.fromkeys(bodies, IngestState.initial())
+        self._states = dict.fromkeys(bodies, IngestState())
         self._outputs = {
             body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
         }
@@ -74,7 +74,7 @@ class MocapIngest(Node):
         self._left_overs = LeftOvers(
             {body: s.recent[-1][0] for body, s in self._states.items() if s.recent}
         )
-        self._states = dict.fromkeys(self._states, IngestState.initial())
+        self._states = dict.fromkeys(self._states, IngestState())
 
     def _read_settings(self) -> IngestSettings:
         no_extrinsics: list[str] = []

@@ -6,7 +6,6 @@ from intent_recognition.promp.combining import (
     Blend,
     blend,
     co_activate,
-    condition_response,
     smooth_switch,
     via_point,
 )
@@ -14,6 +13,7 @@ from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.control_points import (
     ControlPoint,
+    condition_response,
     controlled_at,
     distance_to,
     through,
@@ -38,13 +38,12 @@ from intent_recognition.promp.prediction import (
 )
 from intent_recognition.promp.prior import (
     Scatter,
-    leave_one_out_scatter,
-    leave_one_out_targets,
     observed_block,
     shared_covariance,
     shrunk_covariance,
     structured_target,
     weight_floor,
+    without_demonstration,
 )
 from intent_recognition.promp.trajectory import Trajectory, dof_variance, rollout
 from intent_recognition.promp.weights import (
@@ -86,8 +85,6 @@ __all__ = [
     "fit_weights_together",
     "largest_by_unit",
     "least_end_std",
-    "leave_one_out_scatter",
-    "leave_one_out_targets",
     "observed_block",
     "reference_phase",
     "rollout",
@@ -98,4 +95,5 @@ __all__ = [
     "through",
     "via_point",
     "weight_floor",
+    "without_demonstration",
 ]

@@ -15,14 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.gaussian import (
-    Gaussian,
-    Regression,
     condition,
-    marginal,
     product,
-    regression,
     symmetrize,
 )
+from intent_recognition.promp.control_points import condition_controlled
 from intent_recognition.promp.interaction import InteractionProMP
 
 
@@ -238,63 +235,6 @@ def smooth_switch(
     second = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     rate = 30.0 * share**2 * (1.0 - share) ** 2 / over_s
     return np.column_stack([1.0 - second, second]), np.column_stack([-rate, rate])
-
-
-def condition_controlled(
-    joint: Gaussian,
-    n_observed: int,
-    matrix: NDArray[np.float64],
-    point: NDArray[np.float64],
-    spread: NDArray[np.float64],
-) -> Gaussian:
-    """The observed weights as they are, the controlled ones given them conditioned on a point.
-
-    Args:
-        joint: of (w_o, w_c).
-        n_observed: weights w_o.
-        matrix: H of the controlled weights, (m, n_c).
-        point: y, (m,).
-        spread: R, (m, m).
-
-    Raises:
-        ArgumentError: R leaves no freedom where the weights have none.
-    """
-    rule = condition_response(regression(joint, n_observed), matrix, point, spread)
-    observed = marginal(joint, np.arange(n_observed))
-    cross = rule.matrix @ observed.covariance
-    covariance = np.block(
-        [[observed.covariance, cross.T], [cross, cross @ rule.matrix.T + rule.covariance]]
-    )
-    mean = np.concatenate([observed.mean, rule.matrix @ observed.mean + rule.offset])
-    return Gaussian(mean, symmetrize(covariance))
-
-
-def condition_response(
-    rule: Regression,
-    matrix: NDArray[np.float64],
-    point: NDArray[np.float64],
-    spread: NDArray[np.float64],
-) -> Regression:
-    """The robot's answer to a person, w_c | w_o = b + A w_o + e, that passes through a point.
-
-    With C the covariance of e, the gain K = C H^T (H C H^T + R)^-1 does not depend on w_o, so that
-    A becomes (1 - K H) A, b becomes b + K (y - H b), and C becomes C - K H C (Paraschos et al.
-    2013, "modulation of via-points", given the person). What is observed of the person before or
-    after tells the same.
-
-    Args:
-        rule: b, A and C, as `TaskLibrary.regressions` has them.
-        matrix: H of the controlled weights, (m, n_c).
-        point: y, (m,).
-        spread: R, (m, m).
-
-    Raises:
-        ArgumentError: R leaves no freedom where the weights have none.
-    """
-    own, _ = condition(Gaussian(rule.offset, rule.covariance), matrix, point, spread)
-    gained = matrix @ rule.covariance
-    gain = np.linalg.solve(gained @ matrix.T + spread, gained).T
-    return Regression(rule.matrix - gain @ (matrix @ rule.matrix), own.mean, own.covariance)
 
 
 def _moments(

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole library through via points of the controlled agent; what it recognises stays the same.
+"""The controlled agent given the observed one, and via points of it alone.
 
 The operator is that of `combining.via_point` (Paraschos et al. 2013, Section 2.2; Paraschos et al.
-2018), for primitives that are filtered online: the point conditions what the controlled agent does
-given the observed one, whose weights keep their distribution.
+2018): the point conditions what the controlled agent does given the observed one, whose weights
+keep their distribution. So a whole library passes through points, and recognises what it did.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,8 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian import Gaussian, cholesky, solve_lower, symmetrize
-from intent_recognition.promp.combining import condition_controlled
+from intent_recognition.gaussian import (
+    Gaussian,
+    Regression,
+    cholesky,
+    condition,
+    marginal,
+    regression,
+    solve_lower,
+    symmetrize,
+)
 from intent_recognition.promp.library import TaskLibrary
 
 
@@ -34,6 +42,63 @@ class ControlPoint(NamedTuple):
     covariance: NDArray[np.float64]
 
 
+def condition_controlled(
+    joint: Gaussian,
+    n_observed: int,
+    matrix: NDArray[np.float64],
+    point: NDArray[np.float64],
+    spread: NDArray[np.float64],
+) -> Gaussian:
+    """The observed weights as they are, the controlled ones given them conditioned on a point.
+
+    Args:
+        joint: of (w_o, w_c).
+        n_observed: weights w_o.
+        matrix: H of the controlled weights, (m, n_c).
+        point: y, (m,).
+        spread: R, (m, m).
+
+    Raises:
+        ArgumentError: R leaves no freedom where the weights have none.
+    """
+    rule = condition_response(regression(joint, n_observed), matrix, point, spread)
+    observed = marginal(joint, np.arange(n_observed))
+    cross = rule.matrix @ observed.covariance
+    covariance = np.block(
+        [[observed.covariance, cross.T], [cross, cross @ rule.matrix.T + rule.covariance]]
+    )
+    mean = np.concatenate([observed.mean, rule.matrix @ observed.mean + rule.offset])
+    return Gaussian(mean, symmetrize(covariance))
+
+
+def condition_response(
+    rule: Regression,
+    matrix: NDArray[np.float64],
+    point: NDArray[np.float64],
+    spread: NDArray[np.float64],
+) -> Regression:
+    """The robot's answer to a person, w_c | w_o = b + A w_o + e, that passes through a point.
+
+    With C the covariance of e, the gain K = C H^T (H C H^T + R)^-1 does not depend on w_o, so that
+    A becomes (1 - K H) A, b becomes b + K (y - H b), and C becomes C - K H C (Paraschos et al.
+    2013, "modulation of via-points", given the person). What is observed of the person before or
+    after tells the same.
+
+    Args:
+        rule: b, A and C, as `TaskLibrary.regressions` has them.
+        matrix: H of the controlled weights, (m, n_c).
+        point: y, (m,).
+        spread: R, (m, m).
+
+    Raises:
+        ArgumentError: R leaves no freedom where the weights have none.
+    """
+    own, _ = condition(Gaussian(rule.offset, rule.covariance), matrix, point, spread)
+    gained = matrix @ rule.covariance
+    gain = np.linalg.solve(gained @ matrix.T + spread, gained).T
+    return Regression(rule.matrix - gain @ (matrix @ rule.matrix), own.mean, own.covariance)
+
+
 def controlled_at(library: TaskLibrary, task: int, phase: float) -> Gaussian:
     """Distribution of a task's controlled positions at a phase, over all people, (Q,), (Q, Q)."""
     row, size = library.basis.design_matrix(np.array([phase]))[0], library.n_observed_weights
@@ -51,7 +116,7 @@ def distance_to(library: TaskLibrary, task: int, point: ControlPoint) -> float:
     """
     mean, covariance = controlled_at(library, task, point.phase)
     spread = symmetrize(point.matrix @ covariance @ point.matrix.T) + point.covariance
-    factor = cholesky(spread, name="spread at the via point")
+    factor = cholesky(spread, name="spread at the point")
     return float(np.linalg.norm(solve_lower(factor, point.values - point.matrix @ mean)))
 
 

@@ -70,7 +70,7 @@ STEADY = PhaseDeviation(np.zeros(2), 1.0, 1.0)
 
 
 def deviation_prior(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
-    """Probability of each of them before anything is seen, (E,)."""
+    """Probability of each phase deviation before anything is seen, (E,)."""
     return _student(phase_deviation.grid)
 
 

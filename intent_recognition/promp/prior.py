@@ -163,46 +163,21 @@ def structured_target(
     return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor)
 
 
-def leave_one_out_targets(
-    own: Scatter, pooled: Scatter, deviations: NDArray[np.float64], floor: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The task's target covariance without each of some demonstrations in turn, (m, d, d).
-
-    Where nothing would be left to estimate it from (two demonstrations in all), it is the same
-    target for each; a task of one demonstration has none.
+def without_demonstration(
+    pooled: Scatter, own: Scatter, deviation: NDArray[np.float64]
+) -> tuple[Scatter, Scatter]:
+    """Scatter of a task, and of all tasks, without one demonstration.
 
     Args:
-        own: scatter of the task.
-        pooled: sum over all tasks, this one included.
-        deviations: of those left out from the mean of the task, them included, (m, D, N).
-        floor: variance floor per DOF, (D,).
+        pooled: of all tasks; at least two demonstrations beyond their means.
+        own: of the n demonstrations of the task, at least two.
+        deviation: of the demonstration's weights from the mean of all n, (d,).
     """
-    size = own.matrix.shape[0]
-    if own.freedom < 1:
-        return np.zeros((0, size, size))
-    if pooled.freedom < 2:
-        target = structured_target(own, pooled, floor).covariance()
-        return np.repeat(target[None], len(deviations), axis=0)
-    targets: list[NDArray[np.float64]] = []
-    for deviation in deviations:
-        part = leave_one_out_scatter(own, deviation.ravel())
-        rest = Scatter(pooled.matrix - (own.matrix - part), pooled.freedom - 1)
-        one = structured_target(Scatter(part, own.freedom - 1), rest, floor)
-        targets.append(one.covariance())
-    return np.array(targets)
-
-
-def leave_one_out_scatter(own: Scatter, deviations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scatter without one demonstration, for each of those given, (..., d, d).
-
-    Args:
-        own: of all n demonstrations of the task, at least two.
-        deviations: of those left out from the mean of all n, (..., d).
-    """
-    if own.freedom == 1:  # nothing varies about the mean of one; no rounding is left either
-        return np.zeros((*deviations.shape[:-1], *own.matrix.shape))
-    factor = (own.freedom + 1) / own.freedom
-    return own.matrix - factor * deviations[..., :, None] * deviations[..., None, :]
+    part = np.zeros_like(own.matrix)  # nothing varies about the mean of one, not even rounding
+    if own.freedom > 1:
+        part = own.matrix - np.outer((own.freedom + 1) / own.freedom * deviation, deviation)
+    rest = pooled.matrix - (own.matrix - part)
+    return Scatter(part, own.freedom - 1), Scatter(rest, pooled.freedom - 1)
 
 
 def shared_covariance(

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments of `IntentEstimator.observe`: what becomes of them, and what is wrong with them."""
+"""Arguments of `IntentEstimator`: what becomes of them, and what is wrong with them."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Observation
 
 
@@ -99,6 +100,26 @@ def observation_error(reason: str, observation: Observation, n_dofs: int) -> Arg
     cure = "Pass one row and one column per value."
     expected = f"a positive semidefinite matrix of shape ({m}, {m})"
     return ArgumentError(describe("covariance", expected, observation.covariance, cure))
+
+
+def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
+    """Make sure that a library can take the place of another.
+
+    Raises:
+        DofError: it has other DOFs, or another context.
+    """
+    for name in (
+        "observed_names",
+        "observed_units",
+        "observed_groups",
+        "controlled_names",
+        "controlled_units",
+        "context_names",
+    ):
+        ours, theirs = getattr(known, name), getattr(other, name)
+        if ours != theirs:
+            cure = "Train on the same DOFs."
+            raise DofError(describe(f"library {name}", str(ours), str(theirs), cure))
 
 
 def _stamp_ns(stamp_s: float) -> int:

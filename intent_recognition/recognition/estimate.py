@@ -33,6 +33,13 @@ class Estimate(NamedTuple):
     posterior: TaskPosterior | None
     labels: tuple[str, ...]
 
+    @classmethod
+    def idle(cls, stamp_ns: int, labels: tuple[str, ...]) -> "Estimate":
+        """The estimate at rest, with the labels of the K tasks and none."""
+        zero, certain = np.zeros(len(labels)), np.zeros(len(labels))
+        certain[-1] = 1.0
+        return cls(stamp_ns, False, 0, certain, zero, zero.copy(), None, labels)
+
     @property
     def task(self) -> str:
         """Label of the most probable task, or "none"."""

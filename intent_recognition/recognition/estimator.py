@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.composing import BentLibrary, ViaPoint
-from intent_recognition.errors import DofError, describe
 from intent_recognition.filtering import N_SCALES, make_hypotheses
 from intent_recognition.kinematics import Arm
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
@@ -19,6 +18,7 @@ from intent_recognition.recognition.after_stop import MovementAfterStop
 from intent_recognition.recognition.arguments import (
     as_observation,
     as_posture,
+    check_same_dofs,
     observation_error,
 )
 from intent_recognition.recognition.context import KnownContext
@@ -174,7 +174,7 @@ class IntentEstimator:
                 self._use(self._context.library(observation.stamp_ns))
             self._movement.observe(observation)
         if self._movement is None:
-            return self._idle(observation.stamp_ns)
+            return self._estimate(observation.stamp_ns)
         posterior = self._movement.posterior(observation.stamp_ns)
         self._posterior = self.expectation.weigh(posterior)
         elapsed_s = (observation.stamp_ns - self._movement.onset_ns) * 1e-9
@@ -188,7 +188,7 @@ class IntentEstimator:
     def _estimate(self, stamp_ns: int) -> Estimate:
         """What the observations up to a stamp have given, or that no movement is under way."""
         if self._movement is None or self._posterior is None:
-            return self._idle(stamp_ns)
+            return Estimate.idle(stamp_ns, self._labels)
         phase = self._posterior.phase.copy()
         phase[-1] = 0.0
         return Estimate(
@@ -335,20 +335,7 @@ class IntentEstimator:
         Raises:
             DofError: the other library has other DOFs, or another context.
         """
-        known = self._context.learned
-        for agent in (
-            "observed_names",
-            "observed_units",
-            "observed_groups",
-            "controlled_names",
-            "controlled_units",
-            "context_names",
-        ):
-            ours, theirs = getattr(known, agent), getattr(library, agent)
-            if ours != theirs:
-                raise DofError(
-                    describe(f"library {agent}", str(ours), str(theirs), "Train on the same DOFs.")
-                )
+        check_same_dofs(self._context.learned, library)
         self._task_prior = task_prior
         self._context.use(library)
         self._use(self._context.library())
@@ -372,8 +359,9 @@ class IntentEstimator:
             self._posterior = self.expectation.weigh(self._movement.posterior(last_ns))
 
     def _make_memory(self) -> MovementMemory:
-        switching = self._switching
-        return MovementMemory(self.library, self._hypotheses, self._grids, switching=switching)
+        return MovementMemory(
+            self.library, self._hypotheses, self._grids, switching=self._switching
+        )
 
     def _begin(self, onset_ns: int, past: list[Observation]) -> None:
         """Filter a movement from its onset, in the memory of the one before."""
@@ -396,9 +384,3 @@ class IntentEstimator:
             self._detector.waits_for_rest = False
             self._movement, self._memory = after.hand_over(self._memory)
             self._posterior = self.expectation.weigh(self._movement.posterior(stamp_ns))
-
-    def _idle(self, stamp_ns: int) -> Estimate:
-        size = self.library.n_tasks + 1
-        zero, certain = np.zeros(size), np.zeros(size)
-        certain[-1] = 1.0
-        return Estimate(stamp_ns, False, 0, certain, zero, zero.copy(), None, self._labels)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a movement begins and when it is over, from the last seconds of all observed signals."""
+"""When a movement begins, stops and is over, from the last seconds of all observed signals."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,14 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.recognition.posterior import TaskPosterior
-from intent_recognition.recognition.stops import Stops
 from intent_recognition.signals import (
     LEAST_RATE_HZ,
     Observation,
     OnsetSettings,
+    Samples,
     SignalPast,
     at_rest,
     detect_onset,
+    end_velocity,
     is_slow,
 )
 
@@ -64,6 +65,50 @@ def past_s(settings: OnsetSettings) -> float:
     a longer window takes is added.
     """
     return HISTORY_S + 1.2 * max(settings.window_s - OnsetSettings.window_s, 0.0)
+
+
+class Stops:
+    """Notices the momentary stops of a signal: where a hand turns back, or hesitates.
+
+    Args:
+        settings: what counts as moving, and for how long.
+    """
+
+    def __init__(self, settings: OnsetSettings):
+        self._settings = settings
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._moved_ns = self._again_ns = 0
+
+    def stopped_ns(self, samples: Samples) -> int | None:
+        """Stamp of a stop after which the signal, just now, surely moves again.
+
+        The middle between the last moment at which it moved before and the first at which it does
+        again; of a longer stop, its last `max_backdate_s` count.
+
+        Args:
+            samples: of the last `window_s` at least.
+        """
+        settings, now_ns = self._settings, samples.last_ns
+        velocity = end_velocity(settings, *samples.arrays(settings.window_s))
+        if velocity is None:
+            return None
+        if np.linalg.norm(velocity) < settings.start_share * settings.reference_speed:
+            self._again_ns = 0
+            return None
+        if not self._again_ns:
+            self._again_ns = now_ns
+        if now_ns - self._again_ns < settings.persistence_s * 1e9:
+            return None
+        stood_ns = self._again_ns - self._moved_ns
+        first = not self._moved_ns
+        self._moved_ns, again_ns = now_ns, self._again_ns
+        if first or stood_ns <= 0:
+            return None
+        stood_ns = min(stood_ns, round(settings.max_backdate_s * 1e9))
+        return again_ns - (stood_ns + round(settings.window_s * 1e9)) // 2
 
 
 class MotionDetector:

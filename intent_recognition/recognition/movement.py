@@ -65,7 +65,7 @@ class MovementMemory:
     Args:
         library: the learned tasks.
         hypotheses: of the onset.
-        grids: the library's `control_grid` of tasks that had one; others are added.
+        grids: the `ControlGrid` of tasks that had one; others are added.
         switching: follow a person who turns to another task on the way.
     """
 

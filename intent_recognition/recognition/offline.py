@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Task and prediction from the arrays of a movement, whole or in part, without a stream."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,7 +14,7 @@ from intent_recognition.filtering import (
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.estimate import Estimate
 from intent_recognition.recognition.posterior import task_posterior
-from intent_recognition.signals import Observation
+from intent_recognition.signals import observations_of
 
 
 def recognize_task(
@@ -122,7 +120,7 @@ def _filtered(
     onset_ns = int(stamps_ns[0]) if onset_s is None else round(onset_s * 1e9)
     run = MovementFilter(library, hypotheses, onset_ns)
     last_ns = None
-    for observation in _observations(library, stamps_ns, values):
+    for observation in observations_of(library.observed_groups, stamps_ns, values):
         if observation.stamp_ns >= onset_ns:
             run.observe(observation)
             last_ns = observation.stamp_ns
@@ -130,18 +128,6 @@ def _filtered(
         cure = "Pass at least one measured sample of the movement."
         raise ArgumentError(describe("human", "a sample at or after onset", "none", cure))
     return run, last_ns
-
-
-def _observations(
-    library: TaskLibrary, stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
-) -> Iterator[Observation]:
-    """The samples as observations of each signal; a DOF that is NaN has no row."""
-    ends = np.cumsum(library.observed_groups)
-    for stamp_ns, row in zip(stamps_ns.tolist(), values, strict=True):
-        for group, part in enumerate(np.split(row, ends[:-1])):
-            observation = Observation(stamp_ns, group, part).measured()
-            if observation is not None:
-                yield observation
 
 
 def _checked(

@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
-from intent_recognition.promp import StartPosture, TaskLibrary, controlled_spread
+from intent_recognition.promp import (
+    ControlPoint,
+    StartPosture,
+    TaskLibrary,
+    controlled_at,
+    controlled_spread,
+    distance_to,
+)
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
@@ -150,15 +156,9 @@ def start_distance(library: TaskLibrary, task: int, position: NDArray[np.float64
         task: number of the task.
         position: of the controlled DOFs, (Q,).
     """
-    controlled = slice(library.n_observed_weights, None)
-    row = library.basis.design_matrix(np.zeros(1))
-    design = np.kron(np.eye(library.n_controlled), row)
-    covariance = design @ library.weight_covariance[task, controlled, controlled] @ design.T
-    noise = library.control_noise_variance() + start_variance(library)
-    covariance = symmetrize(covariance) + np.diag(noise)
-    factor = cholesky(covariance, name="covariance of the trained starts")
-    whitened = solve_lower(factor, (position - start_mean(library, task))[:, None])
-    return float(np.sum(whitened**2))
+    noise = np.diag(library.control_noise_variance() + start_variance(library))
+    start = ControlPoint(0.0, np.eye(library.n_controlled), position, noise)
+    return distance_to(library, task, start) ** 2
 
 
 def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.float64]) -> bool:
@@ -173,6 +173,4 @@ def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.
 
 def start_mean(library: TaskLibrary, task: int) -> NDArray[np.float64]:
     """Mean posture in which a task begins, (Q,)."""
-    row = library.basis.design_matrix(np.zeros(1))[0]
-    weights = library.weight_mean[task, library.n_observed_weights :]
-    return weights.reshape(library.n_controlled, -1) @ row
+    return controlled_at(library, task, 0.0).mean

@@ -142,6 +142,7 @@ class Expectation:
     Attributes:
         memory: of the movements before.
         prior: p(s) of the next movement, (K,).
+        ratio: what `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing.
     """
 
     def __init__(
@@ -180,13 +181,11 @@ class Expectation:
         """Take note of a movement that has ended."""
         self._set(remember(self.memory, posterior.probabilities, posterior.phase, ended_ns))
 
-    def forget_if_long_ago(self, now_ns: int) -> bool:
-        """Forget the last task when it is too long ago; whether it was."""
+    def forget_if_long_ago(self, now_ns: int) -> None:
+        """Forget the last task when it is too long ago."""
         since_s = (now_ns - self.memory.ended_ns) * 1e-9
-        if self.memory.is_empty or since_s <= self._forget_after_s:
-            return False
-        self.reset()
-        return True
+        if not self.memory.is_empty and since_s > self._forget_after_s:
+            self.reset()
 
     def swap(self, library: TaskLibrary, fixed_prior: NDArray[np.float64] | None) -> None:
         """Go on with another library."""
@@ -199,18 +198,13 @@ class Expectation:
         self._transitions, self._forget_after_s = transitions, forget_after_s
         self._set(self.memory)
 
-    @property
-    def ratio(self) -> NDArray[np.float64] | None:
-        """What `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing."""
-        return self._ratio
-
     def weigh(self, posterior: TaskPosterior) -> TaskPosterior:
         """The posterior of the movement under way, given what was expected."""
-        return posterior if self._ratio is None else weigh(posterior, self._ratio)
+        return posterior if self.ratio is None else weigh(posterior, self.ratio)
 
     def _set(self, memory: TaskMemory) -> None:
         self.memory = memory
-        self._ratio: NDArray[np.float64] | None = None
+        self.ratio: NDArray[np.float64] | None = None
         library = self._library
         if self._fixed_prior is not None:
             self.prior = self._fixed_prior
@@ -222,4 +216,4 @@ class Expectation:
             step = np.eye(library.n_tasks)[library.labels.index(self._step)]
             self.prior = HABIT_TRUST * step + (1.0 - HABIT_TRUST) * self.prior
         if not np.allclose(self.prior, library.task_prior, rtol=1e-12, atol=0.0):
-            self._ratio = self.prior / np.maximum(library.task_prior, 1e-300)
+            self.ratio = self.prior / np.maximum(library.task_prior, 1e-300)

@@ -8,7 +8,7 @@ from intent_recognition.signals.lags import (
     correlate_speeds,
     stream_doubts,
 )
-from intent_recognition.signals.observation import Observation, every_second, merge
+from intent_recognition.signals.observation import Observation, every_second, merge, observations_of
 from intent_recognition.signals.onset import (
     OnsetSettings,
     at_rest,
@@ -22,18 +22,19 @@ from intent_recognition.signals.orientation import (
     mean_orientation,
     quaternion_rates,
     right_jacobian,
+    rotation_matrix,
     to_tangent,
     to_tangent_covariance,
 )
 from intent_recognition.signals.past import Samples, SignalPast
-from intent_recognition.signals.pose_fields import (
+from intent_recognition.signals.proposals import Span, propose_spans
+from intent_recognition.signals.segmentation import LEAST_RATE_HZ, movement_span, onset_settings
+from intent_recognition.signals.signal import (
     ORIENTATION_FIELDS,
     POSE_FIELDS,
     POSITION_FIELDS,
+    Signal,
 )
-from intent_recognition.signals.proposals import Span, propose_spans
-from intent_recognition.signals.segmentation import LEAST_RATE_HZ, movement_span, onset_settings
-from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.streams import common_span, stream_defect
 from intent_recognition.signals.units import SPATIAL_UNITS, commensurate, is_spatial
 
@@ -68,10 +69,12 @@ __all__ = [
     "mean_orientation",
     "merge",
     "movement_span",
+    "observations_of",
     "onset_settings",
     "propose_spans",
     "quaternion_rates",
     "right_jacobian",
+    "rotation_matrix",
     "stream_defect",
     "stream_doubts",
     "to_tangent",

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.signals.signal import Signal
 
@@ -51,6 +52,24 @@ def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
     for index in np.argsort(stamps, kind="stable"):
         signal = signals[group[index]]
         yield Observation(int(stamps[index]), int(group[index]), signal.values[row[index]])
+
+
+def observations_of(
+    groups: Sequence[int], stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
+) -> Iterator[Observation]:
+    """Samples of all signals together as one observation of each signal; a NaN has no row.
+
+    Args:
+        groups: number of DOFs of each signal; they sum to P.
+        stamps_ns: (T,).
+        values: (T, P).
+    """
+    edges = np.cumsum(groups)[:-1]
+    for stamp_ns, row in zip(stamps_ns.tolist(), values, strict=True):
+        for group, part in enumerate(np.split(row, edges)):
+            observation = Observation(stamp_ns, group, part).measured()
+            if observation is not None:
+                yield observation
 
 
 def every_second(observations: Sequence[Observation]) -> list[Observation]:

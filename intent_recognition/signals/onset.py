@@ -6,6 +6,7 @@ peak speed for `persistence_s`. A reach begins with displacement x ~ t^3 (minimu
 Hogan 1985), so it began 3 x / v before the moment it has displacement x and speed v.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.signals.demonstration import MIN_SAMPLES
+from intent_recognition.signals.signal import Signal
 
 MEDIAN_OF_SQUARE = 0.4549
 """Median of the square of a standard normal variable: of chi-square with one degree of freedom."""
@@ -210,6 +212,17 @@ def first_onset(
         if sure < end:
             return detect_onset(settings, times_s[: sure + 1], values[: sure + 1])
     return None
+
+
+def earliest_onset(
+    settings: Sequence[OnsetSettings], signals: Sequence[Signal], start_ns: int
+) -> float | None:
+    """The first `first_onset` of some signals [s after `start_ns`]; None where none moves."""
+    onsets = [
+        first_onset(own, signal.seconds(start_ns), signal.values)
+        for own, signal in zip(settings, signals, strict=True)
+    ]
+    return min((onset for onset in onsets if onset is not None), default=None)
 
 
 def last_motion(

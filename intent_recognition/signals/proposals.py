@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.signals.onset import (
     OnsetSettings,
-    first_onset,
+    earliest_onset,
     last_motion,
     peak_speed,
     windowed_velocity,
@@ -89,16 +89,17 @@ def _movement(
     signals: Sequence[Signal], n_observed: int, settings: Sequence[OnsetSettings], from_ns: int
 ) -> Span | None:
     """From the onset of the observed agents, else of the others, until the last of all rests."""
-    seen = [
-        (one, signal.seconds(from_ns), signal.values)
-        for one, signal in zip(settings, signals, strict=True)
-    ]
-    onsets = [(k, first_onset(*samples)) for k, samples in enumerate(seen)]
-    begun = [(k >= n_observed, onset) for k, onset in onsets if onset is not None]
-    if not begun:
+    onset_s = earliest_onset(settings[:n_observed], signals[:n_observed], from_ns)
+    if onset_s is None:
+        onset_s = earliest_onset(settings[n_observed:], signals[n_observed:], from_ns)
+    if onset_s is None:
         return None
-    last_s = max(last_motion(*samples) for samples in seen if samples[1].size)
-    return Span(*(from_ns + round(at_s * 1e9) for at_s in (min(begun)[1], last_s)))
+    last_s = max(
+        last_motion(one, signal.seconds(from_ns), signal.values)
+        for one, signal in zip(settings, signals, strict=True)
+        if signal.stamps_ns.size
+    )
+    return Span(*(from_ns + round(at_s * 1e9) for at_s in (onset_s, last_s)))
 
 
 def _activity(

@@ -7,7 +7,7 @@ import numpy as np
 
 from intent_recognition.signals.onset import (
     OnsetSettings,
-    first_onset,
+    earliest_onset,
     last_motion,
     peak_speed,
     speed_noise,
@@ -119,19 +119,15 @@ def movement_span(
     It starts at the observed agent's onset, as the online detector would find it, and ends when
     the last of both agents has come to rest. A recording without a detected onset is kept whole.
     """
-    onsets = []
-    for signal, settings in zip(observed, observed_settings, strict=True):
-        onset = first_onset(settings, signal.seconds(start_ns), signal.values)
-        if onset is not None:
-            onsets.append(onset)
-    if not onsets:
+    onset_s = earliest_onset(observed_settings, observed, start_ns)
+    if onset_s is None:
         return start_ns, end_ns
-    start = start_ns + round(min(onsets) * 1e9)
-    last = []
-    pairs = [*zip(observed, observed_settings, strict=True)]
-    pairs += [*zip(controlled, controlled_settings, strict=True)]
-    for signal, settings in pairs:
-        if signal.stamps_ns.size:
-            last.append(last_motion(settings, signal.seconds(start_ns), signal.values))
+    start = start_ns + round(onset_s * 1e9)
+    signals, settings = (*observed, *controlled), (*observed_settings, *controlled_settings)
+    last = [
+        last_motion(own, signal.seconds(start_ns), signal.values)
+        for own, signal in zip(settings, signals, strict=True)
+        if signal.stamps_ns.size
+    ]
     end = start_ns + round((max(last) + END_MARGIN_S) * 1e9) if last else end_ns
     return start, min(end, end_ns) if end > start else end_ns

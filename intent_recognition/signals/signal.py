@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 
+POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
+ORIENTATION_FIELDS = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
+POSE_FIELDS = (*POSITION_FIELDS, *ORIENTATION_FIELDS)
+"""Names of the numbers of a pose, as a PoseStamped message has them, in the order in which arrays
+of poses hold them."""
+
 
 @dataclass(frozen=True)
 class Signal:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.onset import first_onset, peak_speed
+from intent_recognition.signals.onset import earliest_onset, peak_speed
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, onset_settings
 from intent_recognition.signals.signal import Signal
 
@@ -122,12 +122,8 @@ def _missing(recorded: Demonstration) -> str:
 def _onset_ns(recorded: Demonstration) -> int:
     """When the human first moves; before that there is nothing to predict."""
     settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
-    onsets = [
-        first_onset(own, signal.seconds(start_ns), signal.values)
-        for own, signal in zip(settings, recorded.observed, strict=True)
-    ]
-    first_s = min((onset for onset in onsets if onset is not None), default=0.0)
-    return start_ns + round(first_s * 1e9)
+    first_s = earliest_onset(settings, recorded.observed, start_ns)
+    return start_ns + round((first_s or 0.0) * 1e9)
 
 
 def _shifted_clock(recorded: Demonstration) -> Iterator[str]:

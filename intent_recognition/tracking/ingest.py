@@ -85,7 +85,7 @@ class Rejected:
 
 @dataclass(frozen=True)
 class IngestState:
-    """What is remembered of one body between samples; never modified.
+    """What is remembered of one body between samples, at first nothing; never modified.
 
     Attributes:
         recent: accepted samples of the velocity window, oldest first, thinned at high rates; the
@@ -101,11 +101,6 @@ class IngestState:
     jumps: int = 0
     late_ns: int | None = None
     late: int = 0
-
-    @classmethod
-    def initial(cls) -> "IngestState":
-        """The state before the first sample."""
-        return cls()
 
 
 def ingest_pose(
@@ -133,7 +128,7 @@ def ingest_pose(
 
     Args:
         settings: frames, gate and noise.
-        state: what the last call for this body returned, or `IngestState.initial()`.
+        state: what the last call for this body returned, or `IngestState()`.
         stamp_ns: time of measurement in integer nanoseconds.
         position: (3,) [m] in `frame_id`.
         orientation: (4,) xyzw in `frame_id`, need not be normalised; all zero means not measured.

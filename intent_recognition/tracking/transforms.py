@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.signals import rotation_matrix
 
 LEAST_QUATERNION = 1e-6
 """Largest component of a quaternion below which it counts as zero. Convention: unit quaternions are
@@ -36,18 +37,6 @@ def multiply_quaternions(
             w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
             w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
             w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
-        ]
-    )
-
-
-def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation matrix (3, 3) of a unit quaternion xyzw."""
-    x, y, z, w = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
 

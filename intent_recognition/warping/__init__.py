@@ -17,8 +17,12 @@ from intent_recognition.warping.constraints import (
 from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.grasp_warp import carried_grasp, warp_grasp
 from intent_recognition.warping.logistic import fit_logistic
-from intent_recognition.warping.normals import with_estimated_normals
-from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.object_model import (
+    AnnotatedObject,
+    ObjectCloud,
+    Part,
+    with_estimated_normals,
+)
 from intent_recognition.warping.object_warp import (
     Mapping,
     ObjectModel,
@@ -26,7 +30,6 @@ from intent_recognition.warping.object_warp import (
     warp_object,
 )
 from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
-from intent_recognition.warping.parts import Part
 from intent_recognition.warping.pour_level import (
     EMPTY,
     FULL,

@@ -2,18 +2,31 @@
 """Objects as points with outward normals and part labels (Brandl et al. II-A)."""
 
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.warping.grasp import LARGEST_M, Grasp
-from intent_recognition.warping.parts import Part
 
 MIN_POINTS = 100
 """Fewer points describe no object."""
 LONGEST_NORMAL = 1e150
 """Largest component of a normal before it is brought to one: its square is still a number."""
+
+
+N_NEIGHBOURS = 10
+"""Neighbours from which a normal is estimated."""
+
+
+class Part(IntEnum):
+    """Part of a container that a surface point belongs to (Brandl et al. II-A)."""
+
+    CONTAINER = 0
+    RIM = 1
+    HANDLE = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,3 +121,52 @@ def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
         got = f"{np.sum(bad)} of {len(points)} with NaN or beyond {LARGEST_M:g} m"
         raise ArgumentError(describe("points", "finite coordinates", got, cure))
     return points
+
+
+def with_estimated_normals(
+    points: NDArray[np.float64], viewpoints: NDArray[np.float64] | None
+) -> ObjectCloud:
+    """A cloud whose normals are those of the planes through each point's neighbours.
+
+    A surface can only be seen from outside: each normal is turned toward the camera. Neighbours
+    on the other side of a thin wall are seen from another camera, or not at all.
+
+    Args:
+        points: (n, 3) [m].
+        viewpoints: place of the camera (3,), or that of each point's camera (n, 3) [m].
+
+    Returns:
+        The cloud.
+
+    Raises:
+        ShapeError: viewpoints are neither (3,) nor (n, 3).
+        ArgumentError: viewpoints are missing or not finite, or the points are bad.
+    """
+    points = checked_points(points)
+    if viewpoints is None:
+        cure = "Give normals, or where the camera was: without either inside is like outside."
+        raise ArgumentError(describe("viewpoints", "where the camera was", "none", cure))
+    eyes = np.asarray(viewpoints, dtype=float)
+    if eyes.shape not in ((3,), points.shape):
+        cure = "Give one place, or one per point."
+        raise ShapeError(describe("viewpoints", f"(3,) or {points.shape}", eyes.shape, cure))
+    if not np.isfinite(eyes).all():
+        raise ArgumentError(describe("viewpoints", "finite places", eyes, "Leave NaN out."))
+    normals = np.empty_like(points)
+    groups = [np.arange(len(points))]
+    if eyes.ndim == 2:
+        _, group = np.unique(eyes, axis=0, return_inverse=True)
+        groups = [np.flatnonzero(group.ravel() == one) for one in range(group.max() + 1)]
+    for rows in groups:
+        normals[rows] = _plane_normals(points[rows])
+    away = ((eyes - points) * normals).sum(1) < 0.0
+    normals[away] *= -1.0
+    return ObjectCloud(points, normals)
+
+
+def _plane_normals(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit normals (n, 3) of either sign."""
+    _, near = cKDTree(points).query(points, k=min(N_NEIGHBOURS, len(points)))
+    offsets = points[near] - points[near].mean(1, keepdims=True)
+    _, vectors = np.linalg.eigh(offsets.transpose(0, 2, 1) @ offsets)
+    return vectors[:, :, 0]

@@ -11,13 +11,15 @@ from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.warping.cavity import Cavity, fit_cavity
-from intent_recognition.warping.features import local_features
 from intent_recognition.warping.frame import N_LEVELS, ObjectFrame, coarse_frame
 from intent_recognition.warping.mapping import agreeing_neighbours, majority
-from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud, Part
 from intent_recognition.warping.opening import find_opening
-from intent_recognition.warping.part_labels import PartClassifiers, fit_part_classifiers
-from intent_recognition.warping.parts import Part
+from intent_recognition.warping.part_labels import (
+    PartClassifiers,
+    fit_part_classifiers,
+    local_features,
+)
 from intent_recognition.warping.rim import Rim, fit_rim
 from intent_recognition.warping.scan_checks import check_scan
 

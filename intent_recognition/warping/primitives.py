@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, TrainingError, describe
-from intent_recognition.gaussian import Gaussian
+from intent_recognition.gaussian import Gaussian, covariance_root
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, fit_weights
 from intent_recognition.warping.constraints import References
 
@@ -143,9 +143,8 @@ class WarpedPrimitive:
         share = np.maximum((first - at) / first, 0.0) + np.maximum((at - last) / (1.0 - last), 0.0)
         apart = (at[:, None] - at) / FREE_SCALE
         own = np.outer(share, share) * np.exp(-0.5 * apart**2)
-        values, vectors = np.linalg.eigh(own)
-        root = FREE_STD * vectors * np.sqrt(np.maximum(values, 0.0))
-        return np.kron(np.eye(N_WARPED), root)
+        roots = np.kron(np.eye(N_WARPED), FREE_STD * covariance_root(own))
+        return np.asarray(roots, dtype=np.float64)
 
     def mean_path(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean at phases (T,): (T, 4)."""

@@ -13,8 +13,7 @@ from activation_world import (
     prediction,
 )
 
-from intent_recognition.activation.settings import Command
-from intent_recognition.activation.states import Mode
+from intent_recognition.activation.states import Command, Mode
 from intent_recognition.errors import IntentError
 from intent_recognition.motion import JointPlan
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.filtering import fixed_hypotheses, run_bank, start_bank
+from intent_recognition.filtering import MovementFilter, fixed_hypotheses
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import task_posterior
@@ -80,14 +80,10 @@ def _recognise(library: TaskLibrary, demonstration: Demonstration, share: float)
     until = demonstration.start_ns + round(share * duration * 1e9)
     seen = [s.between(demonstration.start_ns, until) for s in demonstration.observed]
     hypotheses = fixed_hypotheses(library, duration)
-    bank = run_bank(
-        library,
-        hypotheses,
-        start_bank(library, hypotheses),
-        merge(seen),
-        demonstration.start_ns,
-    )
-    posterior = task_posterior(bank.log_evidence, hypotheses, share * duration)
+    run = MovementFilter(library, hypotheses, demonstration.start_ns)
+    for observation in merge(seen):
+        run.observe(observation)
+    posterior = task_posterior(run.log_evidence, hypotheses, share * duration)
     return int(np.argmax(posterior.probabilities[:-1]))
 
 

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain import condition_bank, start_bank
 from scipy.stats import multivariate_normal, t
 from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.bank import FilterBank, condition_bank, start_bank
+from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.hypotheses import (
     DURATION_FREEDOM,
     fixed_hypotheses,

@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
+from plain import condition_bank, start_bank
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.bank import condition_bank, start_bank
 from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter, run_bank
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.signals.observation import Observation, every_second, merge
 from intent_recognition.signals.signal import Signal
 
@@ -165,17 +165,6 @@ def test_a_copy_of_one_task_is_its_part_of_the_bank(library, rng):
         part = run.task(task)
         for a, b in zip(part, bank, strict=True):
             assert np.array_equal(a, b[3 * task : 3 * task + 3])
-
-
-def test_a_stretch_of_observations_gives_the_bank_at_its_end(library, rng):
-    observations = list(merge(simulate(library, 1, rng).observed))
-    run = start(library)
-    before = start_bank(library, run.hypotheses)
-    for seen in observations:
-        run.observe(seen)
-    after = run_bank(library, run.hypotheses, before, observations, START_NS)
-    assert_same(after, run.bank)
-    assert not before.log_evidence.any()
 
 
 def test_thinning_keeps_every_signal_and_the_last_observation():

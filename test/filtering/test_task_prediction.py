@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plain import mixture_at
+from plain import mixture_at, run_bank
 from simulation import START_NS, make_library, minimum_jerk, nearly_known, simulate
 
-from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter, run_bank
-from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
+from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.task_prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
@@ -47,7 +47,7 @@ def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
     library = library_with(rng, STEADY, groups=(2, 1))
     hypotheses = fixed_hypotheses(library, 2.0)
     observations = seen(library, rng, 25)
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    bank = run_bank(library, hypotheses, observations, START_NS)
     run = run_on(library, 1, hypotheses, observations)
     noise = library.control_noise_variance()
     for start in (None, StartPosture(np.array([0.01, 0.02]), np.full(2, 1e-5))):
@@ -70,7 +70,7 @@ def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
     library = library_with(rng, STEADY)
     hypotheses = make_hypotheses(library, n_scales=5)._replace(duration_evidence=0.1)
     observations = seen(library, rng, n)
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    bank = run_bank(library, hypotheses, observations, START_NS)
     run = run_on(library, 0, hypotheses, observations)
     posterior = task_posterior(bank.log_evidence, hypotheses, 1.0)
     np.testing.assert_allclose(run.duration_weights, posterior.scale_weights[0], atol=1e-9)
@@ -140,7 +140,7 @@ def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_d
     end = run.controlled(1)
     for alone, whole in zip(end[:2], found[:2], strict=True):
         np.testing.assert_allclose(alone[0], whole[-1], atol=1e-9)
-    kept = run.controlled(41, grid=control_grid(library, 0))
+    kept = run.controlled(41, grid=ControlGrid(library, 0))
     for ours, theirs in zip(kept, found, strict=True):
         np.testing.assert_array_equal(ours, theirs)
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from intent_recognition.gaussian import mixture
+from intent_recognition.gaussian.linalg import affine_span
 from intent_recognition.gaussian.mixture import (
     CovariancePrior,
     fit_mixture,
@@ -15,7 +16,6 @@ from intent_recognition.gaussian.mixture import (
     maximisation,
     one_hot,
 )
-from intent_recognition.gaussian.span import affine_span
 
 
 def clusters(rng, n_each=6, n_dims=40, n_components=3, distance=3.0):

@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from intent_recognition.gaussian.span import affine_span
+from intent_recognition.gaussian.linalg import affine_span
 from intent_recognition.gaussian.starts import kmeans_starts
 
 

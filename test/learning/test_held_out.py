@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from simulation import make_library
 
-from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.gaussian.normal import Gaussian
@@ -44,8 +43,7 @@ def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
     pace = np.array([1.0, 0.7, 1.6])
     values = rng.normal(size=(len(sample_phases()), library.n_observed)) * 0.1
     hypotheses = Hypotheses(1, DURATION_S / pace, np.zeros(3))
-    initial = FilterBank(*prior, np.zeros(3))
-    run = MovementFilter(library, hypotheses, 0, initial=initial)
+    run = MovementFilter(library, hypotheses, 0)
     expected = []
     for k, (phase, one) in enumerate(zip(sample_phases(), values, strict=True)):
         # online, the first sample has the noise to itself; here all samples share it alike

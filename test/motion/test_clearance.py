@@ -33,7 +33,7 @@ from intent_recognition.signals import to_tangent
 
 def plan_along(path):
     start = JointReference.at_rest(path.spline(0.0))
-    return plan_interaction(path, NominalTiming(0.0, path.duration_s), start, 0.0, 0.0, LIMITS)
+    return plan_interaction(path, NominalTiming(0.0, path.duration_s), start, LIMITS)
 
 
 def test_one_row_is_conditioning_on_a_via_point():

@@ -56,7 +56,7 @@ def test_long_plans_stay_inside_between_their_samples(late):
         reach = np.exp(-0.5 * ((s[:, None] - rng.uniform(0.2, 0.8, 7)) / width) ** 2)
         path = make_path(s * duration_s, HOME + reach * rng.uniform(-2.5, 2.5, 7), LIMITS)
         nominal = NominalTiming(-late * duration_s, duration_s)
-        plan = plan_interaction(path, nominal, JointReference.at_rest(HOME), 0.0, 0.0, LIMITS)
+        plan = plan_interaction(path, nominal, JointReference.at_rest(HOME), LIMITS)
         if plan is not None:
             n_planned += 1
             assert outside(curve(plan)) <= 1e-9
@@ -111,7 +111,7 @@ def test_an_arm_pushed_past_a_limit_is_led_back_by_plans_it_accepts(seed, far_ra
     s = np.linspace(0.0, 1.0, 50)
     q = HOME + np.outer(s**3 * (10.0 - 15.0 * s + 6.0 * s**2), rng.normal(0.0, 0.2, 7))
     path = make_path(2.0 * s, q, LIMITS)
-    to_interaction = plan_interaction(path, NominalTiming(0.0, 2.0), start, 0.0, 0.0, LIMITS)
+    to_interaction = plan_interaction(path, NominalTiming(0.0, 2.0), start, LIMITS)
     for plan in (home_plan(start, HOME, LIMITS), to_interaction):
         assert plan is not None
         assert outside(plan.end) <= 0.0

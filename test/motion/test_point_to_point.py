@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
-from intent_recognition.motion.plan import JointPlan, JointReference
+from intent_recognition.motion.plan import JointPlan, JointReference, scaled_limits
 from intent_recognition.motion.point_to_point import RISE_TIME_S, brake_plan, home_plan
-from intent_recognition.motion.settings import scaled_limits
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
 LIMITS = scaled_limits(LWR_LIMITS)

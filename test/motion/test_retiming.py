@@ -11,11 +11,17 @@ from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.motion.blending import decay
 from intent_recognition.motion.path import make_path
-from intent_recognition.motion.plan import JointPlan, JointReference, excess
+from intent_recognition.motion.plan import (
+    BEGINNING,
+    JointPlan,
+    JointReference,
+    PhaseState,
+    excess,
+    scaled_limits,
+)
 from intent_recognition.motion.planning import plan_interaction, stop_plan
 from intent_recognition.motion.point_to_point import brake_plan, home_plan
 from intent_recognition.motion.retiming import NominalTiming
-from intent_recognition.motion.settings import scaled_limits
 
 LIMITS = scaled_limits(LWR_LIMITS)
 HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])
@@ -75,9 +81,7 @@ def test_a_late_start_from_rest_keeps_the_limits_and_ends_at_the_end(
     path = path_of(times, q, v)
     rng = np.random.default_rng(seed)
     start = JointReference.at_rest(HOME + rng.uniform(-away, away, 7))
-    plan = plan_interaction(
-        path, NominalTiming(-late * duration_s, duration_s), start, 0.0, 0.0, LIMITS
-    )
+    plan = plan_interaction(path, NominalTiming(-late * duration_s, duration_s), start, LIMITS)
     assert plan is not None
     assert plan.times_s[0] == 0.0 and np.all(np.diff(plan.times_s) > 0.0)
     np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-12)
@@ -96,7 +100,7 @@ def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
     rng = np.random.default_rng(seed)
     times, q, _ = samples(seed, duration_s)
     onset = -late * duration_s
-    now, start, phase, rate, change = 0.0, JointReference.at_rest(HOME + 0.02), 0.0, 0.0, 0.0
+    now, start, progress = 0.0, JointReference.at_rest(HOME + 0.02), BEGINNING
     n_refused = 0
     plan, since = None, 0.0
     for gap in [0, *gaps]:
@@ -104,18 +108,18 @@ def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
         now += dt
         since += dt
         if plan is not None:
-            start, (phase, rate, change) = plan.at(since), plan.phase_at(since)
+            start, progress = plan.at(since), plan.phase_at(since)
         q = q + np.outer(np.linspace(0.0, 1.0, len(q)), rng.normal(0.0, 0.015, 7))
         scale = 1.0 + rng.normal(0.0, 0.03)
         path = path_of(times * scale, q, np.gradient(q, times * scale, axis=0))
         nominal = NominalTiming(onset - now, duration_s * scale)
-        new = plan_interaction(path, nominal, start, phase, rate, LIMITS, phase_acceleration=change)
+        new = plan_interaction(path, nominal, start, LIMITS, progress)
         if new is None:  # the plan in force goes on; no plan follows a path outside the limits
             n_refused += bool(np.all((q > LIMITS.lower) & (q < LIMITS.upper)))
             continue
         np.testing.assert_allclose(new.positions[0], start.position, atol=1e-12)
         np.testing.assert_allclose(new.velocities[0], start.velocity, atol=1e-9)
-        assert new.phase[0] == pytest.approx(phase)
+        assert new.phase[0] == pytest.approx(progress.phase)
         assert excess(new.times_s, new.positions, new.velocities, LIMITS).within()
         plan, since = new, 0.0
     assert n_refused <= 1 + len(gaps) // 4
@@ -131,8 +135,6 @@ def test_catches_up_with_the_nominal_timing_and_then_follows_it():
         path_of(times, q, v),
         NominalTiming(-1.6, 4.0),
         JointReference.at_rest(HOME),
-        0.0,
-        0.0,
         LIMITS,
     )
     nominal = (plan.times_s + 1.6) / 4.0
@@ -150,8 +152,6 @@ def test_is_not_early_when_it_starts_in_time():
         path_of(times, q, v),
         NominalTiming(0.0, 3.0),
         JointReference.at_rest(HOME),
-        0.0,
-        0.0,
         LIMITS,
     )
     assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
@@ -164,8 +164,6 @@ def test_waits_for_an_onset_in_the_future():
         path_of(times, q, v),
         NominalTiming(0.5, 3.0),
         JointReference.at_rest(HOME),
-        0.0,
-        0.0,
         LIMITS,
     )
     assert np.all(plan.phase[plan.times_s < 0.45] == 0.0)
@@ -176,7 +174,7 @@ def test_follows_the_path_and_does_not_cut_it():
     times, q, v = samples(5, 2.0, n_via=1)
     path = path_of(times, q, v)
     start = JointReference.at_rest(HOME)
-    plan = plan_interaction(path, NominalTiming(-1.2, 2.0), start, 0.0, 0.0, LIMITS)
+    plan = plan_interaction(path, NominalTiming(-1.2, 2.0), start, LIMITS)
     fine = path.spline(np.linspace(0.0, 1.0, 2000))
     for t in np.linspace(0.0, plan.duration_s, 200):
         assert np.min(np.abs(fine - plan.at(t).position).max(axis=1)) < 2e-3
@@ -185,7 +183,7 @@ def test_follows_the_path_and_does_not_cut_it():
 def test_goes_to_the_start_of_the_path_before_it_follows_it():
     times, q, v = samples(6, 2.0)
     away = JointReference.at_rest(HOME - 0.8)
-    plan = plan_interaction(path_of(times, q, v), NominalTiming(-1.0, 2.0), away, 0.0, 0.0, LIMITS)
+    plan = plan_interaction(path_of(times, q, v), NominalTiming(-1.0, 2.0), away, LIMITS)
     far = np.abs(plan.positions - HOME).max(axis=1) > 0.17
     assert np.all(plan.phase[: np.flatnonzero(~far)[0]] == 0.0)
     check_by_differences(plan)
@@ -194,9 +192,7 @@ def test_goes_to_the_start_of_the_path_before_it_follows_it():
 def test_a_prediction_too_fast_is_slowed_and_said_to_be():
     times, q, v = samples(7, 0.5, size=1.0)
     path = path_of(times, q, v)
-    plan = plan_interaction(
-        path, NominalTiming(0.0, 0.5), JointReference.at_rest(HOME), 0, 0.0, LIMITS
-    )
+    plan = plan_interaction(path, NominalTiming(0.0, 0.5), JointReference.at_rest(HOME), LIMITS)
     assert plan.slowed and plan.duration_s > 0.6
     check_by_differences(plan)
 
@@ -206,9 +202,7 @@ def test_a_prediction_outside_the_position_limits_is_clamped_and_said_to_be():
     q = q + np.outer(minimum_jerk(times / 3.0), [0, 0, 0, 1.5, 0, 0, -4.0])
     v = np.gradient(q, times, axis=0)
     path = path_of(times, q, v)
-    plan = plan_interaction(
-        path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), 0.0, 0.0, LIMITS
-    )
+    plan = plan_interaction(path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), LIMITS)
     assert set(plan.clamped) == {3, 6}
     check_by_differences(plan)
     others = [0, 1, 2, 4, 5]
@@ -225,13 +219,10 @@ def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, shar
         path,
         NominalTiming(-late * duration_s, duration_s),
         JointReference.at_rest(HOME),
-        0,
-        0,
         LIMITS,
     )
     t = share * running.duration_s
-    phase, rate, change = running.phase_at(t)
-    plan = stop_plan(path, running.at(t), phase, rate, LIMITS, phase_acceleration=change)
+    plan = stop_plan(path, running.at(t), LIMITS, running.phase_at(t))
     assert plan.kind == "stop" and np.all(plan.velocities[-1] == 0.0)
     np.testing.assert_allclose(plan.positions[0], running.at(t).position, atol=1e-12)
     np.testing.assert_allclose(plan.velocities[0], running.at(t).velocity, atol=1e-9)
@@ -248,15 +239,16 @@ def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, shar
 def test_goes_on_from_a_stop_without_starting_over():
     times, q, v = samples(9, 3.0)
     path = path_of(times, q, v)
-    running = plan_interaction(
-        path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), 0.0, 0.0, LIMITS
-    )
-    phase, rate, _ = running.phase_at(1.0)
-    stopped = stop_plan(path, running.at(1.0), phase, rate, LIMITS)
+    running = plan_interaction(path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), LIMITS)
+    stopped = stop_plan(path, running.at(1.0), LIMITS, running.phase_at(1.0))
     phase, rate, _ = stopped.phase_at(stopped.duration_s + 1.0)
     assert phase > 0.2 and rate == 0.0
     again = plan_interaction(
-        path, NominalTiming(-3.5, 3.0), JointReference.at_rest(stopped.end), phase, rate, LIMITS
+        path,
+        NominalTiming(-3.5, 3.0),
+        JointReference.at_rest(stopped.end),
+        LIMITS,
+        PhaseState(phase, rate),
     )
     assert again.phase[0] == phase and again.phase[-1] == 1.0
     check_by_differences(again)
@@ -267,14 +259,12 @@ def test_goes_on_from_a_stop_without_starting_over():
 def test_home_is_reached_at_rest_also_from_a_moving_start(seed, share):
     times, q, v = samples(seed, 2.0)
     path = path_of(times, q, v)
-    running = plan_interaction(
-        path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), 0, 0, LIMITS
-    )
+    running = plan_interaction(path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), LIMITS)
     start, progress = (f(share * running.duration_s) for f in (running.at, running.phase_at))
     plan = home_plan(start, HOME, LIMITS)
     if plan is None:  # in rare fast motions away from home: brake first
         assert np.abs(start.velocity).max() > 0.1
-        start = JointReference.at_rest(stop_plan(path, start, *progress[:2], LIMITS).end)
+        start = JointReference.at_rest(stop_plan(path, start, LIMITS, progress).end)
         plan = home_plan(start, HOME, LIMITS)
     assert plan is not None and plan.kind == "home"
     np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-9)
@@ -358,17 +348,13 @@ def test_what_is_no_trajectory_is_refused(fault):
 
 def test_two_samples_without_velocities_are_enough():
     path = make_path(np.array([0.0, 2.0]), np.stack([HOME, HOME - 0.3]), LIMITS)
-    plan = plan_interaction(
-        path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), 0, 0, LIMITS
-    )
+    plan = plan_interaction(path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), LIMITS)
     np.testing.assert_allclose(plan.end, HOME - 0.3)
     check_by_differences(plan)
 
 
 def test_a_plan_of_no_motion_is_a_plan():
     path = make_path(np.linspace(0, 1, 10), np.tile(HOME, (10, 1)), LIMITS)
-    plan = plan_interaction(
-        path, NominalTiming(-0.4, 1.0), JointReference.at_rest(HOME), 0, 0, LIMITS
-    )
+    plan = plan_interaction(path, NominalTiming(-0.4, 1.0), JointReference.at_rest(HOME), LIMITS)
     np.testing.assert_allclose(plan.positions, np.tile(HOME, (len(plan.positions), 1)))
     assert plan.phase[-1] == 1.0

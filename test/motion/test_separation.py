@@ -34,7 +34,7 @@ def person(position, start_ns=0, std=0.0):
 def plan_with(ceiling=None):
     start = JointReference.at_rest(PATH.spline(0.0))
     timing = NominalTiming(0.0, PATH.duration_s)
-    return plan_interaction(PATH, timing, start, 0.0, 0.0, LIMITS, rate_ceiling=ceiling)
+    return plan_interaction(PATH, timing, start, LIMITS, rate_ceiling=ceiling)
 
 
 def test_the_permitted_speed_solves_the_formula():

@@ -3,13 +3,12 @@
 
 import numpy as np
 import pytest
+from plain import run_bank
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
-from intent_recognition.filtering.movement import run_bank
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.prediction import controlled_weights
 from intent_recognition.promp.trajectory import rollout
@@ -73,7 +72,7 @@ def test_the_filter_bank_gives_the_same(library, promp, values):
     hypotheses = fixed_hypotheses(library, promp.duration_s)
     stamps_ns = START_NS + np.round(PHASES * promp.duration_s * 1e9).astype(np.int64)
     stream = [Observation(int(s), 0, v) for s, v in zip(stamps_ns, values, strict=True)]
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), stream, START_NS)
+    bank = run_bank(library, hypotheses, stream, START_NS)
     posterior, log_evidence = promp.condition(PHASES, values)
     assert bank.log_evidence[1] == pytest.approx(log_evidence, abs=1e-6)
     observed = type(promp.weights)(bank.mean[1], bank.covariance[1])

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import mixture_at, observed_weights
+from plain import mixture_at, observed_weights, run_bank, start_bank
 from simulation import START_NS, draw_weights, make_library, simulate
 
-from intent_recognition.filtering.bank import FilterBank, start_bank
+from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import run_bank
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
@@ -96,7 +96,7 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     hypotheses = fixed_hypotheses(library, 2.0)
     recording = simulate(library, 0, rng, n_samples=7, duration_s=2.0)
     observations = list(merge(recording.observed))
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    bank = run_bank(library, hypotheses, observations, START_NS)
     start = StartPosture(rng.normal(size=3) * 0.1, np.array([1e-4, 4e-4, 9e-4]))
     human_weights = Gaussian(bank.mean[0], bank.covariance[0])
     found = controlled_weights(library, 0, human_weights, start)
@@ -149,7 +149,7 @@ def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
     hypotheses = make_hypotheses(library, n_scales=4)
     recording = simulate(library, 0, rng, n_samples=10, duration_s=2.2)
     seen = list(merge(recording.observed))[:3]
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, START_NS)
+    bank = run_bank(library, hypotheses, seen, START_NS)
     weights = rng.dirichlet(np.ones(8)).reshape(2, 4)
     times = np.array([0.0, 0.7, 1.5, 4.0])
     start = StartPosture(np.array([0.02, 0.01]), np.full(2, 1e-4))
@@ -182,14 +182,13 @@ def test_mixture_of_one_hypothesis_is_its_rollout(rng):
 def test_more_observations_never_widen_a_prediction_of_known_phase(rng):
     library = make_library(rng, groups=(2,), n_controlled=2, n_basis=6)
     hypotheses = fixed_hypotheses(library, 2.0)
-    bank = start_bank(library, hypotheses)
     given_task = np.zeros((3, 1))
     given_task[0] = 1.0
     before = np.inf
+    run = MovementFilter(library, hypotheses, START_NS)
     for observation in merge(simulate(library, 0, rng, n_samples=10, duration_s=2.0).observed):
-        elapsed = START_NS
-        bank = run_bank(library, hypotheses, bank, [observation], elapsed)
-        _, std = mixture_at(library, bank, hypotheses, given_task, np.linspace(0, 2, 7))
+        run.observe(observation)
+        _, std = mixture_at(library, run.bank, hypotheses, given_task, np.linspace(0, 2, 7))
         assert np.all(std <= before + 1e-12)
         before = std
 
@@ -205,7 +204,6 @@ def test_known_truth_lies_where_the_posterior_says(rng):
         bank = run_bank(
             library,
             hypotheses,
-            start_bank(library, hypotheses),
             merge(recording.observed),
             START_NS,
         )

@@ -6,7 +6,7 @@ import pytest
 from simulation import make_library
 
 from intent_recognition.gaussian.normal import regression
-from intent_recognition.promp.regressions import N_KEPT
+from intent_recognition.promp.library import N_KEPT
 
 
 def test_every_task_s_regression_is_there_and_few_stay_in_memory(rng):

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from online_stream import episodes, feed, going_back, movement, same, shifted
+from plain import run_bank
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, minimum_jerk
 
 from intent_recognition.errors import DofError
-from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement import run_bank
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY
@@ -53,9 +52,7 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
     hypotheses = make_hypotheses(library)
     for estimate in max(episodes(estimates), key=len)[::20]:
         used = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
-        bank = run_bank(
-            library, hypotheses, start_bank(library, hypotheses), used, estimate.onset_ns
-        )
+        bank = run_bank(library, hypotheses, used, estimate.onset_ns)
         elapsed = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
         expected = task_posterior(bank.log_evidence, hypotheses, elapsed)
         np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
@@ -213,8 +210,8 @@ def test_one_signal_of_three_dofs_equals_two_signals_with_the_same_stamps(rng):
         Observation(o.stamp_ns, g, o.values[c]) for o in used for g, c in ((0, [0, 1]), (1, [2]))
     ]
     start = used[0].stamp_ns if onset is None else onset
-    a = run_bank(together, hypotheses, start_bank(together, hypotheses), used, start)
-    b = run_bank(apart, hypotheses, start_bank(apart, hypotheses), split, start)
+    a = run_bank(together, hypotheses, used, start)
+    b = run_bank(apart, hypotheses, split, start)
     np.testing.assert_allclose(a.mean, b.mean, atol=1e-9)
     np.testing.assert_allclose(a.log_evidence, b.log_evidence, rtol=1e-9)
 

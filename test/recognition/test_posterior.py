@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain import run_bank, start_bank
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import run_bank
 from intent_recognition.recognition.posterior import beyond_margin, counted_none, task_posterior
 from intent_recognition.signals.observation import merge
 
@@ -58,7 +57,7 @@ def test_whole_chain_equals_enumeration_with_joint_gaussians(rng):
     recording = simulate(library, 1, rng, n_samples=9, duration_s=1.7)
     hypotheses = make_hypotheses(library, n_scales=5)
     observations = list(merge(recording.observed))
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    bank = run_bank(library, hypotheses, observations, START_NS)
     posterior = task_posterior(bank.log_evidence, hypotheses, 1.7)
     y = np.concatenate([o.values for o in observations])
     log_joint = np.empty((3, 5))
@@ -131,7 +130,7 @@ def test_recognition_is_calibrated_in_simulation(rng):
         task = int(rng.integers(3))
         recording = simulate(library, task, rng, n_samples=12)
         seen = list(merge(recording.observed))[: 1 + i % 8]
-        bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, START_NS)
+        bank = run_bank(library, hypotheses, seen, START_NS)
         p = task_posterior(
             bank.log_evidence, hypotheses, (seen[-1].stamp_ns - START_NS) * 1e-9
         ).probabilities

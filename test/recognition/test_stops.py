@@ -7,7 +7,7 @@ from simulation import draw_weights, make_library
 
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import IntentEstimator
-from intent_recognition.recognition.stops import Stops
+from intent_recognition.recognition.motion_detection import Stops
 from intent_recognition.signals import OnsetSettings, Samples
 
 SETTINGS = OnsetSettings(reference_speed=1.0)

@@ -27,7 +27,7 @@ DEFAULT = IngestSettings()
 
 def feed(samples, setting=DEFAULT, state=None, frame="world"):
     """Results of (index, position) samples at 100 Hz, and the last state."""
-    state = state or IngestState.initial()
+    state = state or IngestState()
     results = []
     for index, position in samples:
         state, result = ingest_pose(
@@ -206,7 +206,7 @@ events = st.tuples(
 @given(st.lists(events, max_size=60))
 def test_whatever_comes_in_what_goes_out_is_sound(sequence):
     setting = IngestSettings(world_frame="a")
-    state, last_ns = IngestState.initial(), 0
+    state, last_ns = IngestState(), 0
     for index, values, frame in sequence:
         position, orientation = np.array(values[:3]), np.array(values[3:])
         before = state

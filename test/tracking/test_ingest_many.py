@@ -25,7 +25,7 @@ SETTINGS = (
 
 def one_by_one(setting, stamps_ns, positions, orientations, frames):
     """Rows, poses and counts of the loop."""
-    state, rows, poses, rejected = IngestState.initial(), [], [], Counter()
+    state, rows, poses, rejected = IngestState(), [], [], Counter()
     for row, (stamp, position, orientation, frame) in enumerate(
         zip(stamps_ns.tolist(), positions, orientations, frames, strict=True)
     ):

@@ -8,8 +8,11 @@ from scan_builder import scanned
 
 from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
 from intent_recognition.objects.targets import load_target, mesh_target
-from intent_recognition.warping.normals import with_estimated_normals
-from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.object_model import (
+    AnnotatedObject,
+    ObjectCloud,
+    with_estimated_normals,
+)
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.wall_checks import check_wall

@@ -9,10 +9,9 @@ from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.object_model import ObjectCloud
+from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.parameters import lip_point, pouring_parameters, tilt_reference
-from intent_recognition.warping.parts import Part
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
 names = st.sampled_from(CONTAINER_NAMES)

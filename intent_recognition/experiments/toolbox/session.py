@@ -78,7 +78,7 @@ def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[Seen]:
         samples: what the tracker sees.
     """
     settings, decision = decision_settings(estimator.library), DecisionState()
-    ingest, state = IngestSettings(), IngestState.initial()
+    ingest, state = IngestSettings(), IngestState()
     for k in np.flatnonzero(samples.visible):
         stamp = EPOCH_NS + int(k) * SAMPLE_NS
         pose = samples.positions_m[k], samples.orientations[k]

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.parts import Part
+from intent_recognition.warping.object_model import Part
 from sim_bridge.containers.generate import (
     CONTAINER_NAMES,
     ContainerShape,
