@@ -30,7 +30,12 @@ def escape(text: str) -> str:
 
 def make_console() -> Console:
     """A console as wide as the terminal, or wide enough for every table."""
-    return Console(width=None if sys.stdout.isatty() else WIDTH_OF_A_PIPE)
+    return Console(width=None if sys.stdout.isatty() else WIDTH_OF_A_PIPE, highlight=False)
+
+
+def say(console: Console, text: object, style: str | None = None) -> None:
+    """Print a text as it is, on one line however long: paths and messages can be copied."""
+    console.print(str(text), style=style, markup=False, soft_wrap=True)
 
 
 def progress_bar(console: Console) -> Progress:
@@ -62,7 +67,7 @@ def print_facts(console: Console, facts: Mapping[str, str]) -> None:
     width = max(map(len, facts))
     for name, value in facts.items():
         line = f"[bold]{escape(name.ljust(width))}[/bold]  {escape(str(value))}"
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
 
 
 def plain_table(*titles: str) -> Table:

@@ -13,7 +13,7 @@ from rich.table import Table
 from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.cli.pouring_session import ObservedPour, observe_pour
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
 from intent_recognition.warping import amount_to_leave
@@ -75,7 +75,7 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, option) != default:
             name = f"--{option.replace('_', '-')}"
             cure = "Leave it out, or choose another --scenario."
-            raise ArgumentError(describe(name, "none with pouring", getattr(args, option), cure))
+            raise ArgumentError.about(name, "none with pouring", getattr(args, option), cure)
     amount_to_leave(args.pour, 1.0, 1.0)
 
 
@@ -89,7 +89,7 @@ def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:
     if not {cup, second} <= set(CONTAINER_NAMES):
         expected = f"two of {', '.join(CONTAINER_NAMES)}, with a comma"
         cure = "Name the one in the hand first."
-        raise ArgumentError(describe("--pair", expected, args.pair, cure))
+        raise ArgumentError.about("--pair", expected, args.pair, cure)
     return [(cup, second)]
 
 

@@ -15,7 +15,7 @@ from rich.console import Console
 from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
-from intent_recognition.errors import IntentError, ResourceBusyError, describe
+from intent_recognition.errors import IntentError, ResourceBusyError
 from intent_recognition.interrupts import Noted, noted_interrupts
 from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
 
@@ -69,8 +69,8 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
         log = _run_graph(args, calls, len(scene.plan.interactions), watched, console)
     first_ns = first_sample_ns(log, scene.plan)
     if first_ns is None:
-        raise IntentError(
-            describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
+        raise IntentError.about(
+            "mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs."
         )
     return Session(log, first_ns)
 
@@ -122,24 +122,22 @@ def _run_graph(
     try:
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)
-        console.print(f"the nodes found one another; {n_tasks} interactions begin", highlight=False)
+        console.print(f"the nodes found one another; {n_tasks} interactions begin")
         if args.dashboard:
-            console.print(f"the page is at {_page(args)}", highlight=False)
+            console.print(f"the page is at {_page(args)}")
         slowest = _follow(args, observer, progress, watch)
         log = observer.log()
         if args.dashboard:
             observer.close()
             console.print(
                 f"the session is over; the page stays open at {_page(args)}:"
-                " teach a task there, or end with Ctrl-C",
-                highlight=False,
+                " teach a task there, or end with Ctrl-C"
             )
             watch.until_interrupted()
         if slowest < args.rate:
             console.print(
                 f"the machine was busy: simulated time ran down to {slowest:.2f} x real time",
                 style="yellow",
-                highlight=False,
             )
         return log
     finally:
@@ -198,8 +196,8 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
         ResourceBusyError: the folder to record to exists.
     """
     if args.record and args.record.exists():
-        raise ResourceBusyError(
-            describe("--record", "a folder that does not exist", args.record, "Name another.")
+        raise ResourceBusyError.about(
+            "--record", "a folder that does not exist", args.record, "Name another."
         )
     calls = resolve(
         scene.graph,
@@ -235,13 +233,11 @@ def _refuse_busy_domain(observer: "SessionObserver", watch: NodeWatch) -> None:
     watch.for_seconds(DISCOVERY_S)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
     if taken:
-        raise ResourceBusyError(
-            describe(
-                f"ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}",
-                "no other graph in it",
-                ", ".join(taken),
-                "Stop those nodes, or choose another ROS_DOMAIN_ID.",
-            )
+        raise ResourceBusyError.about(
+            f"ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}",
+            "no other graph in it",
+            ", ".join(taken),
+            "Stop those nodes, or choose another ROS_DOMAIN_ID.",
         )
 
 
@@ -255,7 +251,7 @@ def _domain() -> int:
     if chosen is None:
         return DOMAINS[0] + os.getpid() % (DOMAINS[1] - DOMAINS[0] + 1)
     if not chosen.isdigit() or int(chosen) > DOMAINS[1]:
-        raise IntentError(
-            describe("ROS_DOMAIN_ID", "a number from 0 to 101", chosen, "Set it, or unset it.")
+        raise IntentError.about(
+            "ROS_DOMAIN_ID", "a number from 0 to 101", chosen, "Set it, or unset it."
         )
     return int(chosen)

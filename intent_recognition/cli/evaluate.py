@@ -32,7 +32,7 @@ from intent_recognition.cli.unlabelled import (
     n_components,
 )
 from intent_recognition.demonstrations import load_dofs, settle_orientations
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
 from intent_recognition.model import merge_frames
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
@@ -182,8 +182,8 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
     if args.test is None:
         return Path(folder) if protocol == "holdout" and folder else None
     if args.protocol is not None:
-        raise ArgumentError(
-            describe("--test", "no --protocol beside it", args.protocol, "Leave one of them out.")
+        raise ArgumentError.about(
+            "--test", "no --protocol beside it", args.protocol, "Leave one of them out."
         )
     return args.test
 
@@ -191,13 +191,11 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
 def _train_and_test(n_train: int, n: int) -> list[Fold]:
     """One fold: the first n_train recordings to train on, the others to test on."""
     if not 0 < n_train < n:
-        raise ArgumentError(
-            describe(
-                "--protocol",
-                "labelled recordings to train and to test on",
-                f"{n_train} and {n - n_train}",
-                "Check labels and folder.",
-            )
+        raise ArgumentError.about(
+            "--protocol",
+            "labelled recordings to train and to test on",
+            f"{n_train} and {n - n_train}",
+            "Check labels and folder.",
         )
     return [(list(range(n_train)), list(range(n_train, n)))]
 
@@ -215,8 +213,7 @@ def print_result(console: Console, result: dict) -> None:
     """Tables of recognition, prediction and decision."""
     console.print(
         f"{result['n_demonstrations']} demonstrations of {', '.join(result['tasks'])};"
-        f" errors in {result['unit']}",
-        highlight=False,
+        f" errors in {result['unit']}"
     )
     for kind in ("recognition", "prediction", "prediction_with_start_posture"):
         for phase in PHASES if kind in result else ():
@@ -252,19 +249,17 @@ def _print_none(console: Console, none: dict) -> None:
         return
     console.print(
         f"tasks left out in turn: area under the ROC of known against unknown movements"
-        f" {none['area']:.3f}",
-        highlight=False,
+        f" {none['area']:.3f}"
     )
     for kind in ("known", "unknown"):
         console.print(
             f"{kind} movements: {none['n_' + kind]}, above the threshold"
             f" {none['above_threshold_' + kind]:.1%}, recognised {none['recognised_' + kind]:.1%},"
             f" held back by an uncertain end {none['held_back_' + kind]:.1%}, activated"
-            f" {none['activated_' + kind]:.1%}",
-            highlight=False,
+            f" {none['activated_' + kind]:.1%}"
         )
     if none["held_back_known"]:
-        console.print(_why_held_back(none["end_std_known"]), highlight=False)
+        console.print(_why_held_back(none["end_std_known"]))
 
 
 def _why_held_back(end_std: dict) -> str:

@@ -132,7 +132,7 @@ class _ProgressLines:
     def _print(self, name: str, text: str) -> None:
         elapsed_s = time.monotonic() - self._started
         line = f"{elapsed_s:6.0f} s  {name:>12}  {text}"
-        self._console.print(line, markup=False, highlight=False)
+        self._console.print(line, markup=False)
 
 
 def _end(futures: Collection[Future], others: Collection[BaseProcess]) -> None:

@@ -7,7 +7,7 @@ from os.path import relpath
 
 from rich.console import Console
 
-from intent_recognition.cli.console import print_facts, progress_bar
+from intent_recognition.cli.console import print_facts, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.improve_subjects import (
     PRACTICE_FOLDER,
@@ -155,7 +155,7 @@ def run(args: argparse.Namespace) -> int:
     check_json(args.json)
     console = console_beside(args.json)
     if args.undo:
-        _say(args, console, "undone", undo(args, console))
+        _tell(args, console, "undone", undo(args, console))
         return 0
     with subject_of(args, console) as subject:
         known = subject.practice.costs
@@ -163,17 +163,17 @@ def run(args: argparse.Namespace) -> int:
         cost = Cost(THUMBS, _thumb) if asked == THUMBS else load_cost(asked, known)
         session = subject.session(cost)
         if args.accept:
-            _say(args, console, "accepted", subject.accept(session))
+            _tell(args, console, "accepted", subject.accept(session))
             return 0
         _practise(session, args.rollouts, console)
         _report(args, session, subject, cost, console)
     return 0
 
 
-def _say(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
+def _tell(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
     """Print what was accepted or undone, and write it."""
     if args.json != PRINTED:
-        console.print(said, highlight=False, markup=False, soft_wrap=True)
+        say(console, said)
     write_json(args.json, {what: said})
 
 

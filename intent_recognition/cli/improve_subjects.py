@@ -17,7 +17,7 @@ from intent_recognition.cli.teach import DEFAULT_LIBRARY, HANDED_OVER_S, teacher
 from intent_recognition.cli.undo import FOUND_S
 from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.durable import copy
-from intent_recognition.errors import ArgumentError, ModelError, describe
+from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.improvement import Cost, CovarianceSearch, Practice, PracticeSession
 from intent_recognition.kinematics import read_urdf
 from intent_recognition.model import (
@@ -104,7 +104,7 @@ def undo(args: argparse.Namespace, console: Console) -> str:
 def _undo_pouring(folder: Path) -> str:
     if not (folder / SKILL).exists():
         cure = "Accept first, or name the folder with --output."
-        raise ModelError(describe(str(folder), "an accepted skill", "none", cure))
+        raise ModelError.about(str(folder), "an accepted skill", "none", cure)
     if (folder / BEFORE).exists():
         (folder / BEFORE).replace(folder / SKILL)
         return f"{folder}: the skill accepted before is back"
@@ -145,7 +145,7 @@ class _Task:
     def __init__(self, args: argparse.Namespace, console: Console) -> None:
         if args.output is not None:
             cure = "Leave --output out: practice of a task is kept in its library."
-            raise ArgumentError(describe("--output", "nothing with a task", args.output, cure))
+            raise ArgumentError.about("--output", "nothing with a task", args.output, cure)
         self._args, self._console = args, console
 
     @cached_property
@@ -191,7 +191,7 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
     present = path / "model.npz"
     if not present.exists() and args.model is None:
         cure = "Name the folder with --library, or a model to begin one with --model."
-        raise ModelError(describe(str(path), "a folder of tasks with a model", "none", cure))
+        raise ModelError.about(str(path), "a folder of tasks with a model", "none", cure)
     model = present if present.exists() else args.model
     load_trained(model)  # one that holds no statistics is refused before anything is made
     folder = TaskFolder(path, load_model(model).dofs, now)
@@ -227,7 +227,7 @@ def _skill(args: argparse.Namespace) -> "PouringSkill":
     if args.start is not None and args.start.is_file():
         if args.short:
             cure = "Give a folder of demonstrations to --start, or leave --short out."
-            raise ArgumentError(describe("--short", "demonstrations to move", args.start, cure))
+            raise ArgumentError.about("--short", "demonstrations to move", args.start, cure)
         return load_pouring_skill(args.start)
     bags = args.start or share_path("bags/pouring/train")
     if args.short:

@@ -25,7 +25,7 @@ from intent_recognition.demonstrations import (
     load_dofs,
     settle_orientations,
 )
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.model import is_task_folder, load_model
 
 CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
 def _bags_of(source: Path) -> list[Path]:
     bags = find_bags(source)
     if not bags:
-        raise BagError(describe(str(source), "recordings", "none in this folder", CURE))
+        raise BagError.about(str(source), "recordings", "none in this folder", CURE)
     return bags
 
 

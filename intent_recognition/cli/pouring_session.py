@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from intent_recognition.cli.demo_session import PACE_PERIOD_S, ros_context
 from intent_recognition.cli.session_watch import Heartbeats, NodeWatch
-from intent_recognition.errors import IntentError, describe
+from intent_recognition.errors import IntentError
 from intent_recognition.nodes.graph import resolve
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def _follow(
     )
     if not observer.active:
         cure = "See the log of warped_primitive."
-        raise IntentError(describe("pour", "one that can be done", observer.refused, cure))
+        raise IntentError.about("pour", "one that can be done", observer.refused, cure)
     watch.until(lambda: not observer.active, POUR_DEADLINE_S, "the pour's end")
     watch.for_seconds(LAST_WAIT_S / args.rate)
     timer.cancel()

@@ -18,7 +18,7 @@ from intent_recognition.cli.output import (
     console_beside,
     write_json,
 )
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
@@ -67,23 +67,21 @@ def run(args: argparse.Namespace) -> int:
         rows = list(bar.track(steps, total=total, description="replaying"))
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
     if not rows:
-        raise BagError(
-            describe(
-                str(args.bag),
-                f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
-                f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
-                "Replay a recording with the topics of the model's DOF file, in the frame that"
-                " `intent inspect` shows for the model.",
-            )
+        raise BagError.about(
+            str(args.bag),
+            f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
+            f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
+            "Replay a recording with the topics of the model's DOF file, in the frame that"
+            " `intent inspect` shows for the model.",
         )
     write_json(args.json, rows, indent=None)
     if args.json != PRINTED:
         print_rows(console, model.library, rows)
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):
-        console.print(f"not activated: {reason}", style="yellow", highlight=False)
+        console.print(f"not activated: {reason}", style="yellow")
     if dropped:
-        console.print(f"messages dropped: {dropped}", style="yellow", highlight=False)
+        console.print(f"messages dropped: {dropped}", style="yellow")
     return 0
 
 

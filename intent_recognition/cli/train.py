@@ -110,7 +110,7 @@ def finish(args: argparse.Namespace, model: Model, report: TrainingReport, conso
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
     write_json(args.json, report_json(model, report) | {"output": str(args.output)})
-    console.print(f"wrote {args.output}", highlight=False)
+    console.print(f"wrote {args.output}")
     return 0
 
 
@@ -180,6 +180,5 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     console.print(
         f"chosen on demonstrations left out, of {len(report.tried)}: {kind}, noise variance x"
         f" {chosen.noise_scale:g} (log loss {chosen.log_loss:.3f}, error {chosen.error:.3f} of the"
-        f" variance)",
-        highlight=False,
+        f" variance)"
     )

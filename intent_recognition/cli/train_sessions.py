@@ -12,7 +12,7 @@ from rich.table import Table
 from intent_recognition.cli.options import a_path
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.learning import count_transitions, smoothed_transitions
 from intent_recognition.model import Model
 from intent_recognition.promp import TaskLibrary
@@ -47,13 +47,11 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
     counts = count_transitions([sequence.tasks for sequence in sequences], library.labels)
     if not counts.sum():
         seen = sorted({task for sequence in sequences for task in sequence.tasks})
-        raise BagError(
-            describe(
-                "--sessions",
-                f"recordings in which {', '.join(library.labels)} follow one another",
-                f"labels {', '.join(seen)}" if seen else f"{len(rejections)} bags without labels",
-                "Give session bags with `demonstration` or `intent/active_task` labels.",
-            )
+        raise BagError.about(
+            "--sessions",
+            f"recordings in which {', '.join(library.labels)} follow one another",
+            f"labels {', '.join(seen)}" if seen else f"{len(rejections)} bags without labels",
+            "Give session bags with `demonstration` or `intent/active_task` labels.",
         )
     names = [Path(sequence.source).name for sequence in sequences]
     provenance = {

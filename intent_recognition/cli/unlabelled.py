@@ -13,7 +13,7 @@ from intent_recognition.cli.console import busy, escape, progress_bar
 from intent_recognition.cli.recordings import provenance_of, read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs, settle_orientations
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.learning import (
     MAX_COMPONENTS,
     Relabelled,
@@ -53,10 +53,10 @@ def n_components(args: argparse.Namespace) -> int | None:
     """
     text = args.components
     if text != "auto" and not (text.isdecimal() and len(text) < 10 and int(text) > 0):
-        raise ArgumentError(describe("--components", "`auto` or a number", text, "Try auto."))
+        raise ArgumentError.about("--components", "`auto` or a number", text, "Try auto.")
     if text != "auto" and not args.unlabelled:
-        raise ArgumentError(
-            describe("--components", "--unlabelled beside it", "labels", "Add --unlabelled.")
+        raise ArgumentError.about(
+            "--components", "--unlabelled beside it", "labels", "Add --unlabelled."
         )
     return None if text == "auto" else int(text)
 
@@ -70,13 +70,11 @@ def check_alone(args: argparse.Namespace) -> None:
     clashes = {"--add": args.add, "--scheduler": args.scheduler, "--jobs": args.jobs > 1}
     for option, given in clashes.items():
         if given:
-            raise ArgumentError(
-                describe(
-                    "--unlabelled",
-                    "all recordings at once",
-                    option,
-                    f"Leave {option} out, or label the recordings.",
-                )
+            raise ArgumentError.about(
+                "--unlabelled",
+                "all recordings at once",
+                option,
+                f"Leave {option} out, or label the recordings.",
             )
 
 
@@ -154,4 +152,4 @@ def print_components(console: Console, found: Relabelled) -> None:
     text = f"{len(sizes)} components of {', '.join(map(str, sizes))} demonstrations"
     if found.purity is not None:
         text += f"; purity {found.purity:.3f} by the labels they have"
-    console.print(text, highlight=False)
+    console.print(text)

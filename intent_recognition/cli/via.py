@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from intent_recognition.cli.console import busy, escape, make_console
+from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, number
 from intent_recognition.composing import USUAL_STD, ViaPoint, read_via_points, write_via_points
-from intent_recognition.errors import ArgumentError, ResourceBusyError, describe
+from intent_recognition.errors import ArgumentError, ResourceBusyError, printable
 
 ESTIMATOR = "intent_estimator"
 ANSWER_S = 10.0
@@ -110,9 +110,9 @@ def run(args: argparse.Namespace) -> int:
         end(node, executor)
         rclpy.try_shutdown()
     for point in points:
-        console.print(escape(str(point)), highlight=False, soft_wrap=True)
+        say(console, printable(str(point)))
     if not points:
-        console.print("no via points", highlight=False)
+        console.print("no via points")
     return 0
 
 
@@ -141,7 +141,7 @@ def change_via_points(node: Any, executor: Any, change: Change) -> tuple[ViaPoin
             if spin_until(executor, future.done, ANSWER_S):
                 return future.result()
         cure = "Start it with the same ROS_DOMAIN_ID, or name its --namespace."
-        raise ResourceBusyError(describe(ESTIMATOR, "a running node", "no answer", cure))
+        raise ResourceBusyError.about(ESTIMATOR, "a running node", "no answer", cure)
 
     answer = ask(GetParameters, "get_parameters", GetParameters.Request(names=[VIA_POINTS]))
     before = read_via_points(answer.values[0].string_value if answer.values else "")
@@ -159,7 +159,7 @@ def _add(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[Via
     names = [name for name, _ in args.dof or ()]
     if doubled := sorted({name for name in names if names.count(name) > 1}):
         cure = "Give each DOF once."
-        raise ArgumentError(describe("--dof", "different names", ", ".join(doubled), cure))
+        raise ArgumentError.about("--dof", "different names", ", ".join(doubled), cure)
     values = {"hand": tuple(args.hand)} if args.hand else {n: (v,) for n, v in args.dof}
     std = (args.std,) * sum(map(len, values.values()))
     new = ViaPoint(args.name, values, std, args.phase, args.time, args.task)
@@ -174,7 +174,7 @@ def _remove(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[
     if missing or not (args.names or args.all):
         expected = f"names of {', '.join(known) or 'none'}, or --all"
         cure = "`intent via list` shows them."
-        raise ArgumentError(describe("NAME", expected, ", ".join(missing) or "nothing", cure))
+        raise ArgumentError.about("NAME", expected, ", ".join(missing) or "nothing", cure)
     return [point for point in points if not args.all and point.name not in args.names]
 
 

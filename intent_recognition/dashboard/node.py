@@ -21,7 +21,7 @@ from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.demonstrations import find_bags
-from intent_recognition.errors import BagError, IntentError, describe, one_line
+from intent_recognition.errors import BagError, IntentError, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -125,7 +125,7 @@ class Dashboard(Node):
         if not free:
             cure = "Stop the nodes that publish its topics, or the page's own wrist."
             taken = ", ".join(stored)
-            raise BagError(describe("recording", "a topic that is free", f"only {taken}", cure))
+            raise BagError.about("recording", "a topic that is free", f"only {taken}", cure)
         values = {
             "bag": str(bag),
             "start_offset": offset_s,

@@ -20,7 +20,7 @@ from intent_recognition.dashboard.synthetic_demonstration import (
     arm_motion,
     shortest_s,
 )
-from intent_recognition.errors import KinematicsError, describe
+from intent_recognition.errors import KinematicsError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
 
@@ -184,7 +184,7 @@ class Teleoperation:
         arm = self._find()
         if arm is None:
             got, cure = self.arm_problem or "none", "See the tab Teach."
-            raise KinematicsError(describe("joint_states", "those of an arm", got, cure))
+            raise KinematicsError.about("joint_states", "those of an arm", got, cure)
         return arm
 
     def play(

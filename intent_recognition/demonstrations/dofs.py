@@ -13,7 +13,7 @@ import numpy as np
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
-from intent_recognition.errors import ArgumentError, DofError, describe
+from intent_recognition.errors import ArgumentError, DofError
 from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS
 from intent_recognition.tracking import Extrinsics, parse_extrinsics
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
@@ -379,4 +379,4 @@ def _check_hands(spec: DofSpec, source: str) -> None:
 
 def _error(argument: str, expected: str, got: object, cure: str = "") -> DofError:
     cure = cure or "Correct the file; config/dofs.yaml of this package is an example."
-    return DofError(describe(argument, expected, got, cure))
+    return DofError.about(argument, expected, got, cure)

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.improvement.space import SearchSpace
 
 HALVINGS = 8
@@ -122,7 +122,7 @@ def next_point(
         point = 0.5 * point
     if not limits(space.mean):
         cure = "Teach the task inside the limits first."
-        raise ArgumentError(describe("primitive", "a mean inside the limits", "none", cure))
+        raise ArgumentError.about("primitive", "a mean inside the limits", "none", cure)
     return np.zeros(space.n_axes)
 
 
@@ -148,4 +148,4 @@ def check_tried(points: Points, costs: Costs, n_axes: int) -> None:
         expected = f"shapes ({len(costs)}, {n_axes}) and ({len(costs)},)"
         cure = "Give one point for each cost."
         got = (np.shape(points), np.shape(costs))
-        raise ShapeError(describe("points, costs", expected, got, cure))
+        raise ShapeError.about("points, costs", expected, got, cure)

@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
@@ -324,12 +324,12 @@ def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
         return data[:4] + layout.pack(*divmod(stamp_ns, 1_000_000_000)) + data[12:]
     except (struct.error, IndexError) as error:
         cure = "Play it without restamp."
-        raise BagError(describe("header.stamp", "one that can be moved", error, cure)) from error
+        raise BagError.about("header.stamp", "one that can be moved", error, cure) from error
 
 
 def _open(bag: str) -> BagReader:
     if not bag:
-        raise BagError(describe("bag", "the path of a bag", "nothing", "Set the parameter `bag`."))
+        raise BagError.about("bag", "the path of a bag", "nothing", "Set the parameter `bag`.")
     return BagReader(bag, tolerant=True)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.services import serve
@@ -45,7 +45,7 @@ class BagRecorder(TopicRecorder):
         task = self.get_parameter("task").value
         if not output and self.recording is None:
             cure = "Set the parameter `output`."
-            raise BagError(describe("output", "the directory of a new bag", "nothing", cure))
+            raise BagError.about("output", "the directory of a new bag", "nothing", cure)
         self.open_bag(output, {"task": task} if task else {})
         return str(output)
 

@@ -3,7 +3,7 @@
 
 from rclpy.node import Node
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm, Bodies, parse_boxes
 from intent_recognition.motion import LARGEST_BEND, Clearance, Spread
 from intent_recognition.nodes.activation_parameters import RejectionError
@@ -54,7 +54,7 @@ class ClearanceInput:
         )
         if self._boxes and not self._distance_m:
             cure = "Try 0.02, or leave boxes empty."
-            raise ArgumentError(describe("clearance", "above 0 m with boxes", 0.0, cure))
+            raise ArgumentError.about("clearance", "above 0 m with boxes", 0.0, cure)
         self.clearance: Clearance | None = None
         self._description = ""
         self._arm: Arm | None = None

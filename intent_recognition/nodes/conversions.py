@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from intent_recognition.bags import NANOSECONDS
-from intent_recognition.errors import MessageError, ShapeError, describe
+from intent_recognition.errors import MessageError, ShapeError
 
 
 def message_class(type_name: str) -> type:
@@ -27,9 +27,7 @@ def message_class(type_name: str) -> type:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError, ValueError) as error:
         cure = "Correct the name, install its package, or source its workspace."
-        raise MessageError(
-            describe("type", "an installed message type", type_name, cure)
-        ) from error
+        raise MessageError.about("type", "an installed message type", type_name, cure) from error
 
 
 def stamp_ns(message: Any) -> int:
@@ -110,16 +108,14 @@ def joint_values(
     """
     values = getattr(message, field)
     if len(values) != len(message.name):
-        raise MessageError(
-            describe(field, f"{len(message.name)} values, one a name", len(values), "Fill it.")
+        raise MessageError.about(
+            field, f"{len(message.name)} values, one a name", len(values), "Fill it."
         )
     index = {name: i for i, name in enumerate(message.name)}
     missing = [joint for joint in joints if joint not in index]
     if missing:
-        raise MessageError(
-            describe(
-                "joint_states", f"joints {missing}", list(message.name), "Check the joint names."
-            )
+        raise MessageError.about(
+            "joint_states", f"joints {missing}", list(message.name), "Check the joint names."
         )
     return np.array([values[index[joint]] for joint in joints], dtype=np.float64)
 
@@ -209,8 +205,8 @@ class TrajectoryBuilder:
             return
         rows = np.ascontiguousarray(values, dtype=np.float64)
         if rows.shape != (count, self._joints):
-            raise ShapeError(
-                describe(field, f"shape {(count, self._joints)}", rows.shape, "One row a time.")
+            raise ShapeError.about(
+                field, f"shape {(count, self._joints)}", rows.shape, "One row a time."
             )
         views = self._views.setdefault(field, [])
         for view, row in zip(views, rows, strict=False):
@@ -263,10 +259,8 @@ def _stack(message: JointTrajectory, field: str) -> NDArray[np.float64]:
     lengths = {len(getattr(point, field)) for point in message.points}
     width = len(message.joint_names)
     if not lengths <= {width, 0} or len(lengths) > 1 or (field == "positions" and 0 in lengths):
-        raise MessageError(
-            describe(
-                field, f"{width} values at every point", sorted(lengths), "Fill all points alike."
-            )
+        raise MessageError.about(
+            field, f"{width} values at every point", sorted(lengths), "Fill all points alike."
         )
     rows = [getattr(point, field) for point in message.points]
     return np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows and lengths != {0} else 0)

@@ -22,7 +22,7 @@ from intent_recognition.demonstrations import (
     position_columns,
     reference_of,
 )
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.model import Model, check_dofs, frames_of, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
@@ -209,13 +209,11 @@ class IntentEstimatorNode(ManagedNode):
     def _load(self) -> Model:
         path = self.get_parameter("model").value
         if not path:
-            raise ArgumentError(
-                describe(
-                    "parameter model",
-                    "a model file",
-                    "nothing",
-                    "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz.",
-                )
+            raise ArgumentError.about(
+                "parameter model",
+                "a model file",
+                "nothing",
+                "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz.",
             )
         model = load_model(path)
         if self._dofs_path:

@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-from intent_recognition.errors import ArgumentError, MessageError, describe
+from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
@@ -168,8 +168,8 @@ class MocapIngest(Node):
 def _check_bodies(bodies: Sequence[str]) -> list[str]:
     names = [body for body in bodies if body]
     if not names or len(set(names)) != len(names):
-        raise ArgumentError(
-            describe("parameter bodies", "different names", list(bodies), "Use e.g. [wrist].")
+        raise ArgumentError.about(
+            "parameter bodies", "different names", list(bodies), "Use e.g. [wrist]."
         )
     return names
 

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2
 
-from intent_recognition.errors import ArgumentError, IntentError, describe, one_line
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.conversions import position_array, to_pose
@@ -65,7 +65,7 @@ class ObjectWarper(Node):
         )
         if mapping not in ("label", "point"):
             cure = "Use label unless points must be identified one by one."
-            raise ArgumentError(describe("mapping", "label or point", mapping, cure))
+            raise ArgumentError.about("mapping", "label or point", mapping, cure)
         self._mapping: Literal["label", "point"] = "point" if mapping == "point" else "label"
         self._neighbours = fixed_parameter(
             self, "neighbours", 1, "Nearest points that vote on a label.", 1, 50
@@ -176,7 +176,7 @@ def _position(values: Sequence[float]) -> NDArray[np.float64]:
     position = np.array(values, dtype=float)
     if position.shape != (3,) or not np.isfinite(position).all():
         cure = "Give x, y and z in metres."
-        raise ArgumentError(describe("viewpoint", "three numbers", list(values), cure))
+        raise ArgumentError.about("viewpoint", "three numbers", list(values), cure)
     return position
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.motion import PredictedPerson, Separation, SeparationSettings
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import RejectionError
@@ -80,7 +80,7 @@ class PersonInput:
         if len(self._dofs) not in (0, 3) or len(self._offset) != 3:
             got = f"{len(self._dofs)}, and {len(self._offset)} in person_offset"
             cure = "Name x, y and z: `intent inspect MODEL` lists them."
-            raise ArgumentError(describe("person_dofs", "3 names, or none", got, cure))
+            raise ArgumentError.about("person_dofs", "3 names, or none", got, cure)
         self.person: PredictedPerson | None = None
         self.separation: Separation | None = None
         if self._dofs:
@@ -117,10 +117,10 @@ class PersonInput:
             if not len(times_s) or np.any(np.diff(times_s) <= 0.0):
                 got = f"{len(times_s)} that do not" if len(times_s) else "none"
                 cure = "Check the sender."
-                raise ArgumentError(describe(TOPIC, "points whose times increase", got, cure))
+                raise ArgumentError.about(TOPIC, "points whose times increase", got, cure)
             mean, std = positions[:, columns], rest["effort"][:, columns]
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
-                raise ArgumentError(describe(TOPIC, "finite numbers", "NaN", "Check the sender."))
+                raise ArgumentError.about(TOPIC, "finite numbers", "NaN", "Check the sender.")
         except (IntentError, KeyError, ValueError) as error:
             self.person = None
             self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")

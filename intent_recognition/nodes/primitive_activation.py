@@ -21,7 +21,6 @@ from intent_recognition.errors import (
     IntentError,
     MessageError,
     TrajectoryError,
-    describe,
 )
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import JointPath, hand_targets, is_hand, joints_along, make_path
@@ -342,7 +341,7 @@ class PrimitiveActivation(ManagedNode):
         if of_motion and activation is not None and activation.moves(self._now_ns()):
             mode = "braking" if activation.mode is Mode.IDLE else activation.mode.value
             cure = "Wait until it is home, or call ~/reset."
-            raise ArgumentError(describe(of_motion[0], "an arm at rest", mode, cure))
+            raise ArgumentError.about(of_motion[0], "an arm at rest", mode, cure)
         if self.joint_names:
             settings.settings(self.joint_names, self._starts)
         return settings

@@ -27,7 +27,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from intent_recognition.errors import ArgumentError, IntentError, describe, one_line
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 
 SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""
@@ -210,8 +210,8 @@ def _end_of_process_after(seconds: float) -> Iterator[None]:
 def _check_domain(domain: str) -> None:
     """Refuse a ROS_DOMAIN_ID for which Fast DDS would end the process."""
     if domain and not (domain.isdecimal() and int(domain) <= MAX_DOMAIN):
-        raise ArgumentError(
-            describe("ROS_DOMAIN_ID", f"0 to {MAX_DOMAIN}", repr(domain), "Use 0 to 101.")
+        raise ArgumentError.about(
+            "ROS_DOMAIN_ID", f"0 to {MAX_DOMAIN}", repr(domain), "Use 0 to 101."
         )
 
 

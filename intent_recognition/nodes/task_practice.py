@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
+from intent_recognition.errors import ArgumentError, BagError, IntentError
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_cost
 from intent_recognition.model import DOWN, THUMBS, UP, Change, PractisedTask, TaskFolder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
@@ -108,7 +108,7 @@ class TaskPracticeService:
             BagError: it goes on already, or nobody could judge.
         """
         if self.running:
-            raise BagError(describe("~/practise", "no practice", "one", "End it first."))
+            raise BagError.about("~/practise", "no practice", "one", "End it first.")
         self._begun = begun = self._open()
         if begun.by_thumbs:
             self._check_judged()
@@ -126,7 +126,7 @@ class TaskPracticeService:
             BagError: none goes on.
         """
         if not self.running or self._begun is None:
-            raise BagError(describe("~/practise", "practice to end", "none", "Begin one first."))
+            raise BagError.about("~/practise", "practice to end", "none", "Begin one first.")
         return self._end("ended")
 
     def accept(self) -> str:
@@ -181,7 +181,7 @@ class TaskPracticeService:
         task, cost, beside, seed = (teacher.get_parameter(name).value for name in names)
         if not task:
             cure = "Set the parameter task."
-            raise ArgumentError(describe("parameter task", "the label of a task", "none", cure))
+            raise ArgumentError.about("parameter task", "the label of a task", "none", cure)
         practised = PractisedTask(teacher.folder, task, beside_m=_numbers(beside))
         known = (*practised.practice.costs, THUMBS)
         costs = Cost(THUMBS, _unjudged) if cost == THUMBS else load_cost(cost, known, files=False)
@@ -193,7 +193,7 @@ class TaskPracticeService:
         if not self._teacher.estimator_runs() or not self._teacher.executions.records:
             cure = "Start the graph, and leave `executions` above 0."
             expected = "an estimator, and recordings of executions"
-            raise BagError(describe("practice by thumbs", expected, "none", cure))
+            raise BagError.about("practice by thumbs", expected, "none", cure)
 
     def _try_next(self) -> None:
         """Give the estimator the library with the next point."""
@@ -255,7 +255,7 @@ def _numbers(text: str) -> tuple[float, ...] | None:
         found = ()
     if len(found) != 3 or not np.all(np.isfinite(found)):
         cure = "Such as `-0.17 0 0.01`."
-        raise ArgumentError(describe("practice_beside", "three numbers in m", repr(text), cure))
+        raise ArgumentError.about("practice_beside", "three numbers in m", repr(text), cure)
     return found
 
 

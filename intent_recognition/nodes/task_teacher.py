@@ -21,7 +21,6 @@ from intent_recognition.errors import (
     BagError,
     IntentError,
     ResourceBusyError,
-    describe,
 )
 from intent_recognition.model import (
     PRACTICE,
@@ -185,7 +184,7 @@ class TaskTeacher(TopicRecorder):
             TrainingError: one cannot be learned from; it is kept in the folder's `undone`.
         """
         if not self.waiting:
-            raise BagError(describe("~/learn", "recordings", "none", "Record one first."))
+            raise BagError.about("~/learn", "recordings", "none", "Record one first.")
         learned: list[str] = []
         change: Change | None = None
         failure: IntentError | None = None
@@ -239,7 +238,7 @@ class TaskTeacher(TopicRecorder):
             wanted = "an execution that was corrected and not kept before"
             came = "none" if last is None else f"{last.name}, the last one, which was"
             cure = "Lead the arm by hand while it executes, then keep that."
-            raise BagError(describe("~/keep", wanted, came, cure))
+            raise BagError.about("~/keep", wanted, came, cure)
         change = self.folder.learn(self.folder.correct(last))
         return self._changed(change, f"kept the correction of {last.name}")
 
@@ -287,7 +286,7 @@ class TaskTeacher(TopicRecorder):
         model = fixed_parameter(self, "model", "", "model a new library begins with; empty: none")
         if not library:
             cure = "Start it with -p library:=DIR."
-            raise ArgumentError(describe("parameter library", "a folder", "nothing", cure))
+            raise ArgumentError.about("parameter library", "a folder", "nothing", cure)
         folder = TaskFolder(library, _dofs(dofs, model, library))
         if model and not folder.model_path.exists():
             folder.start_from(model)

@@ -17,7 +17,7 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
 from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe, one_line
+from intent_recognition.errors import BagError, IntentError, ResourceBusyError, one_line
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
@@ -124,7 +124,7 @@ class TopicRecorder(Node):
         """
         if self._writer is not None:
             cure = "Stop it first."
-            raise ResourceBusyError(describe("~/start", "no recording", self._writer.path, cure))
+            raise ResourceBusyError.about("~/start", "no recording", self._writer.path, cure)
         with self._lock:
             self._writer = writer = BagWriter(path, dict(metadata))
             for source in self._sources.values():
@@ -150,7 +150,7 @@ class TopicRecorder(Node):
         with self._lock:
             writer, self._writer = self._writer, None
             if writer is None:
-                raise BagError(describe(asked_by, "a recording", "none", "Start one first."))
+                raise BagError.about(asked_by, "a recording", "none", "Start one first.")
             self.diagnostics.status(Level.OK, "idle")
             writer.close()
         self.get_logger().info(f"{writer.message_count} messages in {writer.path}")
@@ -190,7 +190,7 @@ class TopicRecorder(Node):
             if other != topic:
                 cure = "Record one of them, or record both without a namespace."
                 found = f"{other} and {topic}"
-                raise BagError(describe("topics", "names that differ in the bag", found, cure))
+                raise BagError.about("topics", "names that differ in the bag", found, cure)
 
     def _wanted_topics(self, found: Iterable[str]) -> dict[str, str]:
         """Stored name of every topic to record, by its resolved name."""

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import IntentError, MessageError, describe, one_line
+from intent_recognition.errors import IntentError, MessageError, one_line
 from intent_recognition.kinematics import (
     JOINT_NAMES,
     forward_kinematics,
@@ -121,7 +121,7 @@ class WarpedPrimitiveNode(Node):
         self._diagnostics.tick(REQUEST)
         try:
             if self._busy:
-                raise MessageError(describe(REQUEST, "no pour under way", "one", "Wait for it."))
+                raise MessageError.about(REQUEST, "no pour under way", "one", "Wait for it.")
             plan, joints = self._plan(message.data)
         except IntentError as error:
             self._diagnostics.reject(type(error).__name__, one_line(error))
@@ -150,7 +150,7 @@ class WarpedPrimitiveNode(Node):
         """
         seen = {name: self._seen(name) for name in OBJECTS}
         if self._joints is None:
-            raise MessageError(describe("joint_states", "those of the arm", "none", "Start it."))
+            raise MessageError.about("joint_states", "those of the arm", "none", "Start it.")
         hand = forward_kinematics(self._joints)
         plan = plan_pour(self._skill, seen[CUP], seen[SECOND], hand, asked, self._fluid)
         return plan, joint_path(plan, self._joints)
@@ -158,7 +158,7 @@ class WarpedPrimitiveNode(Node):
     def _seen(self, name: str) -> SeenContainer:
         if name not in self._vectors or name not in self._poses:
             cure = "Start its object_warper, and let it be seen."
-            raise MessageError(describe(f"{name}/parameters", "a seen container", "none", cure))
+            raise MessageError.about(f"{name}/parameters", "a seen container", "none", cure)
         return seen_container(self._vectors[name], self._poses[name])
 
     @property

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
+from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.conversions import duration_s, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
@@ -159,8 +159,8 @@ class ArmSim(Node):
 
     def _make_arm(self) -> SimulatedArm:
         if not self._headless and not os.environ.get("DISPLAY"):
-            raise ResourceBusyError(
-                describe("headless", "a display for the window", "none", "Set headless:=true.")
+            raise ResourceBusyError.about(
+                "headless", "a display for the window", "none", "Set headless:=true."
             )
         initial = self._initial
         if not initial and self._scene == POURING:
@@ -185,8 +185,8 @@ class ArmSim(Node):
     def _make_spread(self) -> SpreadControl | None:
         if self._controller not in CONTROLLERS:
             expected = f"one of {', '.join(CONTROLLERS)}"
-            raise ArgumentError(
-                describe("controller", expected, self._controller, "Choose one of them.")
+            raise ArgumentError.about(
+                "controller", expected, self._controller, "Choose one of them."
             )
         control = SpreadControl(self._robot.joint_names)
         return control if self._controller == CONTROLLERS[1] else None

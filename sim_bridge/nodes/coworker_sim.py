@@ -11,7 +11,7 @@ from rclpy.time import Time
 from rclpy.timer import Timer
 from std_msgs.msg import String
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.graph import RECOGNITION
 from intent_recognition.nodes.parameters import fixed_parameter
@@ -104,7 +104,7 @@ class CoworkerSim(Node):
         scenario = fixed_parameter(self, "scenario", SCENARIOS[0], f"One of {SCENARIOS}.")
         if scenario not in SCENARIOS:
             expected = " or ".join(SCENARIOS)
-            raise ArgumentError(describe("scenario", expected, scenario, "Choose one."))
+            raise ArgumentError.about("scenario", expected, scenario, "Choose one.")
         if scenario == ASSEMBLY:
             return of_worker(plan_live(seed, task_list, count, timing))
         return plan_session(seed, parse_task_list(task_list, seed, count), timing)
@@ -112,9 +112,7 @@ class CoworkerSim(Node):
     def _range(self, name: str, default: tuple[float, float], text: str) -> tuple[float, float]:
         values = fixed_parameter(self, name, list(default), f"{text} Shortest and longest.")
         if len(values) != 2 or not 0.1 <= values[0] <= values[1]:
-            raise ArgumentError(
-                describe(f"parameter {name}", "two times, 0.1 s or more", values, text)
-            )
+            raise ArgumentError.about(f"parameter {name}", "two times, 0.1 s or more", values, text)
         return values[0], values[1]
 
     def _start(self) -> None:

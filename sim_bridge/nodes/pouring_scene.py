@@ -11,7 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.model import SPILLED
 from intent_recognition.nodes.clouds import to_labelled_cloud
 from intent_recognition.nodes.parameters import fixed_parameter
@@ -78,7 +78,7 @@ class PouringScene:
         if len(self._opening) != 3:
             cure = "Give x, y and z in metres."
             got = list(self._opening)
-            raise ArgumentError(describe("second_opening", "three numbers", got, cure))
+            raise ArgumentError.about("second_opening", "three numbers", got, cure)
         self._arm, self._stamp = arm, stamp
         self._world = LivePouring(arm, self.cup, self.second, np.array(self._opening), seed)
         self._counts = self._node.create_publisher(JointState, BALLS, STATE)
@@ -132,7 +132,7 @@ def make_scene(
     """
     if scene not in SCENES:
         expected = f"one of {', '.join(SCENES)}"
-        raise ArgumentError(describe("scene", expected, repr(scene), "Choose one."))
+        raise ArgumentError.about("scene", expected, repr(scene), "Choose one.")
     if scene == POURING:
         return pouring.begin(arm, seed, stamp)
     return make_gripper(arm, scene)
