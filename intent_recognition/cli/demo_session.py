@@ -4,11 +4,12 @@
 import argparse
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 
@@ -16,12 +17,11 @@ from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.errors import IntentError, ResourceBusyError
-from intent_recognition.interrupts import Noted, noted_interrupts
+from intent_recognition.interrupts import noted_interrupts
 from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
 
 if TYPE_CHECKING:
     from intent_recognition.evaluation import SessionLog
-    from intent_recognition.nodes.processes import NodeProcesses
     from intent_recognition.nodes.session_observer import SessionObserver
 
 DISCOVERY_S = 0.5
@@ -63,10 +63,8 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
     """
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
 
-    with ros_context(args) as (processes, interrupts):
-        calls = _calls(args, model, scene)
-        watched = processes, interrupts
-        log = _run_graph(args, calls, len(scene.plan.interactions), watched, console)
+    calls = _calls(args, model, scene)
+    log = _run_graph(args, calls, len(scene.plan.interactions), console)
     first_ns = first_sample_ns(log, scene.plan)
     if first_ns is None:
         raise IntentError.about(
@@ -76,50 +74,49 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
 
 
 @contextmanager
-def ros_context(args: argparse.Namespace) -> "Iterator[tuple[NodeProcesses, Noted]]":
-    """A domain for this process and its nodes, which end with it; meanwhile signals are noted."""
-    import rclpy
+def watched_graph(
+    args: argparse.Namespace, make_observer: Callable[..., Any]
+) -> Iterator[tuple[Any, NodeWatch]]:
+    """A domain for a node of this process and those that it starts, which end with it.
+
+    Meanwhile signals are noted.
+
+    Args:
+        args: the options of `intent demo`.
+        make_observer: builds this process's node, of what is to hear which node reports, and of
+            options of a node.
+    """
+    from rclpy.parameter import Parameter
 
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
+    from intent_recognition.nodes.runtime import spinning
 
     environment = node_environment(os.environ, _domain())
     environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
     os.environ.update(environment)
-    with noted_interrupts() as interrupts:
-        rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
-        try:
-            with NodeProcesses(environment, args.output / "logs") as processes:
-                yield processes, interrupts
-        finally:
-            rclpy.try_shutdown()
+    heartbeats = Heartbeats()
+
+    def make_node() -> Any:
+        simulated_time = [Parameter("use_sim_time", value=True)]
+        return make_observer(heartbeats.hear, parameter_overrides=simulated_time)
+
+    with (
+        noted_interrupts() as interrupts,
+        NodeProcesses(environment, args.output / "logs") as processes,
+        spinning(make_node) as (observer, executor),
+    ):
+        yield observer, NodeWatch(processes, executor, heartbeats, interrupts)
 
 
 def _run_graph(
-    args: argparse.Namespace,
-    calls: dict[str, NodeCall],
-    n_tasks: int,
-    watched: "tuple[NodeProcesses, Noted]",
-    console: Console,
+    args: argparse.Namespace, calls: dict[str, NodeCall], n_tasks: int, console: Console
 ) -> "SessionLog":
     """Run the nodes through one session; returns what was observed."""
-    from rclpy.parameter import Parameter
-
-    from intent_recognition.nodes.runtime import end, make_executor
     from intent_recognition.nodes.session_observer import SessionObserver
 
     progress = ProgressLine(n_tasks, console)
-    simulated_time = [Parameter("use_sim_time", value=True)]
-    heartbeats = Heartbeats()
-    observer = SessionObserver(
-        progress.on_task,
-        progress.on_active,
-        heartbeats.hear,
-        parameter_overrides=simulated_time,
-    )
-    executor = make_executor()
-    executor.add_node(observer)
-    watch = NodeWatch(watched[0], executor, heartbeats, watched[1])
-    try:
+    make_observer = partial(SessionObserver, progress.on_task, progress.on_active)
+    with watched_graph(args, make_observer) as (observer, watch):
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)
         console.print(f"the nodes found one another; {n_tasks} interactions begin")
@@ -140,8 +137,6 @@ def _run_graph(
                 style="yellow",
             )
         return log
-    finally:
-        end(observer, executor)
 
 
 def _start_nodes(
@@ -166,9 +161,8 @@ def _follow(
     watch: NodeWatch,
 ) -> float:
     """Show the session until the last motion is over; returns the slowest pace of its time."""
-    from rclpy.clock import Clock, ClockType
-
     from intent_recognition.nodes.pace_keeper import PaceKeeper
+    from intent_recognition.nodes.runtime import steady_timer
 
     lwr, other = ARMS
     simulator = lwr if lwr in watch.processes.names else other
@@ -178,9 +172,7 @@ def _follow(
         if not progress.over:
             pace.update(observer.lag_s())
 
-    timer = observer.create_timer(
-        PACE_PERIOD_S, keep_pace, clock=Clock(clock_type=ClockType.STEADY_TIME)
-    )
+    timer = steady_timer(observer, PACE_PERIOD_S, keep_pace)
     longest_s = START_S + LONGEST_INTERACTION_S * progress.total
     with progress:
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")

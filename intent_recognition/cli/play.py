@@ -75,10 +75,9 @@ def run(args: argparse.Namespace) -> int:
         BagError: there is no recording at this path.
     """
     BagReader(args.bag, tolerant=True)
-    from rclpy.clock import Clock, ClockType
-
     from intent_recognition.nodes.bag_player import BagPlayer
     from intent_recognition.nodes.runtime import run as run_node
+    from intent_recognition.nodes.runtime import steady_timer
 
     stderr = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(SECONDS))
@@ -87,8 +86,7 @@ def run(args: argparse.Namespace) -> int:
 
         def bag_player() -> BagPlayer:
             node = BagPlayer()
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            node.create_timer(SHOWN_EVERY_S, lambda: show(node), clock=steady)
+            steady_timer(node, SHOWN_EVERY_S, lambda: show(node))
             return node
 
         def show(node: BagPlayer) -> None:

@@ -115,9 +115,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
 
     What it would log the command prints.
     """
-    import rclpy
-
-    from intent_recognition.nodes.runtime import end, make_executor, spin_until
+    from intent_recognition.nodes.runtime import spin_until, spinning
     from intent_recognition.nodes.task_teacher import TaskTeacher
 
     chosen: dict[str, object] = {
@@ -127,16 +125,8 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
     }
     chosen |= {k: str(v.absolute()) for k in ("model", "dofs") if (v := getattr(args, k))}
     words = [*node_arguments(args, chosen), "--log-level", "warn"]
-    rclpy.init(args=words, signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    executor = node = None
-    try:
-        executor = make_executor()
-        node = TaskTeacher()
-        executor.add_node(node)
+    with spinning(TaskTeacher, words) as (node, executor):
         yield node, partial(spin_until, executor)
-    finally:
-        end(node, executor)
-        rclpy.try_shutdown()
 
 
 def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> None:

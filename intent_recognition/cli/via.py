@@ -92,23 +92,17 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         IntentError: there is no estimator, or it refuses the point.
     """
-    import rclpy
     from rclpy.node import Node
 
-    from intent_recognition.nodes.runtime import end, make_executor
+    from intent_recognition.nodes.runtime import spinning
 
     console = make_console()
-    quiet = rclpy.SignalHandlerOptions.NO
-    rclpy.init(args=node_arguments(args, {}), signal_handler_options=quiet)
-    executor = node = None
-    try:
-        executor, node = make_executor(), Node("via_points")
-        executor.add_node(node)
-        with busy(console, "asking the estimator"):
-            points = change_via_points(node, executor, lambda points: args.change(args, points))
-    finally:
-        end(node, executor)
-        rclpy.try_shutdown()
+    words = node_arguments(args, {})
+    with (
+        spinning(lambda: Node("via_points"), words) as (node, executor),
+        busy(console, "asking the estimator"),
+    ):
+        points = change_via_points(node, executor, lambda points: args.change(args, points))
     for point in points:
         say(console, printable(str(point)))
     if not points:

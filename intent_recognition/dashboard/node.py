@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -26,6 +25,7 @@ from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.runtime import steady_timer
 from intent_recognition.share import share_path
 
 MOST_BAGS = 500
@@ -91,8 +91,7 @@ class Dashboard(Node):
             read_only=read_only,
         )
         self.get_logger().info(f"the page is at {self.page.address}")
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / rate_hz, self._update, clock=steady)
+        steady_timer(self, 1.0 / rate_hz, self._update)
         gc.freeze()
 
     def destroy_node(self) -> None:

@@ -5,7 +5,8 @@ import gc
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -333,6 +334,4 @@ def _open(bag: str) -> BagReader:
     return BagReader(bag, tolerant=True)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the player."""
-    return run(BagPlayer, args)
+main = partial(run, BagPlayer)

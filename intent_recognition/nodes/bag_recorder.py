@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record demonstrations and sessions: any topic of any installed type, bit for bit."""
 
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from intent_recognition.demonstrations import check_label
@@ -65,6 +65,4 @@ class BagRecorder(TopicRecorder):
             self.done = True
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the recorder."""
-    return run(BagRecorder, args)
+main = partial(run, BagRecorder)

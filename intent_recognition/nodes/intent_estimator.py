@@ -2,14 +2,14 @@
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
 import pathlib
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -31,7 +31,13 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
-from intent_recognition.nodes.runtime import LeftOvers, elapsed_s, run, when_clock_goes_back
+from intent_recognition.nodes.runtime import (
+    LeftOvers,
+    elapsed_s,
+    run,
+    steady_timer,
+    when_clock_goes_back,
+)
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.via_points import VIA_POINTS, ViaPointInput
@@ -120,9 +126,7 @@ class IntentEstimatorNode(ManagedNode):
             DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
         )
         self._inputs = ObservationInput(self, self._diagnostics, self._use, self._use_context)
-        self._watchdog = self.create_timer(
-            CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._watchdog = steady_timer(self, CHECK_PERIOD_S, self._check_stream)
         self._last_ns: dict[Hashable, int] = {}
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
@@ -393,6 +397,4 @@ class IntentEstimatorNode(ManagedNode):
         return f"tasks: {', '.join(self._model.labels)} ({path})"
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(IntentEstimatorNode, args)
+main = partial(run, IntentEstimatorNode)

@@ -174,6 +174,4 @@ def _check_bodies(bodies: Sequence[str]) -> list[str]:
     return names
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(MocapIngest, args)
+main = partial(run, MocapIngest)

@@ -7,6 +7,7 @@
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -180,6 +181,4 @@ def _position(values: Sequence[float]) -> NDArray[np.float64]:
     return position
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(ObjectWarper, args)
+main = partial(run, ObjectWarper)

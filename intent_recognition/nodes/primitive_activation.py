@@ -3,14 +3,13 @@
 
 import sys
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -43,7 +42,7 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.person_input import PersonInput
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.silence import SilenceWatch
@@ -90,9 +89,7 @@ class PrimitiveActivation(ManagedNode):
         self._streams = SilenceWatch(SENDERS)
         self._silent = ""
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
-        self._look = self.create_timer(
-            _LOOK_S, self._look_for_silence, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._look = steady_timer(self, _LOOK_S, self._look_for_silence)
         self.start()
 
     # Lifecycle
@@ -386,6 +383,4 @@ def _reason(error: IntentError, usual: str) -> str:
     return error.reason if isinstance(error, RejectionError) else usual
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(PrimitiveActivation, args)
+main = partial(run, PrimitiveActivation)

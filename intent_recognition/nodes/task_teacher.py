@@ -2,13 +2,13 @@
 """Node: records demonstrations while the graph runs and learns them for the estimator."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
-from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_msgs.msg import String
@@ -38,7 +38,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.services import answer, serve
 from intent_recognition.nodes.task_practice import (
     PERIOD_S,
@@ -105,8 +105,7 @@ class TaskTeacher(TopicRecorder):
         )
         declare_practice(self)
         self.practice = TaskPracticeService(self)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(PERIOD_S, self.practice.step, clock=steady)
+        steady_timer(self, PERIOD_S, self.practice.step)
         self.add_on_set_parameters_callback(refuse_label)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         self._skills = self.create_publisher(DiagnosticArray, "teach/skills", qos.LATCHED)
@@ -391,6 +390,4 @@ def _dofs(dofs: str, model: str, library: str) -> DofSpec:
     return load_dofs()
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(TaskTeacher, args)
+main = partial(run, TaskTeacher)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
@@ -22,7 +21,7 @@ from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.qos import keep_last
-from intent_recognition.nodes.runtime import simulated_ns
+from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 
 DISCOVERY_PERIOD_S = 0.1
 """Time between two looks for new topics [s]. Convention."""
@@ -90,9 +89,8 @@ class TopicRecorder(Node):
         """
         self._check_names(topics)
         self._wanted = tuple(topics)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(DISCOVERY_PERIOD_S, self.discover, clock=steady)
-        self.create_timer(FLUSH_PERIOD_S, self._flush, clock=steady)
+        steady_timer(self, DISCOVERY_PERIOD_S, self.discover)
+        steady_timer(self, FLUSH_PERIOD_S, self._flush)
         self.discover()
 
     @property

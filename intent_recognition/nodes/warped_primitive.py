@@ -6,7 +6,6 @@ there; a request on `pour` ("empty", "full" or millilitres) gives `intent/tasks`
 `intent/robot_trajectory`, which `primitive_activation` executes as it does any task.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -205,6 +204,4 @@ def joint_std(plan: PourPlan, joints: NDArray[np.float64]) -> NDArray[np.float64
     return np.linalg.norm(moved, axis=2)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(WarpedPrimitiveNode, args)
+main = partial(run, WarpedPrimitiveNode)

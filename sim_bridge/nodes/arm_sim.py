@@ -3,14 +3,12 @@
 
 import os
 import time
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import WrenchStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -26,7 +24,7 @@ from intent_recognition.nodes.conversions import duration_s, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.arm import (
     NAMES,
     TIME_STEP_S,
@@ -104,10 +102,9 @@ class ArmSim(Node):
         )
         self._pacer: Pacer | None = None
         self.add_post_set_parameters_callback(self._on_parameters)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._pacing_timers = [
-            self.create_timer(TICK_S, self._tick, clock=steady),
-            self.create_timer(0.5, self._report, clock=steady),
+            steady_timer(self, TICK_S, self._tick),
+            steady_timer(self, 0.5, self._report),
         ]
 
     def destroy_node(self) -> None:
@@ -389,6 +386,4 @@ class ArmSim(Node):
             self.diagnostics.status(Level.OK, "running")
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is interrupted."""
-    return run(ArmSim, args)
+main = partial(run, ArmSim)

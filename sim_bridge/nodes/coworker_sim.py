@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node `coworker_sim`: a simulated worker whose wrist a simulated tracker follows."""
 
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.timer import Timer
@@ -17,7 +16,7 @@ from intent_recognition.nodes.graph import RECOGNITION
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.qos import SENSOR, STATE
 from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
 from sim_bridge.scenarios.assembly import of_worker, plan_live
 
@@ -67,9 +66,7 @@ class CoworkerSim(Node):
         self._timer: Timer | None = None
         self._message = PoseStamped()
         self._message.header.frame_id = self._frame
-        self._start_timer = self.create_timer(
-            POLL_S, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._start_timer = steady_timer(self, POLL_S, self._start)
 
     def _make_plan(self) -> SessionPlan:
         """Declare the parameters of the session and plan it."""
@@ -195,6 +192,4 @@ def _label_schedule(plan: SessionPlan) -> list[tuple[int, str, int]]:
     return schedule
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is interrupted, or until the session is over if so asked."""
-    return run(CoworkerSim, args)
+main = partial(run, CoworkerSim)
