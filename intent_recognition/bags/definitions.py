@@ -68,7 +68,9 @@ def definition(type_name: str) -> Definition:
     texts: dict[str, str] = {}
     _collect_installed(type_name, texts)
     head, *nested = texts
-    text = texts[head] + "".join(f"{SEPARATOR}MSG: {_short(n)}\n{texts[n]}" for n in nested)
+    text = texts[head] + "".join(
+        f"{SEPARATOR}MSG: {n.replace('/msg/', '/')}\n{texts[n]}" for n in nested
+    )
     return Definition(type_name, text, _installed_hash(type_name))
 
 
@@ -111,18 +113,13 @@ def serialize(type_name: str, message: object) -> bytes:
         ) from error
 
 
-def split_stamp(stamp_ns: int) -> tuple[int, int]:
-    """Seconds and nanoseconds of a stamp, as builtin_interfaces/Time holds them."""
-    return divmod(int(stamp_ns), NANOSECONDS)
-
-
 def _build(type_name: str, fields: Any, place: str) -> object:
     store = jazzy_types()
     kind = store.types[type_name]
     if isinstance(fields, kind):
         return fields
     if type_name in TIME_TYPES and isinstance(fields, int | np.integer):
-        seconds, nanoseconds = split_stamp(int(fields))
+        seconds, nanoseconds = divmod(int(fields), NANOSECONDS)
         return kind(sec=seconds, nanosec=nanoseconds)
     declared: Any = store.fielddefs[type_name][1]
     if not isinstance(fields, Mapping):
@@ -228,7 +225,3 @@ def _share_file(type_name: str, suffix: str) -> Path:
         type_name,
         "Install the package, or source its workspace.",
     )
-
-
-def _short(type_name: str) -> str:
-    return type_name.replace("/msg/", "/")

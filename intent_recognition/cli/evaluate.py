@@ -28,7 +28,6 @@ from intent_recognition.cli.rejections import (
 from intent_recognition.cli.unlabelled import (
     add_unlabelled_options,
     find_components,
-    mixture_of,
     n_components,
 )
 from intent_recognition.demonstrations import load_dofs, settle_orientations
@@ -115,7 +114,8 @@ def run(args: argparse.Namespace) -> int:
     mixture = {}
     if args.unlabelled:
         found = find_components(recorded, training_settings(args), wanted, console)
-        mixture = {"mixture": mixture_of(found)}
+        purity = found.purity  # none where nothing had a label
+        mixture = {"mixture": {"n_components": found.choice.n_components, "purity": purity}}
         if not _labelled(recorded):
             return _finish_unlabelled(args, mixture, len(found.demonstrations), rejections, console)
     unlabelled = [d.name for d in recorded + held_out if d.task is None]

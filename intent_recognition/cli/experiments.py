@@ -98,7 +98,8 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         if args.json != PRINTED:
             _print_list(console)
-        write_json(args.json, _list_json())
+        listed = [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
+        write_json(args.json, listed)
         return 0
     check_output("--output", args.output / "report.html")
     if args.bags is not None and not args.bags.is_dir():
@@ -170,11 +171,6 @@ def _print_list(console: Console) -> None:
     for entry in EXPERIMENTS:
         table.add_row(entry.name, entry.source, entry.summary)
     console.print(table)
-
-
-def _list_json() -> list[dict[str, str]]:
-    """Names, sources and summaries, ready for JSON."""
-    return [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
 
 
 def _print_outcome(console: Console, name: str, outcome: ExperimentResult, seconds: float) -> None:

@@ -132,11 +132,6 @@ def find_components(
     return found
 
 
-def mixture_of(found: Relabelled) -> dict[str, object]:
-    """`mixture` in the JSON of `intent evaluate`; purity is null when nothing had a label."""
-    return {"n_components": found.choice.n_components, "purity": found.purity}
-
-
 def print_components(console: Console, found: Relabelled) -> None:
     """What was tried, what was taken, and how pure it is where labels are known."""
     table = Table(title="left-out prediction")

@@ -21,7 +21,7 @@ from intent_recognition.dashboard.synthetic_demonstration import (
 )
 from intent_recognition.errors import KinematicsError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
+from intent_recognition.nodes.conversions import TrajectoryBuilder, to_pose, to_stamp
 from intent_recognition.nodes.runtime import steady_timer
 
 RATE_HZ = 100.0
@@ -167,7 +167,7 @@ class Teleoperation:
         arm, start = self._found(), self.measured()
         duration_s = max(duration_s, shortest_s(goal - start, arm.limits))
         motion = arm_motion(start, goal, duration_s)
-        self._arm.publish(build_joint_trajectory(arm.joint_names, *motion))
+        self._arm.publish(TrajectoryBuilder(arm.joint_names).build(0, *motion))
         return duration_s
 
     def _speaks(self, arm: MovedArm) -> bool:

@@ -145,7 +145,6 @@ class TrajectoryBuilder:
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
         *,
-        accelerations: ArrayLike | None = None,
         frame_id: str = "",
     ) -> JointTrajectory:
         """Fill the message.
@@ -156,7 +155,6 @@ class TrajectoryBuilder:
             positions: (T, d) [rad].
             velocities: (T, d) [rad/s], or None to leave the field empty.
             efforts: (T, d), or None to leave the field empty.
-            accelerations: (T, d) [rad/s^2], or None to leave the field empty.
             frame_id: header frame.
 
         Returns:
@@ -168,12 +166,7 @@ class TrajectoryBuilder:
         times_ns = np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64)
         count = times_ns.size
         self._grow(count)
-        columns = {
-            "positions": positions,
-            "velocities": velocities,
-            "accelerations": accelerations,
-            "effort": efforts,
-        }
+        columns = {"positions": positions, "velocities": velocities, "effort": efforts}
         for field, values in columns.items():
             self._fill(field, values, count)
         self._set_times(times_ns)
@@ -214,28 +207,6 @@ class TrajectoryBuilder:
         for point, row in zip(self._points[len(views) : count], rows[len(views) :], strict=True):
             setattr(point, field, row.tolist())
             views.append(np.frombuffer(getattr(point, field), dtype=np.float64))
-
-
-def build_joint_trajectory(
-    names: Sequence[str],
-    times_s: ArrayLike,
-    positions: ArrayLike,
-    velocities: ArrayLike | None = None,
-    efforts: ArrayLike | None = None,
-    *,
-    time_ns: int = 0,
-) -> JointTrajectory:
-    """A new JointTrajectory; at high rates use `TrajectoryBuilder`, which reuses one.
-
-    Args:
-        names: joint names (d,).
-        times_s: time_from_start of each point (T,) [s].
-        positions: (T, d) [rad].
-        velocities: (T, d) [rad/s], or None.
-        efforts: (T, d), or None.
-        time_ns: header stamp.
-    """
-    return TrajectoryBuilder(names).build(time_ns, times_s, positions, velocities, efforts)
 
 
 def trajectory_arrays(
