@@ -17,7 +17,6 @@ from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
@@ -196,7 +195,6 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
     console = console_beside(args.json)
-    check_json(args.json)
     try:
         import rclpy  # noqa: F401
     except ImportError as error:

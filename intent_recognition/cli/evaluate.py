@@ -13,7 +13,6 @@ from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     check_output,
     console_beside,
     write_json,
@@ -101,8 +100,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables, write what was asked for."""
-    console = console_beside(args.json)
-    check_json(args.json, {"--report": args.report})
+    console = console_beside(args.json, {"--report": args.report})
     check_output("--report", args.report)
     wanted = n_components(args)
     dofs = settle_orientations(load_dofs(args.dofs), args.bags)

@@ -19,7 +19,6 @@ from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     check_output,
     console_beside,
     write_json,
@@ -94,7 +93,6 @@ def run(args: argparse.Namespace) -> int:
         ResourceBusyError: the report cannot be written.
     """
     console = console_beside(args.json)
-    check_json(args.json)
     if args.list:
         if args.json != PRINTED:
             _print_list(console)

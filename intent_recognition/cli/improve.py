@@ -13,16 +13,16 @@ from intent_recognition.cli.improve_subjects import (
     PRACTICE_FOLDER,
     SKILL,
     THUMBS,
-    Subject,
+    Pouring,
+    TaskOfFolder,
     is_pouring,
     subject_of,
     undo,
 )
-from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.options import XYZ, Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
@@ -91,17 +91,15 @@ def _add_task_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--beside",
         type=number(float),
-        nargs=3,
-        metavar=("X", "Y", "Z"),
+        **XYZ,
         help="where the robot's hand must be, from where the person's comes to rest, in m along"
         " the axes of the arm's base (default: where the demonstrations had it)",
     )
     group.add_argument(
         "--moved",
         type=number(float),
-        nargs=3,
         default=(0.0, 0.0, 0.0),
-        metavar=("X", "Y", "Z"),
+        **XYZ,
         help="and how far from there, likewise",
     )
     group.add_argument(
@@ -152,7 +150,6 @@ def run(args: argparse.Namespace) -> int:
         ModelError: there is nothing to accept or to take back.
         ResourceBusyError: the folder holds another practice.
     """
-    check_json(args.json)
     console = console_beside(args.json)
     if args.undo:
         _tell(args, console, "undone", undo(args, console))
@@ -202,7 +199,7 @@ def _practise_until(session: PracticeSession, rollouts: int, console: Console) -
 def _report(
     args: argparse.Namespace,
     session: PracticeSession,
-    subject: Subject,
+    subject: Pouring | TaskOfFolder,
     cost: Cost,
     console: Console,
 ) -> None:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -42,30 +42,8 @@ START, SKILL, BEFORE = "start.npz", "skill.npz", "skill.before.npz"
 PRACTICE_FOLDER = Path("practice")
 
 
-class Subject(Protocol):
-    """What is practised, and what becomes of it."""
-
-    @property
-    def practice(self) -> Practice:
-        """What can be executed."""
-
-    def session(self, cost: Cost) -> PracticeSession:
-        """The folder of practice, from where it was left.
-
-        Raises:
-            ResourceBusyError: it holds another practice.
-        """
-
-    def accept(self, session: PracticeSession) -> str:
-        """Take over what it came to; says what that is.
-
-        Raises:
-            ModelError: there is nothing to take over.
-        """
-
-
 @contextmanager
-def subject_of(args: argparse.Namespace, console: Console) -> Iterator[Subject]:
+def subject_of(args: argparse.Namespace, console: Console) -> "Iterator[Pouring | TaskOfFolder]":
     """What the arguments name.
 
     Raises:
@@ -77,9 +55,9 @@ def subject_of(args: argparse.Namespace, console: Console) -> Iterator[Subject]:
 
         skill = _skill(args)
         with PouringPractice(skill, args.cup, args.into, args.wanted) as practice:
-            yield _Pouring(args, practice)
+            yield Pouring(args, practice)
     else:
-        yield _Task(args, console)
+        yield TaskOfFolder(args, console)
 
 
 def is_pouring(args: argparse.Namespace) -> bool:
@@ -112,7 +90,7 @@ def _undo_pouring(folder: Path) -> str:
     return f"{folder}: nothing is accepted now"
 
 
-class _Pouring:
+class Pouring:
     """A skill of pouring, which is a file in the folder of practice."""
 
     def __init__(self, args: argparse.Namespace, practice: "PouringPractice") -> None:
@@ -120,6 +98,11 @@ class _Pouring:
         self._folder = args.output or PRACTICE_FOLDER
 
     def session(self, cost: Cost) -> PracticeSession:
+        """The folder of practice, from where it was left.
+
+        Raises:
+            ResourceBusyError: it holds another practice.
+        """
         args, practice = self._args, self.practice
         about = {"task": POURING, "cup": args.cup, "second": args.into}
         about |= {"wanted": args.wanted, "seed": args.seed, "short": args.short}
@@ -130,6 +113,11 @@ class _Pouring:
         return session
 
     def accept(self, session: PracticeSession) -> str:
+        """Take over what it came to; says what that is.
+
+        Raises:
+            ModelError: there is nothing to take over.
+        """
         weights, skill = session.settled(), self._folder / SKILL
         if skill.exists():
             if np.array_equal(load_pouring_skill(skill).primitive.mean, weights):
@@ -139,7 +127,7 @@ class _Pouring:
         return f"accepted: {skill}"
 
 
-class _Task:
+class TaskOfFolder:
     """A task of a folder of tasks, where it becomes a version of the model."""
 
     def __init__(self, args: argparse.Namespace, console: Console) -> None:
@@ -165,12 +153,15 @@ class _Task:
 
     @property
     def practice(self) -> Practice:
+        """What can be executed."""
         return self._practised.practice
 
     def session(self, cost: Cost) -> PracticeSession:
+        """The practice that goes on with this cost and seed, or a new one."""
         return self._practised.session(cost, self._args.seed)
 
     def accept(self, session: PracticeSession) -> str:
+        """As of `Pouring`."""
         practised = self._practised
         return _changed(
             self._args,

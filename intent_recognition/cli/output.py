@@ -31,8 +31,14 @@ def add_json_option(group: argparse._ActionsContainer, what: str) -> None:
     )
 
 
-def console_beside(json_path: Path | None) -> Console:
-    """The console for all else: standard error where JSON has standard output to itself."""
+def console_beside(
+    json_path: Path | None, others: Mapping[str, Path | None] | None = None
+) -> Console:
+    """The console for all else: standard error where JSON has standard output to itself.
+
+    `--json` is checked before; arguments and errors as of `check_json`.
+    """
+    check_json(json_path, others)
     return Console(stderr=True, highlight=False) if json_path == PRINTED else make_console()
 
 

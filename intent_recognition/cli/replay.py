@@ -14,7 +14,6 @@ from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
@@ -54,7 +53,6 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay one recording."""
     console = console_beside(args.json)
-    check_json(args.json)
     model = load_model(args.model)
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()

@@ -12,7 +12,6 @@ from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
@@ -79,7 +78,6 @@ def run(args: argparse.Namespace) -> int:
         ResourceBusyError: a bag of that name exists already.
     """
     console = console_beside(args.json)
-    check_json(args.json)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."
         raise ArgumentError.about("--dofs", "no --model beside it", args.model, cure)

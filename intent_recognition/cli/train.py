@@ -14,7 +14,6 @@ from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     check_output,
     console_beside,
     write_json,
@@ -82,9 +81,8 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
-    console = console_beside(args.json)
     check_output("--output", args.output)
-    check_json(args.json, {"--output": args.output})
+    console = console_beside(args.json, {"--output": args.output})
     settings = training_settings(args)
     wanted = n_components(args)
     check_adding(args)

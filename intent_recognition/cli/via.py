@@ -8,7 +8,7 @@ from typing import Any
 
 from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, number
+from intent_recognition.cli.options import XYZ, Subparsers, add_node_options, node_arguments, number
 from intent_recognition.composing import USUAL_STD, ViaPoint, read_via_points, write_via_points
 from intent_recognition.errors import ArgumentError, ResourceBusyError, printable
 
@@ -47,11 +47,7 @@ def add_parser(subparsers: Subparsers) -> None:
     add.add_argument("name", metavar="NAME", help="by which it is removed")
     where = add.add_mutually_exclusive_group(required=True)
     where.add_argument(
-        "--hand",
-        nargs=3,
-        type=number(float, -1e3),
-        metavar=("X", "Y", "Z"),
-        help="of the hand in the world frame [m]",
+        "--hand", type=number(float, -1e3), **XYZ, help="of the hand in the world frame [m]"
     )
     where.add_argument(
         "--dof",

@@ -17,8 +17,9 @@ class BagRecorder(TopicRecorder):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_recorder", **kwargs)
-        parameter(self, "output", "", "directory of the new bag; recording starts when it is given")
-        parameter(self, "task", "", "label of the demonstration; empty records without a label")
+        live = partial(parameter, self)
+        live("output", "", "directory of the new bag; recording starts when it is given")
+        live("task", "", "label of the demonstration; empty records without a label")
         topics: list[str] = fixed_parameter(
             self, "topics", [], "topics to record; none means all there are in the namespace"
         )

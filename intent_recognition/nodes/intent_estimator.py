@@ -62,9 +62,9 @@ class IntentEstimatorNode(ManagedNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("intent_estimator", **kwargs)
-        parameter(self, "model", "", "Model file written by `intent train`.")
-        self._dofs_path = fixed_parameter(
-            self,
+        get, live = partial(fixed_parameter, self), partial(parameter, self)
+        live("model", "", "Model file written by `intent train`.")
+        self._dofs_path = get(
             "dofs",
             "",
             "DOF file; empty takes the model's own. Other DOFs than the model's are an error;"
@@ -72,34 +72,29 @@ class IntentEstimatorNode(ManagedNode):
         )
         self._own_dofs: DofSpec | None = None
         self._configured, self._step = False, ""
-        self._publish_rate = parameter(
-            self,
+        self._publish_rate = live(
             "publish_rate",
             25.0,
             "Rate of trajectories, path and markers [Hz]; tasks follow every observation.",
             minimum=0.1,
             maximum=1000.0,
         )
-        self._start_posture = fixed_parameter(
-            self,
+        self._start_posture = get(
             "start_posture",
             True,
             "Condition trajectories on the controlled agent's posture at onset (joint_states).",
         )
-        self._switching = fixed_parameter(
-            self,
+        self._switching = get(
             "switching",
             True,
             "Follow a person who turns to another task, or begins the next one without a rest.",
         )
-        self._transitions = parameter(
-            self,
+        self._transitions = live(
             "transition_prior",
             True,
             "Use the learned transitions between tasks; false: all tasks are equally likely.",
         )
-        self._forget_after_s = parameter(
-            self,
+        self._forget_after_s = live(
             "forget_after",
             FORGET_AFTER_S,
             "Time after which a movement no longer informs the next task [s].",

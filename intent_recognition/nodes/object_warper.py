@@ -57,33 +57,26 @@ class ObjectWarper(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)
 
-        source = fixed_parameter(
-            self, "source", "mug", "Annotated object: a file, or a shipped one."
-        )
+        get = partial(fixed_parameter, self)
+        source = get("source", "mug", "Annotated object: a file, or a shipped one.")
         self._source = ObjectModel.learn(load_object(find_object(source)))
-        mapping = fixed_parameter(
-            self, "mapping", "label", "Label the cloud's points, or move the source's."
-        )
+        mapping = get("mapping", "label", "Label the cloud's points, or move the source's.")
         if mapping not in ("label", "point"):
             cure = "Use label unless points must be identified one by one."
             raise ArgumentError.about("mapping", "label or point", mapping, cure)
         self._mapping: Literal["label", "point"] = "point" if mapping == "point" else "label"
-        self._neighbours = fixed_parameter(
-            self, "neighbours", 1, "Nearest points that vote on a label.", 1, 50
-        )
-        self._n_points = fixed_parameter(
-            self, "n_points", 2000, "Points to which larger clouds are thinned.", 200, 100000
+        self._neighbours = get("neighbours", 1, "Nearest points that vote on a label.", 1, 50)
+        self._n_points = get(
+            "n_points", 2000, "Points to which larger clouds are thinned.", 200, 100000
         )
         self._viewpoint = _position(
-            fixed_parameter(
-                self,
+            get(
                 "viewpoint",
                 [0.0, 0.0, 0.0],
                 "Camera position in the cloud's frame [m]; normals are turned toward it.",
             )
         )
-        self._above_m = fixed_parameter(
-            self,
+        self._above_m = get(
             "stands_above",
             0.0,
             "How far above the lip the contents stand before they leave [m]; 0 for a liquid.",

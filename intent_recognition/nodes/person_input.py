@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the person is predicted to be, for the speed of the arm: from `intent/human_trajectory`."""
 
+from functools import partial
+
 import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
@@ -36,40 +38,35 @@ class PersonInput:
 
     def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
         self._hand, self._diagnostics = hand, diagnostics
-        no_dofs: list[str] = []
-        self._dofs = fixed_parameter(
-            node,
+        get = partial(fixed_parameter, node)
+        dofs: list[str] = get(
             "person_dofs",
-            no_dofs,
+            [],
             "Observed DOFs that are x, y and z of a point of the person, as in the model; the arm"
             " slows by their predicted distance. Empty: it does not.",
         )
-        self._dofs = [name for name in self._dofs if name]
-        self._offset = fixed_parameter(
-            node,
+        self._dofs = [name for name in dofs if name]
+        self._offset = get(
             "person_offset",
             [0.0, 0.0, 0.0],
             "What to add to them, to come into the frame of the URDF's root link [m].",
         )
         self._settings = SeparationSettings(
-            human_speed_m_s=fixed_parameter(
-                node,
+            human_speed_m_s=get(
                 "human_speed",
                 _DEFAULTS.human_speed_m_s,
                 "Speed at which the person may come nearer [m/s].",
                 0.0,
                 10.0,
             ),
-            intrusion_m=fixed_parameter(
-                node,
+            intrusion_m=get(
                 "intrusion",
                 _DEFAULTS.intrusion_m,
                 "Of person and arm beyond the tracked point and the line through the joints [m].",
                 0.0,
                 2.0,
             ),
-            least_speed_m_s=fixed_parameter(
-                node,
+            least_speed_m_s=get(
                 "least_speed",
                 _DEFAULTS.least_speed_m_s,
                 "Speed of the arm that is kept at any distance from the person [m/s].",

@@ -280,9 +280,10 @@ class TaskTeacher(TopicRecorder):
         self._publish_skills()
 
     def _open_folder(self) -> TaskFolder:
-        library = fixed_parameter(self, "library", "", "folder of recordings, model and history")
-        dofs = fixed_parameter(self, "dofs", "", "DOF file; empty takes the model's")
-        model = fixed_parameter(self, "model", "", "model a new library begins with; empty: none")
+        get = partial(fixed_parameter, self)
+        library = get("library", "", "folder of recordings, model and history")
+        dofs = get("dofs", "", "DOF file; empty takes the model's")
+        model = get("model", "", "model a new library begins with; empty: none")
         if not library:
             cure = "Start it with -p library:=DIR."
             raise ArgumentError.about("parameter library", "a folder", "nothing", cure)

@@ -56,12 +56,11 @@ class WarpedPrimitiveNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("warped_primitive", **kwargs)
-        skill = fixed_parameter(
-            self, "skill", SHIPPED, "File of `save_pouring_skill`, yours or a shipped one."
-        )
-        self._task = fixed_parameter(self, "task", "pouring", "Label of the task.")
-        self._fluid = fixed_parameter(
-            self, "fluid", 0.5, "What is in the cup at first, as a share of its volume.", 0.0, 1.0
+        get = partial(fixed_parameter, self)
+        skill = get("skill", SHIPPED, "File of `save_pouring_skill`, yours or a shipped one.")
+        self._task = get("task", "pouring", "Label of the task.")
+        self._fluid = get(
+            "fluid", 0.5, "What is in the cup at first, as a share of its volume.", 0.0, 1.0
         )
         self._skill = load_pouring_skill(skill if Path(skill).is_file() else share_path(skill))
         self._diagnostics = Diagnostics(self)

@@ -133,11 +133,10 @@ class ArmSim(Node):
         self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
         self._scene = get("scene", "toolbox", f"What is in its world: {', '.join(SCENES)}.")
         self._pouring = PouringScene(self)
-        no_boxes: list[str] = []
         self._boxes = parse_boxes(
             get(
                 "boxes",
-                no_boxes,
+                [],
                 "Things that stand in the cell and stop the arm, as those of primitive_activation:"
                 " 'name x y z length width height [qx qy qz qw]' [m].",
             )

@@ -47,12 +47,13 @@ class CoworkerSim(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("coworker_sim", **kwargs)
         self.plan = self._make_plan()
-        self._wait_for = fixed_parameter(
-            self, "wait_for_subscribers", 1, "Begin when so many listen to the poses.", 0
+        get = partial(fixed_parameter, self)
+        self._wait_for = get(
+            "wait_for_subscribers", 1, "Begin when so many listen to the poses.", 0
         )
-        nodes = fixed_parameter(self, "wait_for_nodes", list(RECOGNITION), WAIT_FOR_NODES)
-        self._exit_at_end = fixed_parameter(self, "exit_at_end", False, "End with the session.")
-        self._frame = fixed_parameter(self, "frame_id", "world", "frame_id of the poses.")
+        nodes = get("wait_for_nodes", list(RECOGNITION), WAIT_FOR_NODES)
+        self._exit_at_end = get("exit_at_end", False, "End with the session.")
+        self._frame = get("frame_id", "world", "frame_id of the poses.")
         self.done = False
         self.diagnostics = Diagnostics(self)
         self._readiness = Readiness(self, nodes)
@@ -70,35 +71,23 @@ class CoworkerSim(Node):
 
     def _make_plan(self) -> SessionPlan:
         """Declare the parameters of the session and plan it."""
-        seed = fixed_parameter(self, "seed", 1, "Seed of the whole session.", 0)
-        task_list = fixed_parameter(
-            self,
+        get = partial(fixed_parameter, self)
+        seed = get("seed", 1, "Seed of the whole session.", 0)
+        task_list = get(
             "task_list",
             "random",
             "Labels or OLD>NEW@SHARE and commas, a file of them, 'random' or 'habit'.",
         )
-        count = fixed_parameter(
-            self,
-            "interactions",
-            0,
-            "How many; 0: as listed (random, habit: 40).",
-            0,
-        )
+        count = get("interactions", 0, "How many; 0: as listed (random, habit: 40).", 0)
         default = SessionTiming()
         timing = SessionTiming(
-            first_idle_s=fixed_parameter(
-                self, "first_idle", default.first_idle_s, "Rest at first [s].", 0.5
-            ),
+            first_idle_s=get("first_idle", default.first_idle_s, "Rest at first [s].", 0.5),
             idle_s=self._range("idle", default.idle_s, "Rest between interactions [s]."),
             hold_s=self._range("hold", default.hold_s, "Wait for the robot [s]."),
-            last_idle_s=fixed_parameter(
-                self, "last_idle", default.last_idle_s, "Rest at last [s].", 0.0
-            ),
-            gaps_per_s=fixed_parameter(
-                self, "occlusions", default.gaps_per_s, "Occlusions per second.", 0.0
-            ),
+            last_idle_s=get("last_idle", default.last_idle_s, "Rest at last [s].", 0.0),
+            gaps_per_s=get("occlusions", default.gaps_per_s, "Occlusions per second.", 0.0),
         )
-        scenario = fixed_parameter(self, "scenario", SCENARIOS[0], f"One of {SCENARIOS}.")
+        scenario = get("scenario", SCENARIOS[0], f"One of {SCENARIOS}.")
         if scenario not in SCENARIOS:
             expected = " or ".join(SCENARIOS)
             raise ArgumentError.about("scenario", expected, scenario, "Choose one.")

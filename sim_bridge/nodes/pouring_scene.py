@@ -2,6 +2,7 @@
 """The scene "pouring" of a simulated arm: what is in its world, and the topics that tell of it."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -44,10 +45,10 @@ class PouringScene:
     def __init__(self, node: Node) -> None:
         self._node = node
         of_scene = "Of the scene pouring:"
-        self.cup = fixed_parameter(node, "cup", "mug", f"{of_scene} container in the hand.")
-        self.second = fixed_parameter(node, "second", "tumbler", f"{of_scene} the other one.")
-        self._opening = fixed_parameter(
-            node,
+        get = partial(fixed_parameter, node)
+        self.cup = get("cup", "mug", f"{of_scene} container in the hand.")
+        self.second = get("second", "tumbler", f"{of_scene} the other one.")
+        self._opening = get(
             "second_opening",
             [0.70, 0.15, 0.26],
             f"{of_scene} centre of the second opening [m], world.",
