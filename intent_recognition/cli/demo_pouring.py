@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape
+from intent_recognition.cli.console import boxed_table, busy
 from intent_recognition.cli.demo_session import PACE_PERIOD_S, watched_graph
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.cli.session_watch import NodeWatch
@@ -204,12 +204,9 @@ def _numbers(done: Done, asked: str) -> dict[str, object]:
 
 
 def _table(done: list[Done], asked: str) -> Table:
-    table = Table(title=f"pours ({asked}) with the parameters of what was seen")
-    table.add_column("pair")
-    for name in ("opening [mm]", "height [mm]", "tilt [deg]"):
-        table.add_column(escape(name), justify="right")
-    for name in ("in", "to be left", "left in cup", "spilled"):
-        table.add_column(name, justify="right")
+    title = f"pours ({asked}) with the parameters of what was seen"
+    sizes = (">opening [mm]", ">height [mm]", ">tilt [deg]")
+    table = boxed_table(title, "pair", *sizes, ">in", ">to be left", ">left in cup", ">spilled")
     for one in done:
         row, parameters = _numbers(one, asked), one.seen.parameters
         table.add_row(

@@ -5,9 +5,8 @@ import argparse
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
-from intent_recognition.cli.console import busy, progress_bar
+from intent_recognition.cli.console import boxed_table, busy, progress_bar
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -216,11 +215,9 @@ def print_result(console: Console, result: dict) -> None:
     for kind in ("recognition", "prediction", "prediction_with_start_posture"):
         for phase in PHASES if kind in result else ():
             rows = result[kind][phase]
-            table = Table(title=f"{kind.replace('_', ' ')}, {phase.replace('_', ' ')}")
-            table.add_column("observed")
             names = list(next(iter(rows.values())))
-            for name in names:
-                table.add_column(name.replace("_", " "), justify="right")
+            titles = (f">{name}".replace("_", " ") for name in names)
+            table = boxed_table(f"{kind}, {phase}".replace("_", " "), "observed", *titles)
             for fraction, values in rows.items():
                 cells = [_cell(values[name]) for name in names]
                 table.add_row(f"{float(fraction):.0%}", *cells)
@@ -231,10 +228,8 @@ def print_result(console: Console, result: dict) -> None:
 
 def print_online(console: Console, online: dict) -> None:
     """One table: what the nodes would have done."""
-    table = Table(title="online: onset, filter and decision, as the nodes run them")
-    table.add_column("phase")
-    for name in ONLINE:
-        table.add_column(name.replace("_", " "), justify="right")
+    title = "online: onset, filter and decision, as the nodes run them"
+    table = boxed_table(title, "phase", *(f">{name}".replace("_", " ") for name in ONLINE))
     for phase, row in online.items():
         cells = ["-" if row[name] is None else f"{row[name]:.1%}" for name in ONLINE]
         table.add_row(phase.removesuffix("_phase"), *cells)

@@ -5,10 +5,9 @@ import argparse
 from collections import Counter
 
 from rich.console import Console
-from rich.table import Table
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import escape, progress_bar
+from intent_recognition.cli.console import boxed_table, progress_bar
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -86,9 +85,8 @@ def run(args: argparse.Namespace) -> int:
 def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None:
     """About twenty lines of the posterior over time."""
     labels = (*library.labels, NONE)
-    table = Table(title=f"{len(rows)} observations")
-    for column in ("time [s]", *labels, "phase", "active"):
-        table.add_column(escape(column), justify="right")
+    titles = (f">{column}" for column in ("time [s]", *labels, "phase", "active"))
+    table = boxed_table(f"{len(rows)} observations", *titles)
     for row in rows[:: max(1, len(rows) // PRINTED_ROWS)]:
         best = max(row["probabilities"], key=row["probabilities"].get)
         table.add_row(

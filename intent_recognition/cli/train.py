@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape
+from intent_recognition.cli.console import boxed_table, busy, escape
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -162,9 +161,8 @@ def train(
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:
     """A table of the tasks and one line on the regularisation."""
-    table = Table(title=f"learned from {report.n_used} demonstrations")
-    for column in ("task", "demonstrations", "duration [s]", "std of duration"):
-        table.add_column(escape(column), justify="left" if column == "task" else "right")
+    titles = ("task", ">demonstrations", ">duration [s]", ">std of duration")
+    table = boxed_table(f"learned from {report.n_used} demonstrations", *titles)
     for index, label in enumerate(library.labels):
         table.add_row(
             escape(label),

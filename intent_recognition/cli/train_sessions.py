@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
+from intent_recognition.cli.console import boxed_table
 from intent_recognition.cli.options import a_path
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
@@ -69,10 +69,8 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
 
 def print_transitions(console: Console, library: TaskLibrary, n_seen: int) -> None:
     """A table of p(next | last)."""
-    table = Table(title=f"which task follows which, from {n_seen} tasks in sessions")
-    table.add_column("after")
-    for label in library.labels:
-        table.add_column(label, justify="right")
+    title = f"which task follows which, from {n_seen} tasks in sessions"
+    table = boxed_table(title, "after", *(f">{label}" for label in library.labels))
     for label, row in zip((*library.labels, "no task"), library.transition_prior, strict=True):
         table.add_row(label, *(f"{p:.2f}" for p in row))
     console.print(table)

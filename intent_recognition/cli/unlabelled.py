@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape, progress_bar
+from intent_recognition.cli.console import boxed_table, busy, progress_bar
 from intent_recognition.cli.recordings import provenance_of, read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs, settle_orientations
@@ -134,9 +133,8 @@ def find_components(
 
 def print_components(console: Console, found: Relabelled) -> None:
     """What was tried, what was taken, and how pure it is where labels are known."""
-    table = Table(title="left-out prediction")
-    for column in ("components", "nll [nats per sample]", "error [std]", ""):
-        table.add_column(escape(column), justify="right")
+    titles = (">components", ">nll [nats per sample]", ">error [std]", ">")
+    table = boxed_table("left-out prediction", *titles)
     for tried in found.choice.tried:
         taken = "taken" if tried is found.choice.chosen else ""
         table.add_row(
