@@ -204,7 +204,8 @@ def spinning(
     rclpy.init(args=list(args), signal_handler_options=SignalHandlerOptions.NO)
     executor = node = None
     try:
-        executor, node = make_executor(), make_node()
+        executor = make_executor()
+        node = make_node()
         executor.add_node(node)
         yield node, executor
     finally:
