@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """One exception family; messages name the argument, what was expected, what came and the cure."""
 
+from typing import TypeVar
+
+AnError = TypeVar("AnError", bound="IntentError")
+
 
 class IntentError(Exception):
     """Base of every error this package raises on purpose."""
+
+    @classmethod
+    def about(cls: type[AnError], argument: str, expected: str, got: object, cure: str) -> AnError:
+        """The error with the message of `describe`, from its four parts."""
+        return cls(describe(argument, expected, got, cure))
 
 
 class ArgumentError(IntentError, ValueError):

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from intent_recognition.bags.cdr.layout import NANOSECONDS
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import MessageError
 
 SEPARATOR = "=" * 80 + "\n"
 """Between the definitions of a type and of those it contains, in the form ros2msg."""
@@ -68,7 +68,9 @@ def definition(type_name: str) -> Definition:
     texts: dict[str, str] = {}
     _collect_installed(type_name, texts)
     head, *nested = texts
-    text = texts[head] + "".join(f"{SEPARATOR}MSG: {_short(n)}\n{texts[n]}" for n in nested)
+    text = texts[head] + "".join(
+        f"{SEPARATOR}MSG: {n.replace('/msg/', '/')}\n{texts[n]}" for n in nested
+    )
     return Definition(type_name, text, _installed_hash(type_name))
 
 
@@ -106,14 +108,9 @@ def serialize(type_name: str, message: object) -> bytes:
     try:
         return bytes(jazzy_types().serialize_cdr(message, type_name))
     except Exception as error:  # rosbags' generated code raises what struct and numpy raise
-        raise MessageError(
-            describe("message", f"a {type_name}", error, "Give every field its declared type.")
+        raise MessageError.about(
+            "message", f"a {type_name}", error, "Give every field its declared type."
         ) from error
-
-
-def split_stamp(stamp_ns: int) -> tuple[int, int]:
-    """Seconds and nanoseconds of a stamp, as builtin_interfaces/Time holds them."""
-    return divmod(int(stamp_ns), NANOSECONDS)
 
 
 def _build(type_name: str, fields: Any, place: str) -> object:
@@ -122,17 +119,15 @@ def _build(type_name: str, fields: Any, place: str) -> object:
     if isinstance(fields, kind):
         return fields
     if type_name in TIME_TYPES and isinstance(fields, int | np.integer):
-        seconds, nanoseconds = split_stamp(int(fields))
+        seconds, nanoseconds = divmod(int(fields), NANOSECONDS)
         return kind(sec=seconds, nanosec=nanoseconds)
     declared: Any = store.fielddefs[type_name][1]
     if not isinstance(fields, Mapping):
-        raise MessageError(
-            describe(place, f"a mapping for {type_name}", fields, "Name the fields.")
-        )
+        raise MessageError.about(place, f"a mapping for {type_name}", fields, "Name the fields.")
     if unknown := sorted(set(fields) - {name for name, _ in declared}):
         has = ", ".join(name for name, _ in declared)
-        raise MessageError(
-            describe(place, f"fields among {has}", ", ".join(unknown), "Correct the name.")
+        raise MessageError.about(
+            place, f"fields among {has}", ", ".join(unknown), "Correct the name."
         )
     values: dict[str, Any] = {
         name: _value(field, fields.get(name), f"{place}.{name}") for name, field in declared
@@ -163,8 +158,8 @@ def _value(kind: tuple, value: Any, place: str) -> object:
             raise ValueError(f"{array.shape} values instead of {size}")
         return array
     except (TypeError, ValueError, OverflowError) as error:
-        raise MessageError(
-            describe(place, "a value of the declared type", error, "Correct the value.")
+        raise MessageError.about(
+            place, "a value of the declared type", error, "Correct the value."
         ) from error
 
 
@@ -224,15 +219,9 @@ def _share_file(type_name: str, suffix: str) -> Path:
         path = Path(prefix, "share", package, kind, name + suffix)
         if kind and path.is_file():
             return path
-    raise MessageError(
-        describe(
-            "type",
-            "a message type of Jazzy or of an installed package",
-            type_name,
-            "Install the package, or source its workspace.",
-        )
+    raise MessageError.about(
+        "type",
+        "a message type of Jazzy or of an installed package",
+        type_name,
+        "Install the package, or source its workspace.",
     )
-
-
-def _short(type_name: str) -> str:
-    return type_name.replace("/msg/", "/")

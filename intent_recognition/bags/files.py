@@ -5,7 +5,7 @@ from pathlib import Path
 
 from intent_recognition.bags.mcap.scan import MAGIC
 from intent_recognition.bags.metadata import FILE_NAME, BagMetadata, read_metadata
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 
 
 def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, list[str]]:
@@ -19,7 +19,7 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         BagError: nothing is there, it is no bag, or one of another storage or compression.
     """
     if not path.exists():
-        raise BagError(describe(str(path), "a bag", "nothing there", "Check the path."))
+        raise BagError.about(str(path), "a bag", "nothing there", "Check the path.")
     if path.is_file():
         _check_file(path)
         return None, []
@@ -27,20 +27,20 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         n_bags = sum(1 for _ in path.glob(f"*/{FILE_NAME}"))
         cure = "Check the path; the storage of recordings is MCAP (`ros2 bag record -s mcap`)."
         got = f"a folder of {n_bags} bags" if n_bags else "a folder without .mcap files"
-        raise BagError(describe(str(path), "a bag", got, "Name one." if n_bags else cure))
+        raise BagError.about(str(path), "a bag", got, "Name one." if n_bags else cure)
     try:
         metadata = read_metadata(path)
     except BagError as error:
         if not any(path.glob("*.mcap")):
             cure = "Record with MCAP storage (`ros2 bag record -s mcap`)."
-            raise BagError(describe(str(path), "a bag", error, cure)) from error
+            raise BagError.about(str(path), "a bag", error, cure) from error
         if (path / FILE_NAME).exists() and not tolerant:
             raise
         return None, [f"no usable {FILE_NAME}"]
     if metadata.storage != "mcap" or metadata.compression:
         got = f"storage {metadata.storage} {metadata.compression}".strip()
         cure = "`ros2 bag convert` it to mcap, with its label as custom_data (docs/bags.md)."
-        raise BagError(describe(str(path), "uncompressed MCAP storage", got, cure))
+        raise BagError.about(str(path), "uncompressed MCAP storage", got, cure)
     return metadata, []
 
 
@@ -50,7 +50,7 @@ def _check_file(path: Path) -> None:
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 cure = "Give a bag: a folder with .mcap files, or one of them."
-                raise BagError(describe(str(path), "a recording", "another kind of file", cure))
+                raise BagError.about(str(path), "a recording", "another kind of file", cure)
 
 
 def find_files(
@@ -81,7 +81,7 @@ def find_files(
     if missing or not files:
         cure = "Copy the whole directory of the bag."
         got = f"no {', '.join(missing) or '.mcap file'}"
-        raise BagError(describe(str(path), "the files of the bag", got, cure))
+        raise BagError.about(str(path), "the files of the bag", got, cure)
     return files, notes
 
 

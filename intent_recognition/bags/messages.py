@@ -16,7 +16,7 @@ from intent_recognition.bags.cdr.columns import COLUMNS
 from intent_recognition.bags.cdr.decoder import Decoder, layout_decoder
 from intent_recognition.bags.cdr.layout import NANOSECONDS
 from intent_recognition.bags.definitions import definition, jazzy_names, jazzy_types
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import MessageError
 
 RECOVER = "Save what is left with `intent recover`."
 """Advice in messages about damaged recordings."""
@@ -125,7 +125,7 @@ def decode(raw: RawMessage, decoder: Decoder) -> BagMessage:
         message = decoder(raw.data)
     except Exception as error:  # the decoder raises what struct, numpy and utf-8 raise
         place = f"topic {raw.topic} at {raw.log_time_ns} ns"
-        raise MessageError(describe(place, f"a {raw.type}", error, RECOVER)) from error
+        raise MessageError.about(place, f"a {raw.type}", error, RECOVER) from error
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     stamp_ns = raw.log_time_ns if stamp is None else stamp.sec * NANOSECONDS + stamp.nanosec
     return BagMessage(raw.topic, raw.type, raw.log_time_ns, stamp_ns, message)

@@ -9,7 +9,7 @@ import yaml
 
 from intent_recognition.bags.qos_profiles import parse_qos
 from intent_recognition.durable import commit
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 FILE_NAME = "metadata.yaml"
@@ -201,4 +201,4 @@ def _whole(value: object) -> int:
 
 def _error(path: Path, expected: str, got: object) -> BagError:
     cure = "Save the messages with `intent recover`, which writes a new metadata.yaml."
-    return BagError(describe(str(path), expected, got, cure))
+    return BagError.about(str(path), expected, got, cure)

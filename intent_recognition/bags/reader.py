@@ -24,7 +24,7 @@ from intent_recognition.bags.messages import (
 )
 from intent_recognition.bags.metadata import RECORD_KEY, RECORD_NAME, TopicInfo, parse_custom_data
 from intent_recognition.bags.qos_profiles import parse_qos
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import MessageError
 
 
 class BagReader:
@@ -200,7 +200,7 @@ class BagReader:
 
     def _no_decoder(self, topic: str, type_name: str, error: object) -> MessageError:
         expected = f"a usable definition of {type_name or 'its type'}"
-        return MessageError(describe(f"{self.path}: topic {topic}", expected, error, RECOVER))
+        return MessageError.about(f"{self.path}: topic {topic}", expected, error, RECOVER)
 
     def _blocks(self) -> Iterator[McapBlock]:
         return (block for file in self._files for block in file.scan.blocks)

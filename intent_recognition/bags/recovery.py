@@ -11,7 +11,7 @@ from intent_recognition.bags.copying import copy_message, declare_topics
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def recover(source: str | Path, output: str | Path) -> RecoveryReport:
     first = next(messages, None)
     if first is None:
         why = reader.damage[0].reason if reader.damage else "the bag is empty"
-        raise BagError(describe(str(source), "a message that can be read", why, "Record it again."))
+        raise BagError.about(str(source), "a message that can be read", why, "Record it again.")
     counts: Counter[str] = Counter()
     last_ns = first.log_time_ns
     with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:

@@ -24,7 +24,7 @@ from intent_recognition.bags.metadata import (
     dump_yaml,
     write_metadata,
 )
-from intent_recognition.errors import BagError, ResourceBusyError, describe
+from intent_recognition.errors import BagError, ResourceBusyError
 
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
@@ -142,7 +142,7 @@ class BagWriter:
             self._register(name, found, qos)
         elif known.type != type_name:
             cure = "Record the two under different names."
-            raise BagError(describe(f"topic {name}", f"type {known.type}", type_name, cure))
+            raise BagError.about(f"topic {name}", f"type {known.type}", type_name, cure)
         return name
 
     def write(
@@ -170,7 +170,7 @@ class BagWriter:
             BagError: the bag is closed, or the topic has another type.
         """
         if self.closed:
-            raise BagError(describe(str(self.path), "an open bag", "a closed one", "Start anew."))
+            raise BagError.about(str(self.path), "an open bag", "a closed one", "Start anew.")
         known = self._topics.get(topic)
         name = topic if known and known.type == type_name else self.add_topic(topic, type_name)
         sent = log_time_ns if publish_time_ns is None else publish_time_ns
@@ -239,8 +239,8 @@ class BagWriter:
             cure = "Choose another output; existing recordings are never overwritten."
             there = isinstance(error, FileExistsError)
             got = f"{error.filename}, which is there" if there else error
-            raise ResourceBusyError(
-                describe("output", "a directory that can be made", got, cure)
+            raise ResourceBusyError.about(
+                "output", "a directory that can be made", got, cure
             ) from error
         try:
             free = self._disk_usage(self.path).free
@@ -301,14 +301,14 @@ class BagWriter:
             self.closed = True
             self._stream.close()
             lost = f"{error}; the last {self._pending} messages did not fit"
-            raise DiskFullError(
-                describe(str(self.path), "room on the disk", lost, "Free space, record again.")
+            raise DiskFullError.about(
+                str(self.path), "room on the disk", lost, "Free space, record again."
             ) from error
 
     def _disk_full(self, free: int) -> DiskFullError:
         need = f"at least {self._min_free_bytes / 2**20:.0f} MiB free"
         cure = f"Free space. All {self.message_count} messages received until now are saved."
-        return DiskFullError(describe(str(self.path), need, f"{free / 2**20:.1f} MiB", cure))
+        return DiskFullError.about(str(self.path), need, f"{free / 2**20:.1f} MiB", cure)
 
     @property
     def _file_name(self) -> str:

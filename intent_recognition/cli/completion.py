@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from intent_recognition.cli.options import a_path
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 SHELLS = ("bash", "zsh", "fish")
 ANY_NUMBER_ZSH = re.compile(r'^  "\(\*\)::?', re.MULTILINE)
@@ -54,7 +54,7 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> str:
         import shtab
     except ImportError as error:
         cure = "Install it with `pip install shtab`."
-        raise ArgumentError(describe("shtab", "an installed library", "none", cure)) from error
+        raise ArgumentError.about("shtab", "an installed library", "none", cure) from error
     _prepare(parser, shtab.FILE, shtab.DIRECTORY)
     script = shtab.complete(parser, shell=shell)
     return ANY_NUMBER_ZSH.sub('  "*:', script) if shell == "zsh" else script

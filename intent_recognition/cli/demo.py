@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from intent_recognition.cli.console import busy
+from intent_recognition.cli.console import busy, say
 from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import run_session
 from intent_recognition.cli.help import examples
@@ -17,7 +17,6 @@ from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
@@ -28,7 +27,6 @@ from intent_recognition.errors import (
     DofError,
     IntentError,
     ResourceBusyError,
-    describe,
 )
 from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
 from intent_recognition.learning import TrainingSettings
@@ -197,12 +195,11 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
     console = console_beside(args.json)
-    check_json(args.json)
     try:
         import rclpy  # noqa: F401
     except ImportError as error:
-        raise IntentError(
-            describe("rclpy", "ROS 2 Jazzy", error, "Source it, or pip install .[ros].")
+        raise IntentError.about(
+            "rclpy", "ROS 2 Jazzy", error, "Source it, or pip install .[ros]."
         ) from error
     end_like_interrupted(*END_SIGNALS)
     if args.rate is None:
@@ -228,17 +225,17 @@ def _run_several(args: argparse.Namespace, arms: list[str], console: Console) ->
     for option in ("record", "dashboard", "model"):
         if getattr(args, option):
             cure = "Run one arm at a time."
-            raise ArgumentError(describe("--arm", f"one arm with --{option}", args.arm, cure))
+            raise ArgumentError.about("--arm", f"one arm with --{option}", args.arm, cure)
     own = [{"arm": arm, "output": args.output / Path(arm).stem} for arm in arms]
     parts = [argparse.Namespace(**vars(args) | values) for values in own]
     scenes = [make_scene(part) for part in parts]
     sessions, numbers = {}, {}
     for part, scene in zip(parts, scenes, strict=True):
         _check(part)
-        console.print(f"arm: {part.arm}", highlight=False)
+        console.print(f"arm: {part.arm}")
         sessions[part.arm], numbers[part.arm] = _run_one(part, scene, console)
     report = write_arms_report(args.output / "report.html", sessions)
-    console.print(f"all arms: {report}", highlight=False, soft_wrap=True)
+    say(console, f"all arms: {report}")
     write_json(args.json, {"arms": numbers})
     return _end([record for records in sessions.values() for record in records], console)
 
@@ -263,22 +260,22 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, option) != usual:
             cure = "Add --scenario pouring."
             expected = "the scenario that pours beside it"
-            raise ArgumentError(describe(f"--{option}", expected, args.scenario, cure))
+            raise ArgumentError.about(f"--{option}", expected, args.scenario, cure)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ResourceBusyError(
-            describe("--output", "a folder that can be made", args.output, "Choose another.")
+        raise ResourceBusyError.about(
+            "--output", "a folder that can be made", args.output, "Choose another."
         ) from error
     if args.params is not None and not args.params.is_file():
         cure = "Write its path."
-        raise ArgumentError(describe("--params", "a YAML file", args.params, cure))
+        raise ArgumentError.about("--params", "a YAML file", args.params, cure)
     if args.sequences is not None:
         try:
             read_sequences(read_text(args.sequences))
         except (OSError, UntrustedError) as error:
             cure = "Write its path."
-            raise ArgumentError(describe("--sequences", "a YAML file", error, cure)) from error
+            raise ArgumentError.about("--sequences", "a YAML file", error, cure) from error
     if args.model is not None:
         (load_trained if args.dashboard else load_model)(args.model)
     if args.dashboard:
@@ -288,9 +285,7 @@ def _check(args: argparse.Namespace) -> None:
                 probe.bind(("127.0.0.1", args.port))
             except OSError as error:
                 cure = "Choose another --port, or end the program that has it."
-                raise ResourceBusyError(
-                    describe("--port", "a free one", args.port, cure)
-                ) from error
+                raise ResourceBusyError.about("--port", "a free one", args.port, cure) from error
 
 
 def _check_model(path: Path, scene: Scene) -> None:
@@ -306,7 +301,7 @@ def _check_model(path: Path, scene: Scene) -> None:
     if not observed <= topics:
         expected = f"a model that observes {', '.join(sorted(topics))}"
         cure = "Use a model of this scenario, or leave --model out to train one."
-        raise DofError(describe(str(path), expected, ", ".join(sorted(observed)), cure))
+        raise DofError.about(str(path), expected, ", ".join(sorted(observed)), cure)
 
 
 def _train(path: Path, console: Console, scene: Scene) -> Path:
@@ -320,7 +315,7 @@ def _train(path: Path, console: Console, scene: Scene) -> Path:
     if scene.sessions:
         model = with_sessions(model, [share_path(scene.sessions)], console)
     save_model(path, model, report.trained)
-    console.print(f"trained in {time.monotonic() - started:.1f} s", highlight=False)
+    console.print(f"trained in {time.monotonic() - started:.1f} s")
     return path
 
 
@@ -349,12 +344,12 @@ def _run_one(
         "duration of the session [s, real]": round(wall_s, 1),
     }
     for line in table_lines(records) if args.json != PRINTED else ():
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        say(console, line)
     told = f"session of {wall_s:.0f} s"
     if args.scenario == "toolbox":  # beside the paper's figures
         report = args.output / "report.html"
         with busy(console, "writing the report"):
             write_demo_report(report, records, summary, traces, settings)
         told += f", report: {report}"
-    console.print(told, highlight=False, soft_wrap=True)
+    say(console, told)
     return records, to_json(records, summary, settings)

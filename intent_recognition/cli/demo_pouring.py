@@ -2,25 +2,48 @@
 """`intent demo --scenario pouring`: a graph of nodes pours with containers never demonstrated."""
 
 import argparse
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape
+from intent_recognition.cli.console import boxed_table, busy
+from intent_recognition.cli.demo_session import PACE_PERIOD_S, watched_graph
 from intent_recognition.cli.output import PRINTED, write_json
-from intent_recognition.cli.pouring_session import ObservedPour, observe_pour
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.cli.session_watch import NodeWatch
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.model import load_pouring_skill, save_pouring_skill
+from intent_recognition.nodes.graph import resolve
 from intent_recognition.share import share_path
 from intent_recognition.warping import amount_to_leave
+
+if TYPE_CHECKING:
+    from intent_recognition.nodes.pouring_observer import PouringObserver
 
 DEFAULT_POURS = 2
 MANY_SPILLED = 2.0
 """Spilled balls of forty, on average, above which the demo has failed. Convention."""
+
+
+READY_DEADLINE_S = 180.0
+"""Longest wait until balls and containers are made, seen and warped [s]. Convention."""
+ACTIVATION_DEADLINE_S = 60.0
+"""Longest wait until the arm begins after it was asked [s]. Convention."""
+POUR_DEADLINE_S = 600.0
+"""Longest pour at the slowest pace [s]. Convention."""
+LAST_WAIT_S = 1.0
+"""Simulated time in which the last balls come to rest [s]. Convention."""
+
+
+class ObservedPour(NamedTuple):
+    """A pour as the topics told it: warped parameters by container, and counts of balls."""
+
+    parameters: dict[str, dict[str, float]]
+    balls: dict[str, int]
 
 
 class Done(NamedTuple):
@@ -75,7 +98,7 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, option) != default:
             name = f"--{option.replace('_', '-')}"
             cure = "Leave it out, or choose another --scenario."
-            raise ArgumentError(describe(name, "none with pouring", getattr(args, option), cure))
+            raise ArgumentError.about(name, "none with pouring", getattr(args, option), cure)
     amount_to_leave(args.pour, 1.0, 1.0)
 
 
@@ -89,7 +112,7 @@ def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:
     if not {cup, second} <= set(CONTAINER_NAMES):
         expected = f"two of {', '.join(CONTAINER_NAMES)}, with a comma"
         cure = "Name the one in the hand first."
-        raise ArgumentError(describe("--pair", expected, args.pair, cure))
+        raise ArgumentError.about("--pair", expected, args.pair, cure)
     return [(cup, second)]
 
 
@@ -98,7 +121,67 @@ def _pour(
 ) -> Done:
     names = f"{cup} into {second}".replace("_", " ")
     with busy(console, f"pouring from {names}"):
-        return Done(cup, second, observe_pour(args, skill, cup, second, above_m))
+        return Done(cup, second, _observe(args, skill, cup, second, above_m))
+
+
+def _observe(
+    args: argparse.Namespace, skill: Path, cup: str, second: str, stands_above_m: float
+) -> ObservedPour:
+    """Start the nodes of the graph "pouring", ask for a pour, wait until it is over.
+
+    Args:
+        args: the options of `intent demo`.
+        skill: file of the learned skill.
+        cup: name of the container in the hand.
+        second: name of the other one.
+        stands_above_m: how far above a lip the balls stand.
+
+    Raises:
+        IntentError: a node died, the pour was refused, or did not end.
+        KeyboardInterrupt: interrupted; all nodes are stopped by then.
+    """
+    from intent_recognition.nodes.pouring_observer import PouringObserver
+
+    calls = resolve(
+        "pouring",
+        {
+            "skill": str(skill.resolve()),
+            "cup": cup,
+            "second": second,
+            "stands_above": stands_above_m,
+            "rate": float(args.rate),
+            "headless": args.headless or not os.environ.get("DISPLAY"),
+            "sensor_noise": True,
+            "seed": args.seed,
+        },
+    )
+    with watched_graph(args, PouringObserver) as (observer, watch):
+        for call in calls:
+            watch.processes.start(call.name, call.module, call.parameters, call.remappings)
+        return _follow(args, observer, watch)
+
+
+def _follow(
+    args: argparse.Namespace, observer: "PouringObserver", watch: NodeWatch
+) -> ObservedPour:
+    from intent_recognition.nodes.pace_keeper import PaceKeeper
+    from intent_recognition.nodes.runtime import steady_timer
+
+    pace = PaceKeeper(observer, args.rate)
+    timer = steady_timer(observer, PACE_PERIOD_S, lambda: pace.update(observer.lag_s()))
+    watch.until(observer.is_ready, READY_DEADLINE_S, "the containers, seen and warped")
+    observer.ask(args.pour)
+    watch.until(
+        lambda: bool(observer.active or observer.refused), ACTIVATION_DEADLINE_S, "the pour"
+    )
+    if not observer.active:
+        cure = "See the log of warped_primitive."
+        raise IntentError.about("pour", "one that can be done", observer.refused, cure)
+    watch.until(lambda: not observer.active, POUR_DEADLINE_S, "the pour's end")
+    watch.for_seconds(LAST_WAIT_S / args.rate)
+    timer.cancel()
+    counts = {name: int(value) for name, value in observer.balls.items()}
+    return ObservedPour(observer.parameters, counts)
 
 
 def _numbers(done: Done, asked: str) -> dict[str, object]:
@@ -121,12 +204,9 @@ def _numbers(done: Done, asked: str) -> dict[str, object]:
 
 
 def _table(done: list[Done], asked: str) -> Table:
-    table = Table(title=f"pours ({asked}) with the parameters of what was seen")
-    table.add_column("pair")
-    for name in ("opening [mm]", "height [mm]", "tilt [deg]"):
-        table.add_column(escape(name), justify="right")
-    for name in ("in", "to be left", "left in cup", "spilled"):
-        table.add_column(name, justify="right")
+    title = f"pours ({asked}) with the parameters of what was seen"
+    sizes = (">opening [mm]", ">height [mm]", ">tilt [deg]")
+    table = boxed_table(title, "pair", *sizes, ">in", ">to be left", ">left in cup", ">spilled")
     for one in done:
         row, parameters = _numbers(one, asked), one.seen.parameters
         table.add_row(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, KinematicsError, describe
+from intent_recognition.errors import ArgumentError, KinematicsError
 
 if TYPE_CHECKING:
     from intent_recognition.experiments.toolbox.session_scoring import Scoring
@@ -100,7 +100,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
 
     if args.changes:
         cure = "Choose the scenario toolbox."
-        raise ArgumentError(describe("--changes", "0 in the assembly", args.changes, cure))
+        raise ArgumentError.about("--changes", "0 in the assembly", args.changes, cure)
     session = plan_live(args.seed, args.task_list, args.interactions or 0, SessionTiming())
     places_m = np.array([one.assistant[-1][1].goal_m for one in session.interactions])
     arm = _arm(args.arm, REST_M)

@@ -4,24 +4,24 @@
 import argparse
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 
 from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
-from intent_recognition.errors import IntentError, ResourceBusyError, describe
-from intent_recognition.interrupts import Noted, noted_interrupts
+from intent_recognition.errors import IntentError, ResourceBusyError
+from intent_recognition.interrupts import noted_interrupts
 from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
 
 if TYPE_CHECKING:
     from intent_recognition.evaluation import SessionLog
-    from intent_recognition.nodes.processes import NodeProcesses
     from intent_recognition.nodes.session_observer import SessionObserver
 
 DISCOVERY_S = 0.5
@@ -63,87 +63,80 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
     """
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
 
-    with ros_context(args) as (processes, interrupts):
-        calls = _calls(args, model, scene)
-        watched = processes, interrupts
-        log = _run_graph(args, calls, len(scene.plan.interactions), watched, console)
+    calls = _calls(args, model, scene)
+    log = _run_graph(args, calls, len(scene.plan.interactions), console)
     first_ns = first_sample_ns(log, scene.plan)
     if first_ns is None:
-        raise IntentError(
-            describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
+        raise IntentError.about(
+            "mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs."
         )
     return Session(log, first_ns)
 
 
 @contextmanager
-def ros_context(args: argparse.Namespace) -> "Iterator[tuple[NodeProcesses, Noted]]":
-    """A domain for this process and its nodes, which end with it; meanwhile signals are noted."""
-    import rclpy
+def watched_graph(
+    args: argparse.Namespace, make_observer: Callable[..., Any]
+) -> Iterator[tuple[Any, NodeWatch]]:
+    """A domain for a node of this process and those that it starts, which end with it.
+
+    Meanwhile signals are noted.
+
+    Args:
+        args: the options of `intent demo`.
+        make_observer: builds this process's node, of what is to hear which node reports, and of
+            options of a node.
+    """
+    from rclpy.parameter import Parameter
 
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
+    from intent_recognition.nodes.runtime import spinning
 
     environment = node_environment(os.environ, _domain())
     environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
     os.environ.update(environment)
-    with noted_interrupts() as interrupts:
-        rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
-        try:
-            with NodeProcesses(environment, args.output / "logs") as processes:
-                yield processes, interrupts
-        finally:
-            rclpy.try_shutdown()
+    heartbeats = Heartbeats()
+
+    def make_node() -> Any:
+        simulated_time = [Parameter("use_sim_time", value=True)]
+        return make_observer(heartbeats.hear, parameter_overrides=simulated_time)
+
+    with (
+        noted_interrupts() as interrupts,
+        NodeProcesses(environment, args.output / "logs") as processes,
+        spinning(make_node) as (observer, executor),
+    ):
+        yield observer, NodeWatch(processes, executor, heartbeats, interrupts)
 
 
 def _run_graph(
-    args: argparse.Namespace,
-    calls: dict[str, NodeCall],
-    n_tasks: int,
-    watched: "tuple[NodeProcesses, Noted]",
-    console: Console,
+    args: argparse.Namespace, calls: dict[str, NodeCall], n_tasks: int, console: Console
 ) -> "SessionLog":
     """Run the nodes through one session; returns what was observed."""
-    from rclpy.parameter import Parameter
-
-    from intent_recognition.nodes.runtime import end, make_executor
     from intent_recognition.nodes.session_observer import SessionObserver
 
     progress = ProgressLine(n_tasks, console)
-    simulated_time = [Parameter("use_sim_time", value=True)]
-    heartbeats = Heartbeats()
-    observer = SessionObserver(
-        progress.on_task,
-        progress.on_active,
-        heartbeats.hear,
-        parameter_overrides=simulated_time,
-    )
-    executor = make_executor()
-    executor.add_node(observer)
-    watch = NodeWatch(watched[0], executor, heartbeats, watched[1])
-    try:
+    make_observer = partial(SessionObserver, progress.on_task, progress.on_active)
+    with watched_graph(args, make_observer) as (observer, watch):
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)
-        console.print(f"the nodes found one another; {n_tasks} interactions begin", highlight=False)
+        console.print(f"the nodes found one another; {n_tasks} interactions begin")
         if args.dashboard:
-            console.print(f"the page is at {_page(args)}", highlight=False)
+            console.print(f"the page is at {_page(args)}")
         slowest = _follow(args, observer, progress, watch)
         log = observer.log()
         if args.dashboard:
             observer.close()
             console.print(
                 f"the session is over; the page stays open at {_page(args)}:"
-                " teach a task there, or end with Ctrl-C",
-                highlight=False,
+                " teach a task there, or end with Ctrl-C"
             )
             watch.until_interrupted()
         if slowest < args.rate:
             console.print(
                 f"the machine was busy: simulated time ran down to {slowest:.2f} x real time",
                 style="yellow",
-                highlight=False,
             )
         return log
-    finally:
-        end(observer, executor)
 
 
 def _start_nodes(
@@ -168,9 +161,8 @@ def _follow(
     watch: NodeWatch,
 ) -> float:
     """Show the session until the last motion is over; returns the slowest pace of its time."""
-    from rclpy.clock import Clock, ClockType
-
     from intent_recognition.nodes.pace_keeper import PaceKeeper
+    from intent_recognition.nodes.runtime import steady_timer
 
     lwr, other = ARMS
     simulator = lwr if lwr in watch.processes.names else other
@@ -180,9 +172,7 @@ def _follow(
         if not progress.over:
             pace.update(observer.lag_s())
 
-    timer = observer.create_timer(
-        PACE_PERIOD_S, keep_pace, clock=Clock(clock_type=ClockType.STEADY_TIME)
-    )
+    timer = steady_timer(observer, PACE_PERIOD_S, keep_pace)
     longest_s = START_S + LONGEST_INTERACTION_S * progress.total
     with progress:
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
@@ -198,8 +188,8 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
         ResourceBusyError: the folder to record to exists.
     """
     if args.record and args.record.exists():
-        raise ResourceBusyError(
-            describe("--record", "a folder that does not exist", args.record, "Name another.")
+        raise ResourceBusyError.about(
+            "--record", "a folder that does not exist", args.record, "Name another."
         )
     calls = resolve(
         scene.graph,
@@ -235,13 +225,11 @@ def _refuse_busy_domain(observer: "SessionObserver", watch: NodeWatch) -> None:
     watch.for_seconds(DISCOVERY_S)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
     if taken:
-        raise ResourceBusyError(
-            describe(
-                f"ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}",
-                "no other graph in it",
-                ", ".join(taken),
-                "Stop those nodes, or choose another ROS_DOMAIN_ID.",
-            )
+        raise ResourceBusyError.about(
+            f"ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}",
+            "no other graph in it",
+            ", ".join(taken),
+            "Stop those nodes, or choose another ROS_DOMAIN_ID.",
         )
 
 
@@ -255,7 +243,7 @@ def _domain() -> int:
     if chosen is None:
         return DOMAINS[0] + os.getpid() % (DOMAINS[1] - DOMAINS[0] + 1)
     if not chosen.isdigit() or int(chosen) > DOMAINS[1]:
-        raise IntentError(
-            describe("ROS_DOMAIN_ID", "a number from 0 to 101", chosen, "Set it, or unset it.")
+        raise IntentError.about(
+            "ROS_DOMAIN_ID", "a number from 0 to 101", chosen, "Set it, or unset it."
         )
     return int(chosen)

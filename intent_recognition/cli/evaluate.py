@@ -5,15 +5,13 @@ import argparse
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
-from intent_recognition.cli.console import busy, progress_bar
+from intent_recognition.cli.console import boxed_table, busy, progress_bar
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     check_output,
     console_beside,
     write_json,
@@ -28,11 +26,10 @@ from intent_recognition.cli.rejections import (
 from intent_recognition.cli.unlabelled import (
     add_unlabelled_options,
     find_components,
-    mixture_of,
     n_components,
 )
 from intent_recognition.demonstrations import load_dofs, settle_orientations
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
 from intent_recognition.model import merge_frames
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
@@ -102,8 +99,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables, write what was asked for."""
-    console = console_beside(args.json)
-    check_json(args.json, {"--report": args.report})
+    console = console_beside(args.json, {"--report": args.report})
     check_output("--report", args.report)
     wanted = n_components(args)
     dofs = settle_orientations(load_dofs(args.dofs), args.bags)
@@ -115,7 +111,8 @@ def run(args: argparse.Namespace) -> int:
     mixture = {}
     if args.unlabelled:
         found = find_components(recorded, training_settings(args), wanted, console)
-        mixture = {"mixture": mixture_of(found)}
+        purity = found.purity  # none where nothing had a label
+        mixture = {"mixture": {"n_components": found.choice.n_components, "purity": purity}}
         if not _labelled(recorded):
             return _finish_unlabelled(args, mixture, len(found.demonstrations), rejections, console)
     unlabelled = [d.name for d in recorded + held_out if d.task is None]
@@ -182,8 +179,8 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
     if args.test is None:
         return Path(folder) if protocol == "holdout" and folder else None
     if args.protocol is not None:
-        raise ArgumentError(
-            describe("--test", "no --protocol beside it", args.protocol, "Leave one of them out.")
+        raise ArgumentError.about(
+            "--test", "no --protocol beside it", args.protocol, "Leave one of them out."
         )
     return args.test
 
@@ -191,13 +188,11 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
 def _train_and_test(n_train: int, n: int) -> list[Fold]:
     """One fold: the first n_train recordings to train on, the others to test on."""
     if not 0 < n_train < n:
-        raise ArgumentError(
-            describe(
-                "--protocol",
-                "labelled recordings to train and to test on",
-                f"{n_train} and {n - n_train}",
-                "Check labels and folder.",
-            )
+        raise ArgumentError.about(
+            "--protocol",
+            "labelled recordings to train and to test on",
+            f"{n_train} and {n - n_train}",
+            "Check labels and folder.",
         )
     return [(list(range(n_train)), list(range(n_train, n)))]
 
@@ -215,17 +210,14 @@ def print_result(console: Console, result: dict) -> None:
     """Tables of recognition, prediction and decision."""
     console.print(
         f"{result['n_demonstrations']} demonstrations of {', '.join(result['tasks'])};"
-        f" errors in {result['unit']}",
-        highlight=False,
+        f" errors in {result['unit']}"
     )
     for kind in ("recognition", "prediction", "prediction_with_start_posture"):
         for phase in PHASES if kind in result else ():
             rows = result[kind][phase]
-            table = Table(title=f"{kind.replace('_', ' ')}, {phase.replace('_', ' ')}")
-            table.add_column("observed")
             names = list(next(iter(rows.values())))
-            for name in names:
-                table.add_column(name.replace("_", " "), justify="right")
+            titles = (f">{name}".replace("_", " ") for name in names)
+            table = boxed_table(f"{kind}, {phase}".replace("_", " "), "observed", *titles)
             for fraction, values in rows.items():
                 cells = [_cell(values[name]) for name in names]
                 table.add_row(f"{float(fraction):.0%}", *cells)
@@ -236,10 +228,8 @@ def print_result(console: Console, result: dict) -> None:
 
 def print_online(console: Console, online: dict) -> None:
     """One table: what the nodes would have done."""
-    table = Table(title="online: onset, filter and decision, as the nodes run them")
-    table.add_column("phase")
-    for name in ONLINE:
-        table.add_column(name.replace("_", " "), justify="right")
+    title = "online: onset, filter and decision, as the nodes run them"
+    table = boxed_table(title, "phase", *(f">{name}".replace("_", " ") for name in ONLINE))
     for phase, row in online.items():
         cells = ["-" if row[name] is None else f"{row[name]:.1%}" for name in ONLINE]
         table.add_row(phase.removesuffix("_phase"), *cells)
@@ -252,19 +242,17 @@ def _print_none(console: Console, none: dict) -> None:
         return
     console.print(
         f"tasks left out in turn: area under the ROC of known against unknown movements"
-        f" {none['area']:.3f}",
-        highlight=False,
+        f" {none['area']:.3f}"
     )
     for kind in ("known", "unknown"):
         console.print(
             f"{kind} movements: {none['n_' + kind]}, above the threshold"
             f" {none['above_threshold_' + kind]:.1%}, recognised {none['recognised_' + kind]:.1%},"
             f" held back by an uncertain end {none['held_back_' + kind]:.1%}, activated"
-            f" {none['activated_' + kind]:.1%}",
-            highlight=False,
+            f" {none['activated_' + kind]:.1%}"
         )
     if none["held_back_known"]:
-        console.print(_why_held_back(none["end_std_known"]), highlight=False)
+        console.print(_why_held_back(none["end_std_known"]))
 
 
 def _why_held_back(end_std: dict) -> str:

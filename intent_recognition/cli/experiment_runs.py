@@ -10,6 +10,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import active_children, get_context
@@ -72,7 +73,7 @@ def run_all(
         return {name: _result(future) for name, future in futures.items()}
 
 
-class _ProgressBars:
+class _ProgressBars(Progress):
     """A bar for each experiment."""
 
     def __init__(self, console: Console, names: Sequence[str]):
@@ -82,44 +83,33 @@ class _ProgressBars:
             TimeElapsedColumn(),
             TextColumn("{task.description}"),
         )
-        self._bars = Progress(*columns, console=console)
+        super().__init__(*columns, console=console)
         self._rows = {
-            name: self._bars.add_task("waiting", total=1.0, name=name, start=False)
-            for name in names
+            name: self.add_task("waiting", total=1.0, name=name, start=False) for name in names
         }
 
-    def __enter__(self) -> "_ProgressBars":
-        self._bars.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bars.stop()
-
-    def update(self, name: str, share: float, what: str) -> None:
+    def show(self, name: str, share: float, what: str) -> None:
         """Show the share of an experiment that is done, and what it does."""
-        self._bars.start_task(self._rows[name])
-        self._bars.update(self._rows[name], completed=share, description=what)
+        self.start_task(self._rows[name])
+        self.update(self._rows[name], completed=share, description=what)
 
     def end(self, name: str, how: str) -> None:
         """Show that an experiment is over."""
-        self._bars.update(self._rows[name], completed=1.0, description=how)
-        self._bars.stop_task(self._rows[name])
+        self.update(self._rows[name], completed=1.0, description=how)
+        self.stop_task(self._rows[name])
 
 
-class _ProgressLines:
+class _ProgressLines(AbstractContextManager):
     """Where no terminal is, a plain line for each step of an experiment, none for a small one."""
 
     def __init__(self, console: Console, names: Sequence[str]):
         self._console, self._shown = console, dict.fromkeys(names, -1.0)
         self._started = time.monotonic()
 
-    def __enter__(self) -> "_ProgressLines":
-        return self
-
     def __exit__(self, *_: object) -> None:
         pass
 
-    def update(self, name: str, share: float, what: str) -> None:
+    def show(self, name: str, share: float, what: str) -> None:
         """Show the share of an experiment that is done, and what it does."""
         if share - self._shown[name] >= LEAST_STEP:
             self._shown[name] = share
@@ -132,7 +122,7 @@ class _ProgressLines:
     def _print(self, name: str, text: str) -> None:
         elapsed_s = time.monotonic() - self._started
         line = f"{elapsed_s:6.0f} s  {name:>12}  {text}"
-        self._console.print(line, markup=False, highlight=False)
+        self._console.print(line, markup=False)
 
 
 def _end(futures: Collection[Future], others: Collection[BaseProcess]) -> None:
@@ -172,7 +162,7 @@ def _show(news: News, shown: "_ProgressBars | _ProgressLines") -> None:
             name, share, what = news.get_nowait()
         except Empty:
             return
-        shown.update(name, share, what)
+        shown.show(name, share, what)
 
 
 def _alone(

@@ -12,19 +12,18 @@ from rich.table import Table
 
 from intent_recognition import __version__
 from intent_recognition.cli.completion import offer
-from intent_recognition.cli.console import busy, escape
+from intent_recognition.cli.console import busy, escape, say
 from intent_recognition.cli.experiment_runs import ExperimentRun, run_all
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     check_output,
     console_beside,
     write_json,
 )
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
 from intent_recognition.experiments.settings import N_SEEDS, Settings
 from intent_recognition.report import ExperimentResult
@@ -94,16 +93,16 @@ def run(args: argparse.Namespace) -> int:
         ResourceBusyError: the report cannot be written.
     """
     console = console_beside(args.json)
-    check_json(args.json)
     if args.list:
         if args.json != PRINTED:
             _print_list(console)
-        write_json(args.json, _list_json())
+        listed = [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
+        write_json(args.json, listed)
         return 0
     check_output("--output", args.output / "report.html")
     if args.bags is not None and not args.bags.is_dir():
         cure = "Check the path, or leave it out for the shipped ones."
-        raise ArgumentError(describe("--bags", "a folder of recordings", args.bags, cure))
+        raise ArgumentError.about("--bags", "a folder of recordings", args.bags, cure)
     entries = chosen(args.names)
     started = time.monotonic()
     settings = Settings(args.seed, args.seeds, args.quick, args.bags)
@@ -117,11 +116,8 @@ def run(args: argparse.Namespace) -> int:
         report = _write(args.output, outcomes, failures, numbers, args.json)
     for name, reason in failures.items():
         sys.stderr.write(f"intent experiments: {name} broke off: {reason}\n")
-    console.print(
-        f"{len(outcomes)} experiments in {time.monotonic() - started:.0f} s, report: {report}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    taken_s = time.monotonic() - started
+    say(console, f"{len(outcomes)} experiments in {taken_s:.0f} s, report: {report}")
     console.file.write(summary_line(outcomes.values()) + "\n")
     return 1 if failures else 0
 
@@ -175,13 +171,9 @@ def _print_list(console: Console) -> None:
     console.print(table)
 
 
-def _list_json() -> list[dict[str, str]]:
-    """Names, sources and summaries, ready for JSON."""
-    return [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
-
-
 def _print_outcome(console: Console, name: str, outcome: ExperimentResult, seconds: float) -> None:
-    console.print(f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)")
+    title = f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)"
+    console.print(title, highlight=True)
     table = Table(box=None, header_style="dim", pad_edge=False)
     for title in ("", "paper", "ours", "met", ""):
         table.add_column(title, overflow="fold")

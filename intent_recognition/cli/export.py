@@ -5,7 +5,7 @@ import argparse
 
 import yaml
 
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.console import make_console, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import check_output
@@ -63,10 +63,6 @@ def run(args: argparse.Namespace) -> int:
     print_left_out(console, rejections)
     print_dropped(console, demonstrations)
     rows = next(iter(columns.values())).size
-    console.print(
-        f"{len(demonstrations)} demonstrations, {rows} rows in {args.output}, map {path}",
-        highlight=False,
-        markup=False,
-        soft_wrap=True,
-    )
+    text = f"{len(demonstrations)} demonstrations, {rows} rows in {args.output}, map {path}"
+    say(console, text)
     return 0

@@ -5,15 +5,14 @@ import argparse
 from pathlib import Path
 
 import yaml
-from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape, make_console, plain_table
+from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import BagError, ResourceBusyError, describe
+from intent_recognition.errors import BagError, ResourceBusyError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import (
     ImportedDemonstration,
@@ -79,11 +78,11 @@ def run(args: argparse.Namespace) -> int:
     if not count:
         reasons = "; ".join(str(one) for one in left_out[:3]) or "no demonstration"
         cure = "Correct the map."
-        raise BagError(describe(str(args.source), "demonstrations", reasons, cure))
+        raise BagError.about(str(args.source), "demonstrations", reasons, cure)
     _write_dofs(args.output / DOFS, mapping.dofs)
     console.print(table)
     print_left_out(console, left_out)
-    _print(console, f"{count} demonstrations in {args.output}, DOF file {args.output / DOFS}")
+    say(console, f"{count} demonstrations in {args.output}, DOF file {args.output / DOFS}")
     return 0
 
 
@@ -97,9 +96,5 @@ def _write_dofs(path: Path, dofs: DofSpec) -> None:
     text = yaml.safe_dump(dofs.to_dict(), sort_keys=False, allow_unicode=True, width=100)
     if path.is_file() and path.read_text(encoding="utf-8") != text:
         cure = "Import into another folder."
-        raise ResourceBusyError(describe(str(path), "the same DOF file", "another one", cure))
+        raise ResourceBusyError.about(str(path), "the same DOF file", "another one", cure)
     path.write_text(text, encoding="utf-8")
-
-
-def _print(console: Console, text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)

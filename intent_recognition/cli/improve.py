@@ -7,22 +7,22 @@ from os.path import relpath
 
 from rich.console import Console
 
-from intent_recognition.cli.console import print_facts, progress_bar
+from intent_recognition.cli.console import print_facts, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.improve_subjects import (
     PRACTICE_FOLDER,
     SKILL,
     THUMBS,
-    Subject,
+    Pouring,
+    TaskOfFolder,
     is_pouring,
     subject_of,
     undo,
 )
-from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.options import XYZ, Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
@@ -91,17 +91,15 @@ def _add_task_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--beside",
         type=number(float),
-        nargs=3,
-        metavar=("X", "Y", "Z"),
+        **XYZ,
         help="where the robot's hand must be, from where the person's comes to rest, in m along"
         " the axes of the arm's base (default: where the demonstrations had it)",
     )
     group.add_argument(
         "--moved",
         type=number(float),
-        nargs=3,
         default=(0.0, 0.0, 0.0),
-        metavar=("X", "Y", "Z"),
+        **XYZ,
         help="and how far from there, likewise",
     )
     group.add_argument(
@@ -152,10 +150,9 @@ def run(args: argparse.Namespace) -> int:
         ModelError: there is nothing to accept or to take back.
         ResourceBusyError: the folder holds another practice.
     """
-    check_json(args.json)
     console = console_beside(args.json)
     if args.undo:
-        _say(args, console, "undone", undo(args, console))
+        _tell(args, console, "undone", undo(args, console))
         return 0
     with subject_of(args, console) as subject:
         known = subject.practice.costs
@@ -163,17 +160,17 @@ def run(args: argparse.Namespace) -> int:
         cost = Cost(THUMBS, _thumb) if asked == THUMBS else load_cost(asked, known)
         session = subject.session(cost)
         if args.accept:
-            _say(args, console, "accepted", subject.accept(session))
+            _tell(args, console, "accepted", subject.accept(session))
             return 0
         _practise(session, args.rollouts, console)
         _report(args, session, subject, cost, console)
     return 0
 
 
-def _say(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
+def _tell(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
     """Print what was accepted or undone, and write it."""
     if args.json != PRINTED:
-        console.print(said, highlight=False, markup=False, soft_wrap=True)
+        say(console, said)
     write_json(args.json, {what: said})
 
 
@@ -202,7 +199,7 @@ def _practise_until(session: PracticeSession, rollouts: int, console: Console) -
 def _report(
     args: argparse.Namespace,
     session: PracticeSession,
-    subject: Subject,
+    subject: Pouring | TaskOfFolder,
     cost: Cost,
     console: Console,
 ) -> None:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -17,7 +17,7 @@ from intent_recognition.cli.teach import DEFAULT_LIBRARY, HANDED_OVER_S, teacher
 from intent_recognition.cli.undo import FOUND_S
 from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.durable import copy
-from intent_recognition.errors import ArgumentError, ModelError, describe
+from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.improvement import Cost, CovarianceSearch, Practice, PracticeSession
 from intent_recognition.kinematics import read_urdf
 from intent_recognition.model import (
@@ -42,30 +42,8 @@ START, SKILL, BEFORE = "start.npz", "skill.npz", "skill.before.npz"
 PRACTICE_FOLDER = Path("practice")
 
 
-class Subject(Protocol):
-    """What is practised, and what becomes of it."""
-
-    @property
-    def practice(self) -> Practice:
-        """What can be executed."""
-
-    def session(self, cost: Cost) -> PracticeSession:
-        """The folder of practice, from where it was left.
-
-        Raises:
-            ResourceBusyError: it holds another practice.
-        """
-
-    def accept(self, session: PracticeSession) -> str:
-        """Take over what it came to; says what that is.
-
-        Raises:
-            ModelError: there is nothing to take over.
-        """
-
-
 @contextmanager
-def subject_of(args: argparse.Namespace, console: Console) -> Iterator[Subject]:
+def subject_of(args: argparse.Namespace, console: Console) -> "Iterator[Pouring | TaskOfFolder]":
     """What the arguments name.
 
     Raises:
@@ -77,9 +55,9 @@ def subject_of(args: argparse.Namespace, console: Console) -> Iterator[Subject]:
 
         skill = _skill(args)
         with PouringPractice(skill, args.cup, args.into, args.wanted) as practice:
-            yield _Pouring(args, practice)
+            yield Pouring(args, practice)
     else:
-        yield _Task(args, console)
+        yield TaskOfFolder(args, console)
 
 
 def is_pouring(args: argparse.Namespace) -> bool:
@@ -104,7 +82,7 @@ def undo(args: argparse.Namespace, console: Console) -> str:
 def _undo_pouring(folder: Path) -> str:
     if not (folder / SKILL).exists():
         cure = "Accept first, or name the folder with --output."
-        raise ModelError(describe(str(folder), "an accepted skill", "none", cure))
+        raise ModelError.about(str(folder), "an accepted skill", "none", cure)
     if (folder / BEFORE).exists():
         (folder / BEFORE).replace(folder / SKILL)
         return f"{folder}: the skill accepted before is back"
@@ -112,7 +90,7 @@ def _undo_pouring(folder: Path) -> str:
     return f"{folder}: nothing is accepted now"
 
 
-class _Pouring:
+class Pouring:
     """A skill of pouring, which is a file in the folder of practice."""
 
     def __init__(self, args: argparse.Namespace, practice: "PouringPractice") -> None:
@@ -120,6 +98,11 @@ class _Pouring:
         self._folder = args.output or PRACTICE_FOLDER
 
     def session(self, cost: Cost) -> PracticeSession:
+        """The folder of practice, from where it was left.
+
+        Raises:
+            ResourceBusyError: it holds another practice.
+        """
         args, practice = self._args, self.practice
         about = {"task": POURING, "cup": args.cup, "second": args.into}
         about |= {"wanted": args.wanted, "seed": args.seed, "short": args.short}
@@ -130,6 +113,11 @@ class _Pouring:
         return session
 
     def accept(self, session: PracticeSession) -> str:
+        """Take over what it came to; says what that is.
+
+        Raises:
+            ModelError: there is nothing to take over.
+        """
         weights, skill = session.settled(), self._folder / SKILL
         if skill.exists():
             if np.array_equal(load_pouring_skill(skill).primitive.mean, weights):
@@ -139,13 +127,13 @@ class _Pouring:
         return f"accepted: {skill}"
 
 
-class _Task:
+class TaskOfFolder:
     """A task of a folder of tasks, where it becomes a version of the model."""
 
     def __init__(self, args: argparse.Namespace, console: Console) -> None:
         if args.output is not None:
             cure = "Leave --output out: practice of a task is kept in its library."
-            raise ArgumentError(describe("--output", "nothing with a task", args.output, cure))
+            raise ArgumentError.about("--output", "nothing with a task", args.output, cure)
         self._args, self._console = args, console
 
     @cached_property
@@ -165,12 +153,15 @@ class _Task:
 
     @property
     def practice(self) -> Practice:
+        """What can be executed."""
         return self._practised.practice
 
     def session(self, cost: Cost) -> PracticeSession:
+        """The practice that goes on with this cost and seed, or a new one."""
         return self._practised.session(cost, self._args.seed)
 
     def accept(self, session: PracticeSession) -> str:
+        """As of `Pouring`."""
         practised = self._practised
         return _changed(
             self._args,
@@ -191,7 +182,7 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
     present = path / "model.npz"
     if not present.exists() and args.model is None:
         cure = "Name the folder with --library, or a model to begin one with --model."
-        raise ModelError(describe(str(path), "a folder of tasks with a model", "none", cure))
+        raise ModelError.about(str(path), "a folder of tasks with a model", "none", cure)
     model = present if present.exists() else args.model
     load_trained(model)  # one that holds no statistics is refused before anything is made
     folder = TaskFolder(path, load_model(model).dofs, now)
@@ -227,7 +218,7 @@ def _skill(args: argparse.Namespace) -> "PouringSkill":
     if args.start is not None and args.start.is_file():
         if args.short:
             cure = "Give a folder of demonstrations to --start, or leave --short out."
-            raise ArgumentError(describe("--short", "demonstrations to move", args.start, cure))
+            raise ArgumentError.about("--short", "demonstrations to move", args.start, cure)
         return load_pouring_skill(args.start)
     bags = args.start or share_path("bags/pouring/train")
     if args.short:

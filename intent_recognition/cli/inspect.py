@@ -3,30 +3,40 @@
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import busy, escape, make_console, plain_table, print_facts
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
-from intent_recognition.cli.inspect_streams import print_faults, stream_faults
-from intent_recognition.cli.inspect_tasks import print_tasks, skills_of, tasks_json
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
+from intent_recognition.cli.rejections import print_doubtful
 from intent_recognition.demonstrations import (
     BagSummary,
     DofSpec,
     find_bags,
     inspect_bag,
+    inspect_streams,
     load_dofs,
     settle_orientations,
 )
-from intent_recognition.errors import BagError, describe
-from intent_recognition.model import is_task_folder, load_model
+from intent_recognition.errors import BagError
+from intent_recognition.model import (
+    SKILL_COLUMNS,
+    Executions,
+    SkillPeriod,
+    is_task_folder,
+    load_model,
+    now,
+    read_history,
+    skill_history,
+)
+from intent_recognition.signals import Rejection, StreamFinding, stream_doubts
 
 CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
@@ -88,9 +98,10 @@ def run(args: argparse.Namespace) -> int:
     for path, model in zip(models, loaded, strict=True):
         print_model(console, path, model)
     for path in folders:
-        skills = skills_of(path)
-        content.append(tasks_json(path, skills))
-        print_tasks(console, path, skills)
+        skills = skill_history(read_history(path), Executions(path, now).all())
+        tasks = {label: [one._asdict() for one in periods] for label, periods in skills.items()}
+        content.append({"path": str(path), "tasks": tasks})
+        _print_tasks(console, path, skills)
     failed = False
     is_one = len(bags) == 1 and bags == sources
     if is_one:
@@ -108,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
 def _bags_of(source: Path) -> list[Path]:
     bags = find_bags(source)
     if not bags:
-        raise BagError(describe(str(source), "recordings", "none in this folder", CURE))
+        raise BagError.about(str(source), "recordings", "none in this folder", CURE)
     return bags
 
 
@@ -116,9 +127,9 @@ def _inspect_one(console: Console, path: Path, dofs: DofSpec | None) -> object:
     """Print one recording, and return it for JSON."""
     with busy(Console(stderr=True), "reading"):
         summary = inspect_bag(path)
-        faults = stream_faults([(path, summary)], path.parent, dofs)
+        faults = _stream_faults([(path, summary)], path.parent, dofs)
     print_bag(console, summary)
-    print_faults(console, faults)
+    _print_faults(console, faults)
     return bag_json(summary) | {"streams": [f.reason for f in faults[path]]}
 
 
@@ -135,9 +146,9 @@ def _inspect_several(
             found.append((bag, inspect_bag(bag)))
         except BagError as error:
             found.append((bag, error))
-    faults = stream_faults(found, root, dofs)
+    faults = _stream_faults(found, root, dofs)
     print_folder(console, root, found)
-    print_faults(console, faults)
+    _print_faults(console, faults)
     listed: list[object] = [
         bag_json(got) | {"streams": [f.reason for f in faults[bag]]}
         if isinstance(got, BagSummary)
@@ -145,3 +156,52 @@ def _inspect_several(
         for bag, got in found
     ]
     return listed, any(isinstance(got, BagError) for _, got in found)
+
+
+def _stream_faults(
+    bags: Sequence[tuple[Path, BagSummary | BagError]], root: Path, dofs: DofSpec | None
+) -> dict[Path, list[StreamFinding]]:
+    """What is wrong, or may be, between the streams of each bag.
+
+    Damaged bags, of which more cannot be told, have nothing listed.
+    """
+    faults: dict[Path, list[StreamFinding]] = {path: [] for path, _ in bags}
+    correlations, owners = [], []
+    for path, summary in bags:
+        if isinstance(summary, BagError) or summary.damage or summary.unfinished:
+            continue
+        name = str(path.relative_to(root))
+        for index, found in enumerate(inspect_streams(path, dofs)):
+            part = f"{name}#{index:03d}" if summary.demonstrations else name
+            if isinstance(found, Rejection):
+                faults[path].append(StreamFinding(part, found.reason))
+            else:
+                correlations.append(found._replace(name=part))
+                owners.append(path)
+    owner = {one.name: path for one, path in zip(correlations, owners, strict=True)}
+    for doubt in stream_doubts(correlations):
+        faults[owner[doubt.name]].append(doubt)
+    return faults
+
+
+def _print_faults(console: Console, faults: Mapping[Path, Sequence[StreamFinding]]) -> None:
+    print_doubtful(console, [fault for found in faults.values() for fault in found])
+
+
+def _print_tasks(console: Console, path: Path, skills: dict[str, list[SkillPeriod]]) -> None:
+    """A row for each change of each task, with what became of the executions since."""
+    n = sum(one.n_executions for periods in skills.values() for one in periods)
+    print_facts(console, {"tasks": str(path), "executions": str(n)})
+    table = plain_table(
+        "task", "since", "change", ">demonstrations", *(f">{name}" for name in SKILL_COLUMNS)
+    )
+    for label, periods in skills.items():
+        for k, one in enumerate(periods):
+            table.add_row(
+                escape(label) if k == 0 else "",
+                one.since[:16].replace("T", " "),
+                escape(one.what),
+                str(one.n_demonstrations) if one.since else "-",
+                *one.texts(),
+            )
+    console.print(table)

@@ -58,9 +58,9 @@ def print_bag(console: Console, summary: BagSummary) -> None:
         _print_gaps(console, topic, summary.start_ns)
     _print_session(console, summary)
     for damage in summary.damage:
-        console.print(escape(damage_line(damage)), style="red", highlight=False)
+        console.print(escape(damage_line(damage)), style="red")
     for note in summary.notes:
-        console.print(f"note: {escape(note)}", style="yellow", highlight=False)
+        console.print(f"note: {escape(note)}", style="yellow")
 
 
 def print_folder(
@@ -89,7 +89,7 @@ def print_folder(
         )
     console.print(table)
     counts = ", ".join(f"{task} {count}" for task, count in sorted(tasks.items()))
-    console.print(f"{len(found)} bags: {escape(counts)}", highlight=False)
+    console.print(f"{len(found)} bags: {escape(counts)}")
 
 
 def problems(topic: TopicSummary) -> str:
@@ -124,7 +124,7 @@ def _print_gaps(console: Console, topic: TopicSummary, start_ns: int) -> None:
         for stamp_ns, length in topic.gaps[:GAPS_SHOWN]
     )
     more = f", and {len(topic.gaps) - GAPS_SHOWN} more" if len(topic.gaps) > GAPS_SHOWN else ""
-    console.print(f"gaps in {escape(topic.name)}: {shown}{more}", style="yellow", highlight=False)
+    console.print(f"gaps in {escape(topic.name)}: {shown}{more}", style="yellow")
 
 
 def _print_session(console: Console, summary: BagSummary) -> None:
@@ -139,4 +139,4 @@ def _print_session(console: Console, summary: BagSummary) -> None:
             )
         console.print(table)
     for rejection in summary.unfinished:
-        console.print(f"left out: {escape(rejection.reason)}", style="yellow", highlight=False)
+        console.print(f"left out: {escape(rejection.reason)}", style="yellow")

@@ -116,7 +116,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     if bags:
         more = f", and {len(bags) - BAGS_SHOWN} more" if len(bags) > BAGS_SHOWN else ""
         shown = ", ".join(bags[:BAGS_SHOWN])
-        console.print(f"from {len(bags)} bags: {escape(shown)}{more}", highlight=False)
+        console.print(f"from {len(bags)} bags: {escape(shown)}{more}")
 
 
 def _ends(std: Mapping[str, float]) -> str:

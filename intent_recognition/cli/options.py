@@ -7,11 +7,13 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Number = TypeVar("Number", int, float)
 
+XYZ: dict[str, Any] = {"nargs": 3, "metavar": ("X", "Y", "Z")}
+"""Of an option that takes a point or a way."""
 PART = r"[A-Za-z_{][\w{}]*"
 NAME = rf"(?:~/|/)?{PART}(?:/{PART})*"
 """A name of ROS 2: relative, absolute or private; parts of it may be substitutions in braces."""

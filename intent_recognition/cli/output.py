@@ -12,7 +12,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.options import a_path
-from intent_recognition.errors import ArgumentError, ResourceBusyError, describe
+from intent_recognition.errors import ArgumentError, ResourceBusyError
 
 PRINTED = Path("-")
 """The value of `--json` without OUT: standard output."""
@@ -31,9 +31,15 @@ def add_json_option(group: argparse._ActionsContainer, what: str) -> None:
     )
 
 
-def console_beside(json_path: Path | None) -> Console:
-    """The console for all else: standard error where JSON has standard output to itself."""
-    return Console(stderr=True) if json_path == PRINTED else make_console()
+def console_beside(
+    json_path: Path | None, others: Mapping[str, Path | None] | None = None
+) -> Console:
+    """The console for all else: standard error where JSON has standard output to itself.
+
+    `--json` is checked before; arguments and errors as of `check_json`.
+    """
+    check_json(json_path, others)
+    return Console(stderr=True, highlight=False) if json_path == PRINTED else make_console()
 
 
 def check_json(path: Path | None, others: Mapping[str, Path | None] | None = None) -> None:
@@ -52,13 +58,13 @@ def check_json(path: Path | None, others: Mapping[str, Path | None] | None = Non
     check_output("--json", path)
     for option, other in (others or {}).items():
         if other is not None and other.resolve() == path.resolve():
-            raise ArgumentError(
-                describe(f"--json {path}", f"another file than {option}", "the same", "Rename one.")
+            raise ArgumentError.about(
+                f"--json {path}", f"another file than {option}", "the same", "Rename one."
             )
     if path.is_file() and path.suffix != ".json":
         cure = "Write `--json` last, or choose another OUT."
         expected = "a new file, or one that ends in .json"
-        raise ResourceBusyError(describe(f"--json {path}", expected, "an existing file", cure))
+        raise ResourceBusyError.about(f"--json {path}", expected, "an existing file", cure)
 
 
 def check_output(option: str, path: Path | None) -> None:
@@ -78,8 +84,8 @@ def check_output(option: str, path: Path | None) -> None:
     elif not os.access(folder, os.W_OK):
         problem = f"{folder}, which is write-protected"
     if problem:
-        raise ResourceBusyError(
-            describe(f"{option} {path}", "a file that can be written", problem, "Choose another.")
+        raise ResourceBusyError.about(
+            f"{option} {path}", "a file that can be written", problem, "Choose another."
         )
 
 
@@ -105,8 +111,8 @@ def write_json(path: Path | None, content: object, indent: int | None = 2) -> No
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ResourceBusyError(
-            describe(f"--json {path}", "a file that can be written", error, "Choose another.")
+        raise ResourceBusyError.about(
+            f"--json {path}", "a file that can be written", error, "Choose another."
         ) from error
 
 

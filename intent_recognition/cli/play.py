@@ -4,9 +4,10 @@
 import argparse
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import TextColumn
 
 from intent_recognition.bags import BagReader
+from intent_recognition.cli.console import bar_with
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import (
     Subparsers,
@@ -75,20 +76,17 @@ def run(args: argparse.Namespace) -> int:
         BagError: there is no recording at this path.
     """
     BagReader(args.bag, tolerant=True)
-    from rclpy.clock import Clock, ClockType
-
     from intent_recognition.nodes.bag_player import BagPlayer
     from intent_recognition.nodes.runtime import run as run_node
+    from intent_recognition.nodes.runtime import steady_timer
 
     stderr = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(SECONDS))
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+    with bar_with(stderr, TextColumn(SECONDS)) as bar:
         task = bar.add_task("playing", total=None)
 
         def bag_player() -> BagPlayer:
             node = BagPlayer()
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            node.create_timer(SHOWN_EVERY_S, lambda: show(node), clock=steady)
+            steady_timer(node, SHOWN_EVERY_S, lambda: show(node))
             return node
 
         def show(node: BagPlayer) -> None:

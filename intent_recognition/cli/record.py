@@ -11,7 +11,7 @@ from intent_recognition.cli.options import (
     node_arguments,
     topic_name,
 )
-from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.errors import ResourceBusyError
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     """
     if args.output.exists():
         cure = "Choose another; existing recordings are never overwritten."
-        raise ResourceBusyError(describe("--output", "a new directory", str(args.output), cure))
+        raise ResourceBusyError.about("--output", "a new directory", str(args.output), cure)
     from intent_recognition.nodes.bag_recorder import main
 
     return main(node_arguments(args, parameters(args)))

@@ -12,7 +12,7 @@ from intent_recognition import __version__
 from intent_recognition.cli.console import progress_bar
 from intent_recognition.cli.options import a_path, number
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.learning import SEGMENTATIONS, Preprocessing, TrainingSettings
 from intent_recognition.model import FRAMES, Frames, FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.signals import Demonstration, Rejection
@@ -122,13 +122,11 @@ def nothing_read(rejections: Sequence[Rejection]) -> BagError:
     kinds = list(alike.values())[:MOST_KINDS]
     others = [f", and {len(kind) - 1} alike" if len(kind) > 1 else "" for kind in kinds]
     reasons = "; ".join(f"{kind[0]}{more}" for kind, more in zip(kinds, others, strict=True))
-    return BagError(
-        describe(
-            "BAG",
-            "recordings with the topics of the DOF file",
-            reasons or "nothing found",
-            "Check path and DOFs.",
-        )
+    return BagError.about(
+        "BAG",
+        "recordings with the topics of the DOF file",
+        reasons or "nothing found",
+        "Check path and DOFs.",
     )
 
 

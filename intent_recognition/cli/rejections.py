@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rich.console import Console
 
+from intent_recognition.cli.console import say
 from intent_recognition.model import Frames, FromBags, mixed_frames
 from intent_recognition.signals import Demonstration, stream_doubts
 
@@ -38,7 +39,7 @@ def print_mixed_frames(console: Console, frames: Frames) -> None:
 
 def _print_lines(console: Console, lines: Sequence[str]) -> None:
     for text in lines:
-        console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+        say(console, text, "yellow")
 
 
 def all_left_out(found: FromBags) -> tuple[tuple[str, str], ...]:
@@ -69,4 +70,4 @@ def print_dropped_counts(console: Console, total: Mapping[str, int]) -> None:
     """Print counts of dropped messages by reason."""
     if total:
         parts = ", ".join(f"{count} {reason}" for reason, count in sorted(total.items()))
-        console.print(f"messages dropped: {parts}", style="yellow", highlight=False)
+        console.print(f"messages dropped: {parts}", style="yellow")

@@ -5,20 +5,18 @@ import argparse
 from collections import Counter
 
 from rich.console import Console
-from rich.table import Table
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import escape, progress_bar
+from intent_recognition.cli.console import boxed_table, progress_bar
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
@@ -54,7 +52,6 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay one recording."""
     console = console_beside(args.json)
-    check_json(args.json)
     model = load_model(args.model)
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()
@@ -67,32 +64,29 @@ def run(args: argparse.Namespace) -> int:
         rows = list(bar.track(steps, total=total, description="replaying"))
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
     if not rows:
-        raise BagError(
-            describe(
-                str(args.bag),
-                f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
-                f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
-                "Replay a recording with the topics of the model's DOF file, in the frame that"
-                " `intent inspect` shows for the model.",
-            )
+        raise BagError.about(
+            str(args.bag),
+            f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
+            f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
+            "Replay a recording with the topics of the model's DOF file, in the frame that"
+            " `intent inspect` shows for the model.",
         )
     write_json(args.json, rows, indent=None)
     if args.json != PRINTED:
         print_rows(console, model.library, rows)
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):
-        console.print(f"not activated: {reason}", style="yellow", highlight=False)
+        console.print(f"not activated: {reason}", style="yellow")
     if dropped:
-        console.print(f"messages dropped: {dropped}", style="yellow", highlight=False)
+        console.print(f"messages dropped: {dropped}", style="yellow")
     return 0
 
 
 def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None:
     """About twenty lines of the posterior over time."""
     labels = (*library.labels, NONE)
-    table = Table(title=f"{len(rows)} observations")
-    for column in ("time [s]", *labels, "phase", "active"):
-        table.add_column(escape(column), justify="right")
+    titles = (f">{column}" for column in ("time [s]", *labels, "phase", "active"))
+    table = boxed_table(f"{len(rows)} observations", *titles)
     for row in rows[:: max(1, len(rows) // PRINTED_ROWS)]:
         best = max(row["probabilities"], key=row["probabilities"].get)
         table.add_row(

@@ -6,18 +6,17 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import busy, escape, plain_table
+from intent_recognition.cli.console import busy, escape, plain_table, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     console_beside,
     write_json,
 )
 from intent_recognition.demonstrations import load_dofs, settle_orientations
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import (
     Segment,
     propose_segments,
@@ -79,10 +78,9 @@ def run(args: argparse.Namespace) -> int:
         ResourceBusyError: a bag of that name exists already.
     """
     console = console_beside(args.json)
-    check_json(args.json)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."
-        raise ArgumentError(describe("--dofs", "no --model beside it", args.model, cure))
+        raise ArgumentError.about("--dofs", "no --model beside it", args.model, cure)
     with busy(console, "segmenting"):
         if args.model:
             model = load_model(args.model)
@@ -97,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     write_json(args.json, content)
     if args.json != PRINTED:
         _print(console, segments, bags)
-    console.print(f"{len(bags)} demonstrations in {args.output}", highlight=False, soft_wrap=True)
+    say(console, f"{len(bags)} demonstrations in {args.output}")
     return 0
 
 

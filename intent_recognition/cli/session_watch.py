@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from intent_recognition.errors import IntentError, describe
+from intent_recognition.errors import IntentError
 from intent_recognition.interrupts import Noted
 
 if TYPE_CHECKING:
@@ -55,10 +55,8 @@ class Heartbeats:
         for name in names:
             if self._silent_s.get(name, 0.0) > HUNG_S:
                 got = f"none for {HUNG_S:.0f} s"
-                raise IntentError(
-                    describe(
-                        f"node {name}", "reports on /diagnostics", got, "It hangs; see its log."
-                    )
+                raise IntentError.about(
+                    f"node {name}", "reports on /diagnostics", got, "It hangs; see its log."
                 )
 
 
@@ -97,8 +95,8 @@ class NodeWatch:
         end_s = time.monotonic() + deadline_s
         while not condition():
             if time.monotonic() > end_s:
-                raise IntentError(
-                    describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
+                raise IntentError.about(
+                    what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs."
                 )
             self._step()
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import (
     Subparsers,
@@ -22,7 +22,7 @@ from intent_recognition.cli.options import (
     node_arguments,
     number,
 )
-from intent_recognition.errors import BagError, IntentError, describe
+from intent_recognition.errors import BagError, IntentError
 
 if TYPE_CHECKING:
     from intent_recognition.nodes.task_teacher import TaskTeacher
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     with teacher_node(args, task=args.task) as (teacher, spin):
         with busy(console, "waiting for the topics"):
             _wait_for_topics(teacher, spin)
-        console.print(f"library {teacher.folder.path}", highlight=False, soft_wrap=True)
+        say(console, f"library {teacher.folder.path}")
         learned = _teach(args, teacher, spin, console)
     return 0 if learned else 1
 
@@ -115,9 +115,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
 
     What it would log the command prints.
     """
-    import rclpy
-
-    from intent_recognition.nodes.runtime import end, make_executor, spin_until
+    from intent_recognition.nodes.runtime import spin_until, spinning
     from intent_recognition.nodes.task_teacher import TaskTeacher
 
     chosen: dict[str, object] = {
@@ -127,23 +125,15 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
     }
     chosen |= {k: str(v.absolute()) for k in ("model", "dofs") if (v := getattr(args, k))}
     words = [*node_arguments(args, chosen), "--log-level", "warn"]
-    rclpy.init(args=words, signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    executor = node = None
-    try:
-        executor = make_executor()
-        node = TaskTeacher()
-        executor.add_node(node)
+    with spinning(TaskTeacher, words) as (node, executor):
         yield node, partial(spin_until, executor)
-    finally:
-        end(node, executor)
-        rclpy.try_shutdown()
 
 
 def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> None:
     """Wait until a running estimator uses the model, and print how it went."""
     with busy(console, "sending the model"):
         spin(lambda: not teacher.sending_model, HANDED_OVER_S)
-    console.print(teacher.last_status or what, highlight=False, markup=False, soft_wrap=True)
+    say(console, teacher.last_status or what)
 
 
 def _wait_for_topics(teacher: "TaskTeacher", spin: Spin) -> None:
@@ -152,7 +142,7 @@ def _wait_for_topics(teacher: "TaskTeacher", spin: Spin) -> None:
         return
     silent = sorted(set(wanted) - set(teacher.listening))
     cure = "Start the tracker and the arm, or remap the topics."
-    raise BagError(describe("topics", f"publishers of {', '.join(silent)}", "none", cure))
+    raise BagError.about("topics", f"publishers of {', '.join(silent)}", "none", cure)
 
 
 def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console: Console) -> int:
@@ -168,13 +158,13 @@ def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console
             with busy(console, f"recording {args.task} for {args.seconds:g} s"):
                 spin(lambda: False, args.seconds)
         elif not _asked(lines, spin, console, f"recording; Enter: done, {QUIT}: throw away"):
-            console.print(teacher.discard(), highlight=False, soft_wrap=True)
+            say(console, teacher.discard())
             continue
         try:
             with busy(console, "learning"):
                 what = teacher.stop()
         except IntentError as error:
-            console.print(str(error), style="yellow", highlight=False, soft_wrap=True)
+            say(console, error, "yellow")
             continue
         learned += 1
         wait_until_used(teacher, spin, console, what)
@@ -185,7 +175,7 @@ def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console
 
 def _asked(lines: "_InputLines", spin: Spin, console: Console, question: str) -> bool:
     """Ask and wait for a line; False where it is to quit, or at the end of the input."""
-    console.print(question, highlight=False)
+    console.print(question)
     spin(lambda: lines.ready, float("inf"))
     return lines.take() not in (QUIT, None)
 

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape
+from intent_recognition.cli.console import boxed_table, busy, escape
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
-    check_json,
     check_output,
     console_beside,
     write_json,
@@ -82,9 +80,8 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
-    console = console_beside(args.json)
     check_output("--output", args.output)
-    check_json(args.json, {"--output": args.output})
+    console = console_beside(args.json, {"--output": args.output})
     settings = training_settings(args)
     wanted = n_components(args)
     check_adding(args)
@@ -110,7 +107,7 @@ def finish(args: argparse.Namespace, model: Model, report: TrainingReport, conso
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
     write_json(args.json, report_json(model, report) | {"output": str(args.output)})
-    console.print(f"wrote {args.output}", highlight=False)
+    console.print(f"wrote {args.output}")
     return 0
 
 
@@ -164,9 +161,8 @@ def train(
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:
     """A table of the tasks and one line on the regularisation."""
-    table = Table(title=f"learned from {report.n_used} demonstrations")
-    for column in ("task", "demonstrations", "duration [s]", "std of duration"):
-        table.add_column(escape(column), justify="left" if column == "task" else "right")
+    titles = ("task", ">demonstrations", ">duration [s]", ">std of duration")
+    table = boxed_table(f"learned from {report.n_used} demonstrations", *titles)
     for index, label in enumerate(library.labels):
         table.add_row(
             escape(label),
@@ -180,6 +176,5 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     console.print(
         f"chosen on demonstrations left out, of {len(report.tried)}: {kind}, noise variance x"
         f" {chosen.noise_scale:g} (log loss {chosen.log_loss:.3f}, error {chosen.error:.3f} of the"
-        f" variance)",
-        highlight=False,
+        f" variance)"
     )

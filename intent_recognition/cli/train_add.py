@@ -12,7 +12,7 @@ from intent_recognition.cli.options import a_path
 from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
 from intent_recognition.cli.rejections import all_left_out, print_found
 from intent_recognition.demonstrations import load_dofs
-from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning import (
     Accumulated,
     Trained,
@@ -49,7 +49,7 @@ def check_adding(args: argparse.Namespace) -> None:
     """
     if args.choose_again and args.add is None:
         cure = "Leave it out: training anew always chooses."
-        raise ArgumentError(describe("--choose-again", "--add beside it", "no model", cure))
+        raise ArgumentError.about("--choose-again", "--add beside it", "no model", cure)
 
 
 def add_to_model(
@@ -75,8 +75,8 @@ def add_to_model(
     accumulated = found.accumulated
     if not accumulated.n_used:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in accumulated.rejected[:3])
-        raise TrainingError(
-            describe("BAG", "a demonstration that can be added", reasons, "Check the labels.")
+        raise TrainingError.about(
+            "BAG", "a demonstration that can be added", reasons, "Check the labels."
         )
     with busy(console, "adding"):
         more = add_statistics(trained, accumulated.tasks, accumulated.used)
@@ -107,6 +107,6 @@ def _check_settings(path: Path, given: TrainingSettings, kept: TrainingSettings)
     for option, name in (("--basis", "n_basis"), ("--segment", "segmentation")):
         value, ours = getattr(given, name), getattr(kept, name)
         if value not in (ours, getattr(DEFAULTS, name)):
-            raise ArgumentError(
-                describe(option, f"{ours}, as in {path}", value, "Leave it out, or train anew.")
+            raise ArgumentError.about(
+                option, f"{ours}, as in {path}", value, "Leave it out, or train anew."
             )

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
+from intent_recognition.cli.console import boxed_table
 from intent_recognition.cli.options import a_path
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.learning import count_transitions, smoothed_transitions
 from intent_recognition.model import Model
 from intent_recognition.promp import TaskLibrary
@@ -47,13 +47,11 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
     counts = count_transitions([sequence.tasks for sequence in sequences], library.labels)
     if not counts.sum():
         seen = sorted({task for sequence in sequences for task in sequence.tasks})
-        raise BagError(
-            describe(
-                "--sessions",
-                f"recordings in which {', '.join(library.labels)} follow one another",
-                f"labels {', '.join(seen)}" if seen else f"{len(rejections)} bags without labels",
-                "Give session bags with `demonstration` or `intent/active_task` labels.",
-            )
+        raise BagError.about(
+            "--sessions",
+            f"recordings in which {', '.join(library.labels)} follow one another",
+            f"labels {', '.join(seen)}" if seen else f"{len(rejections)} bags without labels",
+            "Give session bags with `demonstration` or `intent/active_task` labels.",
         )
     names = [Path(sequence.source).name for sequence in sequences]
     provenance = {
@@ -71,10 +69,8 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
 
 def print_transitions(console: Console, library: TaskLibrary, n_seen: int) -> None:
     """A table of p(next | last)."""
-    table = Table(title=f"which task follows which, from {n_seen} tasks in sessions")
-    table.add_column("after")
-    for label in library.labels:
-        table.add_column(label, justify="right")
+    title = f"which task follows which, from {n_seen} tasks in sessions"
+    table = boxed_table(title, "after", *(f">{label}" for label in library.labels))
     for label, row in zip((*library.labels, "no task"), library.transition_prior, strict=True):
         table.add_row(label, *(f"{p:.2f}" for p in row))
     console.print(table)

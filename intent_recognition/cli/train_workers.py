@@ -12,7 +12,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from intent_recognition.cli.options import number
-from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
+from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
 
@@ -56,7 +56,7 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
         IntentError: a worker or the scheduler died.
     """
     if jobs < 1:
-        raise ArgumentError(describe("--jobs", "one process or more", jobs, "Try 2."))
+        raise ArgumentError.about("--jobs", "one process or more", jobs, "Try 2.")
     if scheduler is not None:
         with _dask(scheduler) as run:
             yield run
@@ -79,8 +79,8 @@ def _processes(jobs: int) -> Iterator[Run]:
     try:
         yield partial(_in_order, submit, AHEAD * jobs)
     except BrokenProcessPool as error:
-        raise IntentError(
-            describe("--jobs", "processes that run to their end", error, "Try fewer of them.")
+        raise IntentError.about(
+            "--jobs", "processes that run to their end", error, "Try fewer of them."
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
@@ -92,46 +92,38 @@ def _dask(scheduler: str) -> Iterator[Run]:
         from distributed import Client, KilledWorker
         from distributed.comm import CommClosedError
     except ImportError as error:
-        raise ArgumentError(
-            describe(
-                "--scheduler",
-                "the package `distributed`",
-                "no such package",
-                "Install it with `pip install distributed`, or use --jobs.",
-            )
+        raise ArgumentError.about(
+            "--scheduler",
+            "the package `distributed`",
+            "no such package",
+            "Install it with `pip install distributed`, or use --jobs.",
         ) from error
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise ResourceBusyError(
-            describe(
-                f"--scheduler {scheduler}",
-                "the address of a running dask scheduler, as tcp://127.0.0.1:8786",
-                error,
-                "Start one with `dask scheduler`, or use --jobs.",
-            )
+        raise ResourceBusyError.about(
+            f"--scheduler {scheduler}",
+            "the address of a running dask scheduler, as tcp://127.0.0.1:8786",
+            error,
+            "Start one with `dask scheduler`, or use --jobs.",
         ) from error
     with client:
         n_workers = len(client.scheduler_info(n_workers=-1)["workers"])
         if not n_workers:
-            raise ResourceBusyError(
-                describe(
-                    f"--scheduler {scheduler}",
-                    "at least one worker",
-                    "none",
-                    f"Start some with `dask worker {scheduler}`.",
-                )
+            raise ResourceBusyError.about(
+                f"--scheduler {scheduler}",
+                "at least one worker",
+                "none",
+                f"Start some with `dask worker {scheduler}`.",
             )
         try:
             yield partial(_in_order, partial(client.submit, pure=False), AHEAD * n_workers)
         except (KilledWorker, CommClosedError, CancelledError) as error:
-            raise IntentError(
-                describe(
-                    f"--scheduler {scheduler}",
-                    "scheduler and workers that run to the end",
-                    f"{type(error).__name__}: {error}",
-                    "Look at their logs, or use --jobs.",
-                )
+            raise IntentError.about(
+                f"--scheduler {scheduler}",
+                "scheduler and workers that run to the end",
+                f"{type(error).__name__}: {error}",
+                "Look at their logs, or use --jobs.",
             ) from error
 
 

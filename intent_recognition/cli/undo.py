@@ -7,7 +7,7 @@ from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.teach import add_library_options, teacher_node, wait_until_used
-from intent_recognition.errors import ModelError, describe
+from intent_recognition.errors import ModelError
 
 FOUND_S = 2.0
 """Longest wait for a running estimator [s]. Convention."""
@@ -39,7 +39,7 @@ def change_library(args: argparse.Namespace) -> int:
     """
     if not args.library.is_dir():
         cure = "Name the one that `intent teach` or task_teacher made."
-        raise ModelError(describe("--library", "a folder of tasks", args.library, cure))
+        raise ModelError.about("--library", "a folder of tasks", args.library, cure)
     console = make_console()
     with teacher_node(args) as (teacher, spin):
         with busy(console, "looking for the estimator"):

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape, progress_bar
+from intent_recognition.cli.console import boxed_table, busy, progress_bar
 from intent_recognition.cli.recordings import provenance_of, read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs, settle_orientations
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.learning import (
     MAX_COMPONENTS,
     Relabelled,
@@ -53,10 +52,10 @@ def n_components(args: argparse.Namespace) -> int | None:
     """
     text = args.components
     if text != "auto" and not (text.isdecimal() and len(text) < 10 and int(text) > 0):
-        raise ArgumentError(describe("--components", "`auto` or a number", text, "Try auto."))
+        raise ArgumentError.about("--components", "`auto` or a number", text, "Try auto.")
     if text != "auto" and not args.unlabelled:
-        raise ArgumentError(
-            describe("--components", "--unlabelled beside it", "labels", "Add --unlabelled.")
+        raise ArgumentError.about(
+            "--components", "--unlabelled beside it", "labels", "Add --unlabelled."
         )
     return None if text == "auto" else int(text)
 
@@ -70,13 +69,11 @@ def check_alone(args: argparse.Namespace) -> None:
     clashes = {"--add": args.add, "--scheduler": args.scheduler, "--jobs": args.jobs > 1}
     for option, given in clashes.items():
         if given:
-            raise ArgumentError(
-                describe(
-                    "--unlabelled",
-                    "all recordings at once",
-                    option,
-                    f"Leave {option} out, or label the recordings.",
-                )
+            raise ArgumentError.about(
+                "--unlabelled",
+                "all recordings at once",
+                option,
+                f"Leave {option} out, or label the recordings.",
             )
 
 
@@ -134,16 +131,10 @@ def find_components(
     return found
 
 
-def mixture_of(found: Relabelled) -> dict[str, object]:
-    """`mixture` in the JSON of `intent evaluate`; purity is null when nothing had a label."""
-    return {"n_components": found.choice.n_components, "purity": found.purity}
-
-
 def print_components(console: Console, found: Relabelled) -> None:
     """What was tried, what was taken, and how pure it is where labels are known."""
-    table = Table(title="left-out prediction")
-    for column in ("components", "nll [nats per sample]", "error [std]", ""):
-        table.add_column(escape(column), justify="right")
+    titles = (">components", ">nll [nats per sample]", ">error [std]", ">")
+    table = boxed_table("left-out prediction", *titles)
     for tried in found.choice.tried:
         taken = "taken" if tried is found.choice.chosen else ""
         table.add_row(
@@ -154,4 +145,4 @@ def print_components(console: Console, found: Relabelled) -> None:
     text = f"{len(sizes)} components of {', '.join(map(str, sizes))} demonstrations"
     if found.purity is not None:
         text += f"; purity {found.purity:.3f} by the labels they have"
-    console.print(text, highlight=False)
+    console.print(text)

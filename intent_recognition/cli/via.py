@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from intent_recognition.cli.console import busy, escape, make_console
+from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, number
+from intent_recognition.cli.options import XYZ, Subparsers, add_node_options, node_arguments, number
 from intent_recognition.composing import USUAL_STD, ViaPoint, read_via_points, write_via_points
-from intent_recognition.errors import ArgumentError, ResourceBusyError, describe
+from intent_recognition.errors import ArgumentError, ResourceBusyError, printable
 
 ESTIMATOR = "intent_estimator"
 ANSWER_S = 10.0
@@ -47,11 +47,7 @@ def add_parser(subparsers: Subparsers) -> None:
     add.add_argument("name", metavar="NAME", help="by which it is removed")
     where = add.add_mutually_exclusive_group(required=True)
     where.add_argument(
-        "--hand",
-        nargs=3,
-        type=number(float, -1e3),
-        metavar=("X", "Y", "Z"),
-        help="of the hand in the world frame [m]",
+        "--hand", type=number(float, -1e3), **XYZ, help="of the hand in the world frame [m]"
     )
     where.add_argument(
         "--dof",
@@ -92,27 +88,21 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         IntentError: there is no estimator, or it refuses the point.
     """
-    import rclpy
     from rclpy.node import Node
 
-    from intent_recognition.nodes.runtime import end, make_executor
+    from intent_recognition.nodes.runtime import spinning
 
     console = make_console()
-    quiet = rclpy.SignalHandlerOptions.NO
-    rclpy.init(args=node_arguments(args, {}), signal_handler_options=quiet)
-    executor = node = None
-    try:
-        executor, node = make_executor(), Node("via_points")
-        executor.add_node(node)
-        with busy(console, "asking the estimator"):
-            points = change_via_points(node, executor, lambda points: args.change(args, points))
-    finally:
-        end(node, executor)
-        rclpy.try_shutdown()
+    words = node_arguments(args, {})
+    with (
+        spinning(lambda: Node("via_points"), words) as (node, executor),
+        busy(console, "asking the estimator"),
+    ):
+        points = change_via_points(node, executor, lambda points: args.change(args, points))
     for point in points:
-        console.print(escape(str(point)), highlight=False, soft_wrap=True)
+        say(console, printable(str(point)))
     if not points:
-        console.print("no via points", highlight=False)
+        console.print("no via points")
     return 0
 
 
@@ -141,7 +131,7 @@ def change_via_points(node: Any, executor: Any, change: Change) -> tuple[ViaPoin
             if spin_until(executor, future.done, ANSWER_S):
                 return future.result()
         cure = "Start it with the same ROS_DOMAIN_ID, or name its --namespace."
-        raise ResourceBusyError(describe(ESTIMATOR, "a running node", "no answer", cure))
+        raise ResourceBusyError.about(ESTIMATOR, "a running node", "no answer", cure)
 
     answer = ask(GetParameters, "get_parameters", GetParameters.Request(names=[VIA_POINTS]))
     before = read_via_points(answer.values[0].string_value if answer.values else "")
@@ -159,7 +149,7 @@ def _add(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[Via
     names = [name for name, _ in args.dof or ()]
     if doubled := sorted({name for name in names if names.count(name) > 1}):
         cure = "Give each DOF once."
-        raise ArgumentError(describe("--dof", "different names", ", ".join(doubled), cure))
+        raise ArgumentError.about("--dof", "different names", ", ".join(doubled), cure)
     values = {"hand": tuple(args.hand)} if args.hand else {n: (v,) for n, v in args.dof}
     std = (args.std,) * sum(map(len, values.values()))
     new = ViaPoint(args.name, values, std, args.phase, args.time, args.task)
@@ -174,7 +164,7 @@ def _remove(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[
     if missing or not (args.names or args.all):
         expected = f"names of {', '.join(known) or 'none'}, or --all"
         cure = "`intent via list` shows them."
-        raise ArgumentError(describe("NAME", expected, ", ".join(missing) or "nothing", cure))
+        raise ArgumentError.about("NAME", expected, ", ".join(missing) or "nothing", cure)
     return [point for point in points if not args.all and point.name not in args.names]
 
 

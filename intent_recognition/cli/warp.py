@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.options import XYZ, Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -102,18 +102,11 @@ def add_parser(subparsers: Subparsers) -> None:
         default=1.0,
         help="factor to metres; 0.001 for millimetres",
     )
-    parser.add_argument(
-        "--toward",
-        nargs=3,
-        type=number(float),
-        metavar=("X", "Y", "Z"),
-        help="the other container [m]",
-    )
+    parser.add_argument("--toward", type=number(float), **XYZ, help="the other container [m]")
     parser.add_argument(
         "--viewpoint",
-        nargs=3,
         type=number(float),
-        metavar=("X", "Y", "Z"),
+        **XYZ,
         help="where the camera was [m], for clouds without normals",
     )
     parser.add_argument(

@@ -20,7 +20,7 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 import zstandard
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 TOKEN_VARIABLE = "INTENT_PAGE_TOKEN"
 """Environment variable that sets the token; a variable is not seen by other users, unlike a
@@ -235,13 +235,11 @@ def new_token(environment: Mapping[str, str] = os.environ) -> str:
     """
     token = environment.get(TOKEN_VARIABLE) or secrets.token_urlsafe(TOKEN_BYTES)
     if not TOKEN_FORM.fullmatch(token):
-        raise ArgumentError(
-            describe(
-                TOKEN_VARIABLE,
-                "16 to 128 letters, digits, - and _",
-                f"{len(token)} characters",
-                "Unset it: a token is made at each start.",
-            )
+        raise ArgumentError.about(
+            TOKEN_VARIABLE,
+            "16 to 128 letters, digits, - and _",
+            f"{len(token)} characters",
+            "Unset it: a token is made at each start.",
         )
     return token
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 LONGEST_NAME = 200
 """Characters of a name. Convention."""
@@ -22,7 +22,7 @@ def check(field: str, expected: str, holds: object, got: object) -> None:
         ArgumentError: it does not.
     """
     if not holds:
-        raise ArgumentError(describe(field, expected, got, "See what publishes it."))
+        raise ArgumentError.about(field, expected, got, "See what publishes it.")
 
 
 def checked_text(field: str, text: str, longest: int = LONGEST_NAME) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -21,11 +20,12 @@ from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.demonstrations import find_bags
-from intent_recognition.errors import BagError, IntentError, describe, one_line
+from intent_recognition.errors import BagError, IntentError, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.runtime import steady_timer
 from intent_recognition.share import share_path
 
 MOST_BAGS = 500
@@ -91,8 +91,7 @@ class Dashboard(Node):
             read_only=read_only,
         )
         self.get_logger().info(f"the page is at {self.page.address}")
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / rate_hz, self._update, clock=steady)
+        steady_timer(self, 1.0 / rate_hz, self._update)
         gc.freeze()
 
     def destroy_node(self) -> None:
@@ -125,7 +124,7 @@ class Dashboard(Node):
         if not free:
             cure = "Stop the nodes that publish its topics, or the page's own wrist."
             taken = ", ".join(stored)
-            raise BagError(describe("recording", "a topic that is free", f"only {taken}", cure))
+            raise BagError.about("recording", "a topic that is free", f"only {taken}", cure)
         values = {
             "bag": str(bag),
             "start_offset": offset_s,

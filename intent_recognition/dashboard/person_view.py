@@ -10,7 +10,12 @@ import viser
 from numpy.typing import NDArray
 
 from intent_recognition.dashboard.figure import Stance, bone_axes, reach
-from intent_recognition.dashboard.things_view import quaternions, set_position, set_turn
+from intent_recognition.dashboard.things_view import (
+    quaternions,
+    set_position,
+    set_turn,
+    set_visible,
+)
 
 COLOUR = (158, 160, 163)
 ROOT = "/person"
@@ -93,8 +98,7 @@ class PersonView:
             (self._upper_body, self._upper_arm, self._forearm), turned, strict=True
         ):
             set_turn(handle, wxyz)
-        if not self._root.visible:
-            self._root.visible = True
+        set_visible(self._root, True)
 
     def _frame(self, name: str, **options: Any) -> viser.FrameHandle:
         return self._server.scene.add_frame(f"{ROOT}{name}", show_axes=False, **options)

@@ -76,16 +76,12 @@ class ReplayTab:
         self._set_length(player.duration_s)
         set_value(self._at, min(round(player.position_s, 2), self._at.max))
         if player.finished.is_set():
-            self._end()
+            self.close()
             set_value(self._at, 0.0)
-
-    def close(self) -> None:
-        """End what is being played."""
-        self._end()
 
     def _press(self) -> None:
         if self._player is not None:
-            self._end()
+            self.close()
         else:
             at_s = slider_value(self._at)
             self._begin(at_s if at_s < self._at.max else 0.0)
@@ -116,7 +112,7 @@ class ReplayTab:
 
     def _seek(self) -> None:
         if self._player is not None:
-            self._end()
+            self.close()
             self._begin(slider_value(self._at))
 
     def _begin(self, offset_s: float) -> None:
@@ -125,7 +121,8 @@ class ReplayTab:
         self._button.label, self._button.icon = "Pause", viser.Icon.PLAYER_PAUSE
         self._notify(True, f"playing {self._bag.value}")
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End what is being played."""
         if self._player is None:
             return
         self._stop(self._player)

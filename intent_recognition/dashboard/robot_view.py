@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from viser.extras import ViserUrdf
 
 from intent_recognition.dashboard.checks import LARGEST
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Chain, joint_poses, tip_pose, tip_positions
 from intent_recognition.motion import is_hand
 
@@ -92,12 +92,12 @@ def load_urdf(description: str) -> yourdfpy.URDF:
     expected, cure = f"at most {MOST_JOINTS} joints", "Publish a simpler description."
     count = description.count("<joint")
     if count > MOST_JOINTS:
-        raise ArgumentError(describe("robot_description", expected, count, cure))
+        raise ArgumentError.about("robot_description", expected, count, cure)
     text = io.BytesIO(description.encode(errors="replace"))
     urdf = yourdfpy.URDF.load(text, filename_handler=_mesh_file)
     joints = tuple(urdf.joint_map.values())
     if not all(np.all(np.abs(part) < LARGEST) for part in chain_of(joints)):
-        raise ArgumentError(describe("robot_description", "finite numbers", "others", cure))
+        raise ArgumentError.about("robot_description", "finite numbers", "others", cure)
     return urdf
 
 

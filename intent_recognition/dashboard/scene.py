@@ -12,7 +12,7 @@ from intent_recognition.dashboard.handling import Moment
 from intent_recognition.dashboard.person_view import PersonView
 from intent_recognition.dashboard.robot_view import ROOT, RobotView
 from intent_recognition.dashboard.scene_file import CellScene
-from intent_recognition.dashboard.things_view import Colour, ThingsView, rgb
+from intent_recognition.dashboard.things_view import Colour, ThingsView, rgb, set_visible
 from intent_recognition.errors import one_line
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 from intent_recognition.promp import NONE
@@ -68,8 +68,7 @@ class Scene:
         """Draw the newest; returns what is wrong with the robot's description, empty if nothing."""
         self._guard(lambda: self._update_robot(state))
         bare = self._robot is None and not self._problem
-        if self._base.visible != bare:
-            self._base.visible = bare
+        set_visible(self._base, bare)
         self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, ARM_WIDTH_M)
         self._update_wrist(state, now_s)
         self._guard(lambda: self._update_things(state, colours, now_s))
@@ -154,8 +153,7 @@ class Scene:
     def _draw_label(self, path: NDArray[np.float64], text: str) -> None:
         """Name the task above the predicted end; a new text fades in, so the same is not sent."""
         visible = len(path) > 0
-        if self._label.visible != visible:
-            self._label.visible = visible
+        set_visible(self._label, visible)
         if visible:
             self._label.position = path[-1] + np.array([0.0, 0.0, LABEL_M])
             if self._label.text != text:
@@ -179,8 +177,8 @@ class Scene:
         """Draw a path (T, 3), or hide it where it has fewer than two points."""
         handle = self._lines.get(name)
         if len(path) < 2:
-            if handle is not None and handle.visible:
-                handle.visible = False
+            if handle is not None:
+                set_visible(handle, False)
             return
         pairs = np.stack((path[:-1], path[1:]), axis=1).astype(np.float32)
         if handle is None:
@@ -192,13 +190,12 @@ class Scene:
         tint = np.array(colour, dtype=np.uint8)  # of the whole line: those of points come out paler
         if not np.array_equal(handle.colors, tint):
             handle.colors = tint
-        if not handle.visible:
-            handle.visible = True
+        set_visible(handle, True)
 
     def _draw_tube(self, corners: NDArray[np.float64], colour: Colour) -> None:
         if len(corners) < 3:
-            if self._tube is not None and self._tube.visible:
-                self._tube.visible = False
+            if self._tube is not None:
+                set_visible(self._tube, False)
             return
         vertices = corners.astype(np.float32)
         if self._tube is None or len(self._tube.vertices) != len(vertices):
@@ -216,8 +213,7 @@ class Scene:
         self._tube.vertices = vertices
         if tuple(self._tube.color) != colour:
             self._tube.color = colour
-        if not self._tube.visible:
-            self._tube.visible = True
+        set_visible(self._tube, True)
 
 
 def _skeleton(joints: Mapping[str, float]) -> NDArray[np.float64]:

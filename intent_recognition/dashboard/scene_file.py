@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.dashboard.figure import Stance
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
@@ -115,7 +115,7 @@ def load_scene(path: str | Path) -> CellScene:
         names = [found.stem for found in sorted(share_path(SHIPPED).glob("*.yaml"))]
         if source.name not in names:
             expected = f"a YAML file, or one of {', '.join(names)}"
-            raise ArgumentError(describe("scene", expected, path, "Name one."))
+            raise ArgumentError.about("scene", expected, path, "Name one.")
         source = share_path(f"{SHIPPED}/{source.name}.yaml")
     try:
         content = load_yaml(read_text(source))
@@ -249,4 +249,4 @@ def _numbers(value: object, shape: tuple[int, ...], place: str) -> NDArray[np.fl
 
 
 def _wrong(place: str, expected: str, got: object) -> ArgumentError:
-    return ArgumentError(describe(place, expected, got, "See docs/dashboard.md."))
+    return ArgumentError.about(place, expected, got, "See docs/dashboard.md.")

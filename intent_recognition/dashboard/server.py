@@ -34,7 +34,7 @@ from intent_recognition.dashboard.admission import (
     response_headers,
     script_sources,
 )
-from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.errors import ResourceBusyError
 
 MOST_CLIENTS = 8
 """Browsers that have the page open at once. Convention."""
@@ -82,8 +82,8 @@ def serve_page(
     if not guard.in_place:
         server.stop()
         cure = "Install the viser that requirements.txt names."
-        raise ResourceBusyError(
-            describe("viser", "a server that can be guarded", viser.__version__, cure)
+        raise ResourceBusyError.about(
+            "viser", "a server that can be guarded", viser.__version__, cure
         )
     server._websock_server.get_message_buffer().max_window_size = WINDOW
     guard.page = server
@@ -98,8 +98,8 @@ def _check_free(host: str, port: int) -> None:
             probe.bind((host, port))
         except OSError as error:
             cure = "Choose another port or host."
-            raise ResourceBusyError(
-                describe("host, port", "an address that is free", f"{host}:{port}, {error}", cure)
+            raise ResourceBusyError.about(
+                "host, port", "an address that is free", f"{host}:{port}, {error}", cure
             ) from error
 
 

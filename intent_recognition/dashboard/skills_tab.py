@@ -2,6 +2,7 @@
 """How the tasks have done, and what a person thinks of it: keep, undo, thumbs."""
 
 from collections.abc import Callable
+from functools import partial
 
 import viser
 
@@ -52,8 +53,9 @@ class SkillsTab:
         self._last = gui.add_html("")
         self._thumbs = gui.add_button_group("How was it?", tuple(THUMBS), visible=False)
         self._table = gui.add_html("")
-        self._keep.on_click(lambda _: do(self._keep_correction))
-        self._undo.on_click(lambda _: do(self._take_back))
+        keep, undo = (partial(commands.trigger, f"{TEACHER}/{name}") for name in ("keep", "undo"))
+        self._keep.on_click(lambda _: do(keep))
+        self._undo.on_click(lambda _: do(undo))
         self._thumbs.on_click(lambda _: do(self._judge))
 
     def update(self, state: CellState) -> None:
@@ -66,12 +68,6 @@ class SkillsTab:
         last = f"Last execution: {readable(self._task)}" if self._task else ""
         set_content(self._last, markup.heading(last))
         set_content(self._table, skills_table(state.skills))
-
-    def _keep_correction(self) -> None:
-        self._commands.trigger(f"{TEACHER}/keep")
-
-    def _take_back(self) -> None:
-        self._commands.trigger(f"{TEACHER}/undo")
 
     def _judge(self) -> None:
         self._commands.tell(self._task, {"thumbs": THUMBS[self._thumbs.value]})

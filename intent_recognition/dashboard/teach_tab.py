@@ -78,12 +78,8 @@ class TeachTab:
         commands: Commands,
         do: Callable[[Callable], None],
     ):
-        self._teleoperation, self._session, self._commands, self._do = (
-            teleoperation,
-            session,
-            commands,
-            do,
-        )
+        self._teleoperation, self._session = teleoperation, session
+        self._commands, self._do = commands, do
         self._rested = False
         gui = server.gui
         self._hint = gui.add_html("")
@@ -159,12 +155,8 @@ class TeachTab:
         self._rested = rests
 
     def _connect(self) -> None:
-        do, session, teleoperation, handles = (
-            self._do,
-            self._session,
-            self._teleoperation,
-            self._handles,
-        )
+        do, session = self._do, self._session
+        teleoperation, handles = self._teleoperation, self._handles
         on_change(self._take, lambda: do(self._take_or_release))
         self._record.on_click(lambda _: do(self._press_record))
         self._learn.on_click(lambda _: do(session.learn))

@@ -38,12 +38,8 @@ class TeachingSession:
         notify: Notify,
         rng: np.random.Generator,
     ):
-        self._teleoperation, self._commands, self._notify, self._rng = (
-            teleoperation,
-            commands,
-            notify,
-            rng,
-        )
+        self._teleoperation, self._commands = teleoperation, commands
+        self._notify, self._rng = notify, rng
         self.busy = False
         self.recording = False
         self.recorded = 0

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.timer import Timer
@@ -20,9 +19,10 @@ from intent_recognition.dashboard.synthetic_demonstration import (
     arm_motion,
     shortest_s,
 )
-from intent_recognition.errors import KinematicsError, describe
+from intent_recognition.errors import KinematicsError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
+from intent_recognition.nodes.conversions import TrajectoryBuilder, to_pose, to_stamp
+from intent_recognition.nodes.runtime import steady_timer
 
 RATE_HZ = 100.0
 """Rate of the published poses [Hz]: that of the shipped recordings."""
@@ -63,7 +63,6 @@ class Teleoperation:
         self._finder = ArmFinder(hand_link)
         self._pose: Publisher | None = None
         self._arm = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer: Timer | None = None
         self._position = np.zeros(3)
         self._velocity = np.zeros(3)
@@ -101,7 +100,7 @@ class Teleoperation:
         self._pose = self._node.create_publisher(
             PoseStamped, f"mocap/{self._body}/pose", qos.SENSOR
         )
-        self._timer = self._node.create_timer(1.0 / RATE_HZ, self._step, clock=self._steady)
+        self._timer = steady_timer(self._node, 1.0 / RATE_HZ, self._step)
 
     def release_wrist(self) -> None:
         """Stop publishing the wrist."""
@@ -168,7 +167,7 @@ class Teleoperation:
         arm, start = self._found(), self.measured()
         duration_s = max(duration_s, shortest_s(goal - start, arm.limits))
         motion = arm_motion(start, goal, duration_s)
-        self._arm.publish(build_joint_trajectory(arm.joint_names, *motion))
+        self._arm.publish(TrajectoryBuilder(arm.joint_names).build(0, *motion))
         return duration_s
 
     def _speaks(self, arm: MovedArm) -> bool:
@@ -184,7 +183,7 @@ class Teleoperation:
         arm = self._find()
         if arm is None:
             got, cure = self.arm_problem or "none", "See the tab Teach."
-            raise KinematicsError(describe("joint_states", "those of an arm", got, cure))
+            raise KinematicsError.about("joint_states", "those of an arm", got, cure)
         return arm
 
     def play(

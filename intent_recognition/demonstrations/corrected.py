@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.bags import BagReader, BagWriter, copy_message, decode
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 
 CORRECTION_TOPIC, CORRECTION_TYPE = "/intent/correction", "trajectory_msgs/msg/JointTrajectory"
 CORRECTED = "corrected"
@@ -34,7 +34,7 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
     corrections = [message.message for message in reader.messages([CORRECTION_TOPIC])]
     if not corrections:
         cure = "Only executions that were corrected by hand can be kept."
-        raise BagError(describe(str(execution), "a corrected execution", "none", cure))
+        raise BagError.about(str(execution), "a corrected execution", "none", cure)
     path = corrections[-1]
     stamps_ns = _ns(path.header.stamp) + np.array([_ns(p.time_from_start) for p in path.points])
     positions = np.array([point.positions for point in path.points])

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The DOF file: which fields of which topics are the degrees of freedom of human and robot."""
 
-import os
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,11 +11,14 @@ import numpy as np
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
-from intent_recognition.errors import ArgumentError, DofError, describe
+from intent_recognition.errors import ArgumentError, DofError
+from intent_recognition.share import share_path
 from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS
 from intent_recognition.tracking import Extrinsics, parse_extrinsics
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
+DEFAULT = "config/dofs.yaml"
+"""The shipped DOF file."""
 QUANTITIES = ("position", "velocity", "effort")
 VELOCITY_KEYS = ("topic", "type", "fields", "joints", "unit", "quantity", "of", "std")
 KEYS = (*VELOCITY_KEYS[:6], "orientation", "reference")
@@ -25,6 +26,7 @@ QUATERNION = "quaternion"
 """The one representation of an orientation that entries may have."""
 OBSERVED_KEYS = (*KEYS, "context")
 CONTROLLED_KEYS = (*KEYS, "link", "robot")
+EXAMPLE = f"Correct the file; {DEFAULT} of this package is an example."
 SIDES = ("observed", "controlled", "velocities")
 EXTRINSICS = "extrinsics"
 """Key beside the sides: poses of tracker frames in the world."""
@@ -154,7 +156,7 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
     Raises:
         DofError: the file is missing, no YAML, or malformed; names the file, entry and key.
     """
-    source = default_dofs_path() if path is None else Path(path)
+    source = share_path(DEFAULT) if path is None else Path(path)
     try:
         text = read_text(source)
     except (OSError, UntrustedError) as error:
@@ -171,28 +173,13 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
 def _beside(source: Path, robot: str) -> str:
     """Path of a URDF that lies beside a DOF file other than the shipped ones."""
     path = (source.parent / robot).resolve()
-    shipped = path.is_relative_to(default_dofs_path().resolve().parent)
+    shipped = path.is_relative_to(share_path(DEFAULT).resolve().parent)
     return str(path) if robot and path.is_file() and not shipped else robot
 
 
 def robot_path(robot: str) -> Path:
     """Where the URDF of a DOF file's `robot` is."""
-    return Path(robot) if Path(robot).is_file() else default_dofs_path().parent / robot
-
-
-def default_dofs_path() -> Path:
-    """Where the shipped `dofs.yaml` lies: installed share directory, else the source tree.
-
-    Raises:
-        DofError: the package was installed without its configuration.
-    """
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    installed = [Path(p, "share/intent_recognition/config") for p in prefixes if p]
-    source_tree = Path(__file__).resolve().parents[2] / "config"
-    for folder in (source_tree, *installed):
-        if (folder / "dofs.yaml").is_file():
-            return folder / "dofs.yaml"
-    raise _error("config/dofs.yaml", "the shipped file", "none found", "Install the package again.")
+    return Path(robot) if Path(robot).is_file() else share_path(DEFAULT).parent / robot
 
 
 def relative_topic(topic: str) -> str:
@@ -377,6 +364,5 @@ def _check_hands(spec: DofSpec, source: str) -> None:
         before = same if entry.link and not entry.orientation else ()
 
 
-def _error(argument: str, expected: str, got: object, cure: str = "") -> DofError:
-    cure = cure or "Correct the file; config/dofs.yaml of this package is an example."
-    return DofError(describe(argument, expected, got, cure))
+def _error(argument: str, expected: str, got: object, cure: str = EXAMPLE) -> DofError:
+    return DofError.about(argument, expected, got, cure)

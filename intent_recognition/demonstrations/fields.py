@@ -27,7 +27,7 @@ from intent_recognition.demonstrations.paths import (
     follow,
     parse_path,
 )
-from intent_recognition.errors import DofError, MessageError, describe
+from intent_recognition.errors import DofError, MessageError
 from intent_recognition.promp import Trajectory
 from intent_recognition.signals import (
     POSE_FIELDS,
@@ -154,7 +154,7 @@ def reference_of(entry: DofEntry) -> tuple[float, ...]:
     """
     if not entry.reference:
         cure = "Call settle_orientations with the recordings, or give it in the DOF file."
-        raise DofError(describe(f"{entry.topic}: reference", "a unit quaternion", "none", cure))
+        raise DofError.about(f"{entry.topic}: reference", "a unit quaternion", "none", cure)
     return entry.reference
 
 
@@ -263,8 +263,8 @@ def _read_joints(entry: DofEntry, message: Any) -> _Reading:
     try:
         names, column = tuple(message.name), getattr(message, entry.quantity)
     except AttributeError as error:
-        raise MessageError(
-            describe(entry.topic, entry.type, error, "Correct the type in the DOF file.")
+        raise MessageError.about(
+            entry.topic, entry.type, error, "Correct the type in the DOF file."
         ) from error
     values, n_missing, missing = np.full(len(entry.joints), np.nan), 0, None
     for row, index in enumerate(joint_indices(entry.joints, names)):
@@ -277,7 +277,7 @@ def _read_joints(entry: DofEntry, message: Any) -> _Reading:
             expected = f"joint {entry.joints[row]}"
             cure = "Name the joints in the DOF file as the robot does."
             argument = f"{entry.topic} {entry.quantity}"
-            missing = MessageError(describe(argument, expected, has or "no joints", cure))
+            missing = MessageError.about(argument, expected, has or "no joints", cure)
     return _Reading(values, n_missing, missing)
 
 
@@ -296,9 +296,7 @@ def _read_fields(entry: DofEntry, message: Any) -> _Reading:
 
 def _not_a_number(entry: DofEntry, field: str, error: Exception) -> MessageError:
     cure = "Correct the field path in the DOF file."
-    return MessageError(
-        describe(f"{entry.topic}.{field}", f"a number in {entry.type}", error, cure)
-    )
+    return MessageError.about(f"{entry.topic}.{field}", f"a number in {entry.type}", error, cure)
 
 
 def _matching(pattern: str, names: Sequence[str]) -> int | None:

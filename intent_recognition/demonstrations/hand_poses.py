@@ -13,7 +13,7 @@ from intent_recognition.bags import JOINT_STATE, BagReader
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic, robot_path
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import dofs_of
-from intent_recognition.errors import DofError, describe
+from intent_recognition.errors import DofError
 from intent_recognition.kinematics import Arm, read_urdf
 from intent_recognition.signals import Demonstration, Signal
 
@@ -105,5 +105,5 @@ def _described(reader: BagReader, recorded: set[str], entry: DofEntry) -> tuple[
             return message.message.data, reader.custom_data.get(HAND_LINK, entry.link)
     if not entry.robot:
         cure = "Write robot, the path of its URDF, beside link in the DOF file."
-        raise DofError(describe(f"/{entry.topic}", "the robot of its link", "none named", cure))
+        raise DofError.about(f"/{entry.topic}", "the robot of its link", "none named", cure)
     return read_urdf(robot_path(entry.robot)), entry.link

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What may be the label of a task: it names folders, parameters and lines on a terminal."""
 
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 
 LONGEST = 80
 """Characters of a label; with a number behind it a file system takes 255 bytes. Convention."""
@@ -20,7 +20,7 @@ def check_label(label: str) -> None:
     if not label or len(label) > LONGEST or label[0] in ".-" or label == NO_TASK or not sound:
         expected = f"a label that can name a folder, of 1 to {LONGEST} characters"
         shown = repr(label[:LONGEST]) + ("..." if len(label) > LONGEST else "")
-        raise BagError(describe("task", expected, shown, "Give one such as give_cup."))
+        raise BagError.about("task", expected, shown, "Give one such as give_cup.")
 
 
 def label_problem(label: str) -> str:

@@ -31,7 +31,7 @@ from intent_recognition.demonstrations.fields import (
     stamp_of,
 )
 from intent_recognition.demonstrations.paths import element_of
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import MessageError
 from intent_recognition.signals import (
     LARGEST_ANGLE_RAD,
     POSE_FIELDS,
@@ -134,13 +134,11 @@ class ObservationReader:
             MessageError: the entry asks for more than the pose.
         """
         if self.pose_columns is None:
-            raise MessageError(
-                describe(
-                    self.entry.topic,
-                    f"fields among {', '.join(POSE_FIELDS)}",
-                    ", ".join(self.entry.fields),
-                    "A tracked pose has no others; correct the DOF file.",
-                )
+            raise MessageError.about(
+                self.entry.topic,
+                f"fields among {', '.join(POSE_FIELDS)}",
+                ", ".join(self.entry.fields),
+                "A tracked pose has no others; correct the DOF file.",
             )
         values = dofs_of(self.entry, pose[self.pose_columns])
         return self._observation(stamp_ns, values, self._noise(None, covariance, values))
@@ -187,7 +185,7 @@ class ObservationReader:
             largest = f"{np.degrees(LARGEST_ANGLE_RAD):.0f} degrees"
             expected = f"an orientation within {largest} of the reference"
             cure = "Nothing, if it is rare; else give the entry another reference."
-            raise MessageError(describe(self.entry.names[0], expected, "none", cure))
+            raise MessageError.about(self.entry.names[0], expected, "none", cure)
         if noise is None:
             return None
         return to_tangent_covariance(noise, values, reference_of(self.entry))

@@ -22,7 +22,7 @@ from intent_recognition.demonstrations.sessions import (
     split_session,
     task_of,
 )
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.signals import Demonstration, Rejection, Signal, stream_defect
 from intent_recognition.tracking import JUMP
 
@@ -98,7 +98,7 @@ def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
     bags = find_bags(Path(path))
     if len(bags) != 1:
         cure = "Give one session bag."
-        raise BagError(describe(str(path), "one bag", f"{len(bags)} of them", cure))
+        raise BagError.about(str(path), "one bag", f"{len(bags)} of them", cure)
     reader = BagReader(bags[0])
     recorded = set(map(relative_topic, reader.topics))
     dofs = replace(

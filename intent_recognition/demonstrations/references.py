@@ -16,7 +16,7 @@ from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import extract_present, stamp_of
 from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags
 from intent_recognition.demonstrations.hand_poses import hand_numbers, read_by_joints
-from intent_recognition.errors import ArgumentError, BagError, DofError, describe
+from intent_recognition.errors import ArgumentError, BagError, DofError
 from intent_recognition.signals import mean_orientation
 from intent_recognition.tracking import (
     Extrinsics,
@@ -56,7 +56,7 @@ def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
         if not found:
             got = f"none in {len(readers)} of the recordings"
             cure = "Record orientations, or give the entry a reference."
-            raise DofError(describe(entry.names[0], "orientations to take the mean of", got, cure))
+            raise DofError.about(entry.names[0], "orientations to take the mean of", got, cure)
         return replace(entry, reference=tuple(mean_orientation(found).tolist()))
 
     return replace(

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class Cost:
             got = f"{type(error).__name__}: {error} (line {where.lineno} of {where.filename})"
             cure = "Correct the function; the rollouts so far are kept."
             expected = "a function that returns a number"
-            raise ArgumentError(describe(f"cost {self.name}", expected, got, cure)) from error
+            raise ArgumentError.about(f"cost {self.name}", expected, got, cure) from error
         number = isinstance(value, (int, float, np.integer, np.floating))
         if not number or isinstance(value, bool) or not math.isfinite(value):
             cure = "Return one float; lower is better."
-            raise ArgumentError(describe(f"cost {self.name}", "a finite number", repr(value), cure))
+            raise ArgumentError.about(f"cost {self.name}", "a finite number", repr(value), cure)
         return float(value)
 
 
@@ -124,7 +124,7 @@ def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = T
     path = Path(name)
     if not files or path.suffix != ".py" or not path.is_file():
         expected = f"one of {', '.join(known)}" + (", or a Python file" if files else "")
-        raise ArgumentError(describe("cost", expected, name, "Correct the name or the path."))
+        raise ArgumentError.about("cost", expected, name, "Correct the name or the path.")
     module = _run(path)
     own = [
         found
@@ -134,7 +134,7 @@ def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = T
     if len(own) != 1:
         got = ", ".join(function.__name__ for function in own) or "none"
         cure = "Begin the names of helpers with an underscore."
-        raise ArgumentError(describe(f"cost {name}", "one function in the file", got, cure))
+        raise ArgumentError.about(f"cost {name}", "one function in the file", got, cure)
     return Cost(path.name, own[0], hashlib.sha256(path.read_bytes()).hexdigest()[:16])
 
 
@@ -142,12 +142,12 @@ def _run(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location("cost_of_practice", path)
     if spec is None or spec.loader is None:
         cure = "Name a file that ends in .py."
-        raise ArgumentError(describe(f"cost {path}", "a Python file", path.name, cure))
+        raise ArgumentError.about(f"cost {path}", "a Python file", path.name, cure)
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
     except Exception as error:  # the user's own code may raise anything
         got, cure = f"{type(error).__name__}: {error}", "Correct the file."
         expected = "a Python file that runs"
-        raise ArgumentError(describe(f"cost {path}", expected, got, cure)) from error
+        raise ArgumentError.about(f"cost {path}", expected, got, cure) from error
     return module

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.improvement.space import SearchSpace
 
 HALVINGS = 8
@@ -115,22 +115,23 @@ def next_point(
     Raises:
         ArgumentError: the primitive's mean breaks the limits.
     """
-    point = space.within(search.ask(points, costs))
-    for _ in range(HALVINGS):
-        if limits(space.weights(point)):
-            return point
-        point = 0.5 * point
-    if not limits(space.mean):
+    point = _allowed(search.ask(points, costs), space, limits)
+    if not (point.any() or limits(space.mean)):
         cure = "Teach the task inside the limits first."
-        raise ArgumentError(describe("primitive", "a mean inside the limits", "none", cure))
-    return np.zeros(space.n_axes)
+        raise ArgumentError.about("primitive", "a mean inside the limits", "none", cure)
+    return point
 
 
 def settled_point(
     search: Search, space: SearchSpace, points: Points, costs: Costs, limits: Limits
 ) -> NDArray[np.float64]:
     """The point to settle for (k,), inside the bound and the limits; arguments as `next_point`."""
-    point = space.within(search.favourite(points, costs))
+    return _allowed(search.favourite(points, costs), space, limits)
+
+
+def _allowed(point: NDArray[np.float64], space: SearchSpace, limits: Limits) -> NDArray[np.float64]:
+    """A point (k,), drawn toward the mean as far as bound and limits ask; else the mean itself."""
+    point = space.within(point)
     for _ in range(HALVINGS):
         if limits(space.weights(point)):
             return point
@@ -148,4 +149,4 @@ def check_tried(points: Points, costs: Costs, n_axes: int) -> None:
         expected = f"shapes ({len(costs)}, {n_axes}) and ({len(costs)},)"
         cure = "Give one point for each cost."
         got = (np.shape(points), np.shape(costs))
-        raise ShapeError(describe("points, costs", expected, got, cure))
+        raise ShapeError.about("points, costs", expected, got, cure)

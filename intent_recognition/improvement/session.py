@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.durable import write_text
-from intent_recognition.errors import ModelError, ResourceBusyError, describe
+from intent_recognition.errors import ModelError, ResourceBusyError
 from intent_recognition.improvement.cost import Cost
 from intent_recognition.improvement.practice import Practice, attempt, mean_outcome
 from intent_recognition.improvement.search import Search, next_point, settled_point
@@ -131,11 +131,11 @@ class PracticeSession:
         """
         if not self.tried:
             cure = "Practise first."
-            raise ModelError(describe(str(self.folder), "rollouts", "none", cure))
+            raise ModelError.about(str(self.folder), "rollouts", "none", cure)
         weights = self.best()
         if np.array_equal(weights, self._practice.space.mean):
             got, cure = f"none after {len(self.tried)} rollouts", "Practise on."
-            raise ModelError(describe(str(self.folder), "a better path than the first", got, cure))
+            raise ModelError.about(str(self.folder), "a better path than the first", got, cure)
         return weights
 
     def best(self) -> NDArray[np.float64]:
@@ -164,10 +164,10 @@ class PracticeSession:
         except OSError as error:
             cure = "Choose another folder."
             expected = "a folder that can be made and read"
-            raise ResourceBusyError(describe(str(self.folder), expected, error, cure)) from error
+            raise ResourceBusyError.about(str(self.folder), expected, error, cure) from error
         except UntrustedError as error:
             cure = "Choose another folder."
-            raise ModelError(describe(str(path), "a file of practice", error, cure)) from error
+            raise ModelError.about(str(path), "a file of practice", error, cure) from error
         if not text:
             return []
         try:
@@ -181,14 +181,14 @@ class PracticeSession:
                 self._check(tried)
         except (UntrustedError, KeyError, TypeError, ValueError) as error:
             cure = "Choose another folder."
-            raise ModelError(describe(str(path), "a file of practice", error, cure)) from error
+            raise ModelError.about(str(path), "a file of practice", error, cure) from error
         if not known or about != self.about:
             differ = {k: v for k, v in about.items() if v != self.about.get(k)}
             begun = [f"{key} {value}" for key, value in differ.items() if key != "primitive"]
             cure = "Give what it was begun with, or choose another folder (--output)."
             with_what = ", ".join(begun) or "another primitive"
             got = f"practice begun with {with_what}" if known else "a file of another version"
-            raise ResourceBusyError(describe(str(self.folder), "the same practice", got, cure))
+            raise ResourceBusyError.about(str(self.folder), "the same practice", got, cure)
         return tried
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 
 BOUND = 2.0
 """How far practice may go from what was shown, in standard deviations. Convention: the tube that
@@ -84,10 +84,10 @@ def search_space(
     if spread.ndim != 2 or design.ndim != 3 or {len(spread), design.shape[2]} != {size}:
         got = (mean.shape, spread.shape, design.shape)
         expected, cure = "shapes (d,), (d, r), (Q, m, d)", "Take all three from one primitive."
-        raise ShapeError(describe("mean, spread, design", expected, got, cure))
+        raise ShapeError.about("mean, spread, design", expected, got, cure)
     if not (bound > 0.0 and 0.0 < share <= 1.0):
         expected, cure = "above 0, share up to 1", "Give such numbers."
-        raise ArgumentError(describe("bound, share", expected, (bound, share), cure))
+        raise ArgumentError.about("bound, share", expected, (bound, share), cure)
     paths = design @ spread
     scale = np.sqrt(np.mean(np.sum(paths**2, axis=2), axis=1))
     moving = scale > NEGLIGIBLE * np.max(np.abs(design), initial=0.0) * np.max(
@@ -95,7 +95,7 @@ def search_space(
     )
     if not moving.any():
         cure = "Demonstrate more than once, and not always alike."
-        raise ArgumentError(describe("spread", "a primitive that varies", "none at all", cure))
+        raise ArgumentError.about("spread", "a primitive that varies", "none at all", cure)
     stacked = (paths[moving] / scale[moving, None, None]).reshape(-1, spread.shape[1])
     _, lengths, turned = np.linalg.svd(stacked, full_matrices=False)
     held = np.cumsum(lengths**2) / np.sum(lengths**2)

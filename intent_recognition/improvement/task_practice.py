@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofSpec, position_columns
-from intent_recognition.errors import ArgumentError, TrajectoryError, describe
+from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.improvement.cost import Rollout
 from intent_recognition.improvement.space import SearchSpace, search_space
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, hand_position
@@ -128,13 +128,13 @@ class TaskPractice:
         if task not in library.labels:
             cure = "Check the spelling, or teach it first."
             known = f"one of {', '.join(library.labels)}"
-            raise ArgumentError(describe("TASK", known, task, cure))
+            raise ArgumentError.about("TASK", known, task, cure)
         joints = JOINT_NAMES if arm is None else arm.joint_names
         if library.controlled_names != tuple(joints):
             expected = f"a task that controls {', '.join(joints)}"
             got = ", ".join(library.controlled_names)
             cure = "Name the URDF of the arm that was taught with --robot."
-            raise ArgumentError(describe(task, expected, got, cure))
+            raise ArgumentError.about(task, expected, got, cure)
         self.task, self._library, self._dofs, self._arm = task, library, dofs, arm
         self._number, self._most = library.labels.index(task), most_people
         self._limits = scaled_limits(LWR_LIMITS if arm is None else arm.limits)
@@ -319,5 +319,5 @@ def _hand_columns(dofs: DofSpec) -> list[int]:
     if columns is None or entry.unit != "m" or entry.orientation:
         got = f"{', '.join(entry.names)} in {entry.unit}"
         cure = "Practise a task whose first observed entry is a position."
-        raise ArgumentError(describe("person", "a tracked position in m", got, cure))
+        raise ArgumentError.about("person", "a tracked position in m", got, cure)
     return columns

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ModelError, describe
+from intent_recognition.errors import ModelError
 
 LARGEST = 1e15
 """Largest magnitude of a number in a model [any unit]. Convention: squares and sums of them are
@@ -39,18 +39,18 @@ def check_arrays(
     for name, shape in shapes.items():
         place = f"{path}: {name}"
         if name not in arrays:
-            raise ModelError(describe(place, "an array", "none", RETRAIN))
+            raise ModelError.about(place, "an array", "none", RETRAIN)
         array = arrays[name]
         if array.dtype.kind not in ("iu" if name in whole else "iuf"):
             kind = "whole numbers" if name in whole else "real numbers"
-            raise ModelError(describe(place, kind, f"type {array.dtype}", RETRAIN))
+            raise ModelError.about(place, kind, f"type {array.dtype}", RETRAIN)
         if array.shape != shape:
-            raise ModelError(describe(place, f"shape {shape}", array.shape, RETRAIN))
+            raise ModelError.about(place, f"shape {shape}", array.shape, RETRAIN)
         if not np.all(np.isfinite(array)):
-            raise ModelError(describe(place, "finite numbers", "NaN or inf", RETRAIN))
+            raise ModelError.about(place, "finite numbers", "NaN or inf", RETRAIN)
         if array.dtype.kind == "f" and np.any(np.abs(array) > LARGEST):
-            raise ModelError(
-                describe(place, f"numbers up to {LARGEST:g}", np.abs(array).max(), RETRAIN)
+            raise ModelError.about(
+                place, f"numbers up to {LARGEST:g}", np.abs(array).max(), RETRAIN
             )
 
 
@@ -63,10 +63,10 @@ def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> No
     place = f"{path}: {name}"
     scale = np.abs(matrices).max(initial=0.0)
     if np.any(np.abs(matrices - matrices.swapaxes(-1, -2)) > ROUNDING * scale):
-        raise ModelError(describe(place, "symmetric matrices", "others", RETRAIN))
+        raise ModelError.about(place, "symmetric matrices", "others", RETRAIN)
     least = np.linalg.eigvalsh(matrices).min(initial=0.0)
     if least < -ROUNDING * scale:
-        raise ModelError(describe(place, "no negative variance", f"{least:g}", RETRAIN))
+        raise ModelError.about(place, "no negative variance", f"{least:g}", RETRAIN)
 
 
 def check_positive(path: str | Path, arrays: Mapping[str, NDArray[Any]], *names: str) -> None:
@@ -77,7 +77,7 @@ def check_positive(path: str | Path, arrays: Mapping[str, NDArray[Any]], *names:
     """
     for name in names:
         if not np.all(arrays[name] > 0.0):
-            raise ModelError(describe(f"{path}: {name}", "above zero", arrays[name], RETRAIN))
+            raise ModelError.about(f"{path}: {name}", "above zero", arrays[name], RETRAIN)
 
 
 def upper(matrices: NDArray[Any]) -> NDArray[Any]:

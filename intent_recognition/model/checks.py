@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import ArgumentError, ModelError, describe
+from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.model.arrays import (
     LARGEST,
     RETRAIN,
@@ -70,10 +70,10 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     for name in ("task_prior", "transition_prior"):
         prior = numbers[name]
         if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):
-            raise ModelError(describe(f"{path}: {name}", "sums of one", prior, RETRAIN))
+            raise ModelError.about(f"{path}: {name}", "sums of one", prior, RETRAIN)
     if not 0.0 < numbers["none_prior"] < 1.0:
-        raise ModelError(
-            describe(f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN)
+        raise ModelError.about(
+            f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN
         )
 
 
@@ -86,7 +86,7 @@ def check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     ):
         if np.any(np.abs(numbers[name]) > largest):
             expected = f"at most {largest:g}"
-            raise ModelError(describe(f"{path}: {name}", expected, numbers[name], RETRAIN))
+            raise ModelError.about(f"{path}: {name}", expected, numbers[name], RETRAIN)
     for name in ("weight_covariance", "none_covariance", "observed_weight_covariance"):
         check_covariances(path, name, numbers[name])
 
@@ -94,13 +94,11 @@ def check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
 def check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
     """Make sure that signals divide the observed DOFs among them."""
     if (groups.sum(), n_onset) != (n_observed, len(groups)) or np.any(groups < 1):
-        raise ModelError(
-            describe(
-                f"{path}: observed_groups",
-                f"groups of {n_observed} DOFs, one onset setting each",
-                f"{groups.tolist()} and {n_onset} settings",
-                RETRAIN,
-            )
+        raise ModelError.about(
+            f"{path}: observed_groups",
+            f"groups of {n_observed} DOFs, one onset setting each",
+            f"{groups.tolist()} and {n_onset} settings",
+            RETRAIN,
         )
 
 
@@ -108,9 +106,7 @@ def labels_of(labels: list) -> tuple[str, ...]:
     """Names of the tasks, checked."""
     named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
     if not named or len({*labels, NONE}) != len(labels) + 1 or not labels:
-        raise ArgumentError(
-            describe("labels", f"different names other than {NONE!r}", labels, RETRAIN)
-        )
+        raise ArgumentError.about("labels", f"different names other than {NONE!r}", labels, RETRAIN)
     return tuple(labels)
 
 
@@ -122,7 +118,7 @@ def evidence_freedom(path: str | Path, header: dict) -> float:
     number = isinstance(found, (int, float)) and not isinstance(found, bool)
     if not number or not 0.0 < found <= LARGEST:
         expected = f"above zero and up to {LARGEST:g}, or null"
-        raise ModelError(describe(f"{path}: evidence_freedom", expected, found, RETRAIN))
+        raise ModelError.about(f"{path}: evidence_freedom", expected, found, RETRAIN)
     return float(found)
 
 
@@ -139,17 +135,15 @@ def phase_deviation(
         if not isinstance(follows, bool):
             raise TypeError(f"controlled_follows {follows!r}")
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ModelError(
-            describe(f"{path}: phase_deviation", "a complete header", error, RETRAIN)
+        raise ModelError.about(
+            f"{path}: phase_deviation", "a complete header", error, RETRAIN
         ) from error
     std = content[DEVIATION_STD]
     if not (0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and np.all(std >= 0.0)):
-        raise ModelError(
-            describe(
-                f"{path}: phase_deviation",
-                "a correlation above 0, an evidence in (0, 1] and no std below zero",
-                f"{correlation}, {evidence} and {std.min()}",
-                RETRAIN,
-            )
+        raise ModelError.about(
+            f"{path}: phase_deviation",
+            "a correlation above 0, an evidence in (0, 1] and no std below zero",
+            f"{correlation}, {evidence} and {std.min()}",
+            RETRAIN,
         )
     return PhaseDeviation(std, correlation, evidence, follows)

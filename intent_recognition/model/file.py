@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofEntry, DofSpec, reference_of
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import DofError, IntentError, ModelError, describe
+from intent_recognition.errors import DofError, IntentError, ModelError
 from intent_recognition.learning import Trained
 from intent_recognition.model.arrays import (
     RETRAIN,
@@ -129,8 +129,8 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
     try:
         write_arrays(Path(path), {"header": np.array(json.dumps(header)), **arrays})
     except OSError as error:
-        raise ModelError(
-            describe(str(path), "a file that can be written", error, "Choose another --output.")
+        raise ModelError.about(
+            str(path), "a file that can be written", error, "Choose another --output."
         ) from error
 
 
@@ -152,7 +152,7 @@ def load_model(path: str | Path) -> Model:
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, DofError) as error:
         if isinstance(error, IntentError):
             raise ModelError(f"{path}: {error}") from error
-        raise ModelError(describe(f"{path}: header", "a complete one", error, RETRAIN)) from error
+        raise ModelError.about(f"{path}: header", "a complete one", error, RETRAIN) from error
     check_arrays(path, content, shapes_of(len(labels), dofs, basis.n_basis), ("observed_groups",))
     numbers: dict[str, Any] = {name: content[name] for name in NUMBERS}
     check_values(path, numbers)
@@ -189,8 +189,8 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
     content = _read(path, ARRAYS)
     header = _header(path, content)
     if "statistics" not in header:
-        raise ModelError(
-            describe(str(path), "statistics to add to", "none: an older version wrote it", RETRAIN)
+        raise ModelError.about(
+            str(path), "statistics to add to", "none: an older version wrote it", RETRAIN
         )
     return model, unpack_statistics(str(path), model.library, header["statistics"], content)
 
@@ -215,13 +215,11 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
     ours, theirs = model.dofs.to_dict(), found.to_dict()
     for side in ("observed", "controlled"):
         if ours[side] != theirs[side]:
-            raise DofError(
-                describe(
-                    f"{source}: {side}",
-                    f"the DOFs of the model, {json.dumps(ours[side])}",
-                    json.dumps(theirs[side]),
-                    "Use the DOF file the model was trained with, or train again.",
-                )
+            raise DofError.about(
+                f"{source}: {side}",
+                f"the DOFs of the model, {json.dumps(ours[side])}",
+                json.dumps(theirs[side]),
+                "Use the DOF file the model was trained with, or train again.",
             )
     return found
 
@@ -254,9 +252,9 @@ def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
         found = error if known else "another file, or a damaged one"
         if isinstance(error, FileNotFoundError):
             cure = "Check the path, or write one with `intent train`."
-            raise ModelError(describe(str(path), "a model file", "nothing there", cure)) from error
-        raise ModelError(
-            describe(str(path), "a model file written by `intent train`", found, RETRAIN)
+            raise ModelError.about(str(path), "a model file", "nothing there", cure) from error
+        raise ModelError.about(
+            str(path), "a model file written by `intent train`", found, RETRAIN
         ) from error
 
 
@@ -264,8 +262,8 @@ def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> NDAr
     try:
         return file[name]
     except Exception as error:  # pickled objects, bad checksums, headers that are none
-        raise ModelError(
-            describe(f"{path}: {name}", "an array of numbers or text", error, RETRAIN)
+        raise ModelError.about(
+            f"{path}: {name}", "an array of numbers or text", error, RETRAIN
         ) from error
 
 
@@ -274,16 +272,14 @@ def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
         header = load_json(str(content["header"]))
         version = header["format_version"]
     except (KeyError, TypeError, ValueError) as error:
-        raise ModelError(
-            describe(f"{path}: header", "JSON with a format_version", error, RETRAIN)
+        raise ModelError.about(
+            f"{path}: header", "JSON with a format_version", error, RETRAIN
         ) from error
     if version != FORMAT_VERSION:
-        raise ModelError(
-            describe(
-                f"{path}: format_version",
-                str(FORMAT_VERSION),
-                version,
-                "Install the package version that wrote it, or train again.",
-            )
+        raise ModelError.about(
+            f"{path}: format_version",
+            str(FORMAT_VERSION),
+            version,
+            "Install the package version that wrote it, or train again.",
         )
     return header

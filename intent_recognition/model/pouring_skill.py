@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import IntentError, ModelError, describe
+from intent_recognition.errors import IntentError, ModelError
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.untrusted import read_arrays
 from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPrimitive
@@ -45,31 +45,31 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
             raise ValueError("arrays of something else than numbers")
         found = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
     except (OSError, ValueError) as error:  # texts are no numbers
-        raise ModelError(describe(str(path), "a pouring skill", error, CURE)) from error
+        raise ModelError.about(str(path), "a pouring skill", error, CURE) from error
     version = found.pop("format_version", np.array(np.nan))
     if version.shape or version != FORMAT_VERSION:
         place = f"{path}: format_version"
-        raise ModelError(describe(place, str(FORMAT_VERSION), version, CURE))
+        raise ModelError.about(place, str(FORMAT_VERSION), version, CURE)
     needed = {"basis": (2,), "duration_s": (), "reached": (3,)}
     try:
         if not all(np.all(np.abs(array) <= LARGEST) for array in found.values()):
             expected = f"numbers up to {LARGEST:g}"
-            raise ModelError(describe(str(path), expected, "larger ones, or NaN", CURE))
+            raise ModelError.about(str(path), expected, "larger ones, or NaN", CURE)
         if not all(found[name].shape == shape for name, shape in needed.items()):
-            raise ModelError(describe(str(path), "arrays of the right shape", "others", CURE))
+            raise ModelError.about(str(path), "arrays of the right shape", "others", CURE)
         begin, largest, _ = found["reached"].tolist()
         if not (found["duration_s"] > 0.0 and 0.0 < begin < largest):
             expected = "a duration above 0, and 0 < begin < largest in reached"
             got = f"{found['duration_s']:g} s, {found['reached'].tolist()}"
-            raise ModelError(describe(str(path), expected, got, CURE))
+            raise ModelError.about(str(path), expected, got, CURE)
         basis = NormalizedRBFBasis(int(found["basis"][0]), float(found["basis"][1]))
         mean, spread = found["mean"], found["spread"]
         rows = N_WARPED * basis.n_basis
         if mean.shape != (rows,) or spread.ndim != 2 or len(spread) != rows:
             got = f"{mean.shape} and {spread.shape}"
-            raise ModelError(describe(f"{path}: weights", f"{rows} of them", got, CURE))
+            raise ModelError.about(f"{path}: weights", f"{rows} of them", got, CURE)
     except KeyError as error:
-        raise ModelError(describe(str(path), "all arrays", f"no {error}", CURE)) from error
+        raise ModelError.about(str(path), "all arrays", f"no {error}", CURE) from error
     except ModelError:
         raise
     except IntentError as error:

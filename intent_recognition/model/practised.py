@@ -12,7 +12,7 @@ closed, and goes to `undone` when it is taken back.
 from collections.abc import Sequence
 from pathlib import Path
 
-from intent_recognition.errors import ModelError, ResourceBusyError, describe
+from intent_recognition.errors import ModelError, ResourceBusyError
 from intent_recognition.improvement import (
     STATE,
     Cost,
@@ -57,7 +57,7 @@ class PractisedTask:
     ) -> None:
         if not folder.model_path.exists():
             cure = "Teach a task first, or name the folder of tasks."
-            raise ModelError(describe(str(folder.path), f"a folder with {MODEL}", "none", cure))
+            raise ModelError.about(str(folder.path), f"a folder with {MODEL}", "none", cure)
         self.folder, self.task, self.since = folder, task, folder.present_model()
         self._model, self._trained = load_trained(folder.model_path)
         self.practice = TaskPractice(
@@ -124,5 +124,5 @@ def undo_practice(folder: TaskFolder, task: str) -> Change:
     if last is None or (last.action, last.task) != (IMPROVE, task):
         got = "none" if last is None else f"{last.action} {last.task}".strip()
         cure = "`intent undo` takes the last change back, whatever it is."
-        raise ModelError(describe("undo", f"practice of {task} as the last change", got, cure))
+        raise ModelError.about("undo", f"practice of {task} as the last change", got, cure)
     return folder.undo()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import CORRECTED
-from intent_recognition.errors import BagError, TrainingError, describe
+from intent_recognition.errors import BagError, TrainingError
 from intent_recognition.model.from_bags import FromBags
 
 
@@ -27,11 +27,9 @@ def check_usable(found: FromBags, bag: Path) -> None:
     if found.accumulated.n_used:
         return
     reasons = [str(r) for r in found.rejections] + [r for _, r in found.accumulated.rejected]
-    raise TrainingError(
-        describe(
-            bag.name,
-            "a recording of one movement, at rest before and after",
-            "; ".join(reasons[:3]) or "nothing",
-            "Record it again; this one is kept in `undone`.",
-        )
+    raise TrainingError.about(
+        bag.name,
+        "a recording of one movement, at rest before and after",
+        "; ".join(reasons[:3]) or "nothing",
+        "Record it again; this one is kept in `undone`.",
     )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.alignment import Template
-from intent_recognition.errors import ArgumentError, ModelError, describe
+from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.learning import (
     Hyperparameters,
     Preprocessing,
@@ -97,15 +97,15 @@ def unpack_statistics(
         chosen = _hyperparameters(header["chosen"])
         labels, names = tuple(header["labels"]), tuple(header["examples"])
     except (KeyError, TypeError, AttributeError, ArgumentError) as error:
-        raise ModelError(
-            describe(f"{path}: statistics", "a complete header", error, RETRAIN)
+        raise ModelError.about(
+            f"{path}: statistics", "a complete header", error, RETRAIN
         ) from error
     if preprocessing.basis_of(chosen.aligned) != library.basis:
         expected = f"hyperparameters of {library.basis}"
-        raise ModelError(describe(f"{path}: statistics", expected, chosen, RETRAIN))
+        raise ModelError.about(f"{path}: statistics", expected, chosen, RETRAIN)
     if labels != library.labels:
-        raise ModelError(
-            describe(f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN)
+        raise ModelError.about(
+            f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN
         )
     check_arrays(path, arrays, {COUNT: (len(labels),)}, (COUNT,))
     for kind in (STEADY, ALIGNED):
@@ -117,8 +117,8 @@ def unpack_statistics(
         check_arrays(path, arrays, shapes, (f"{kind}statistics_n",))
         few = np.any(arrays[f"{kind}statistics_n"] < arrays[COUNT])
         if few or arrays[COUNT].sum() != len(names) or np.any(arrays[COUNT] < 0):
-            raise ModelError(
-                describe(f"{path}: {COUNT}", f"{len(names)} in all", arrays[COUNT], RETRAIN)
+            raise ModelError.about(
+                f"{path}: {COUNT}", f"{len(names)} in all", arrays[COUNT], RETRAIN
             )
     aligned = _unpack_tasks(labels, names, arrays, ALIGNED)
     tasks = _unpack_tasks(labels, names, arrays, STEADY, aligned)

@@ -40,7 +40,6 @@ from intent_recognition.errors import (
     ModelError,
     ResourceBusyError,
     TrainingError,
-    describe,
 )
 from intent_recognition.learning import (
     RuleChange,
@@ -109,8 +108,8 @@ class TaskFolder:
                 (self.path / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             cure = "Choose another folder."
-            raise ResourceBusyError(
-                describe(str(self.path), "a folder that can be made", error, cure)
+            raise ResourceBusyError.about(
+                str(self.path), "a folder that can be made", error, cure
             ) from error
         with self._locked():
             pass
@@ -145,7 +144,7 @@ class TaskFolder:
         with self._locked():
             if self.model_path.exists():
                 cure = "Choose a new folder, or leave the model out."
-                raise ResourceBusyError(describe("model", "a folder without one", self.path, cure))
+                raise ResourceBusyError.about("model", "a folder without one", self.path, cure)
             loaded, trained = load_trained(model)
             self.dofs = check_dofs(loaded, self.dofs, "the DOFs asked for")
             self._keep(START, "", "", trained)
@@ -200,7 +199,7 @@ class TaskFolder:
             if not since or self.present_model() != since:
                 cure = "Practise again, with the present model."
                 got = f"{self.present_model() or 'none'} after practice with {since or 'none'}"
-                raise ModelError(describe("model", "the one that was practised", got, cure))
+                raise ModelError.about("model", "the one that was practised", got, cure)
             _, trained = load_trained(self.model_path)
             changed = change_rule(trained, task, change)
             return self._keep(IMPROVE, task, self._relative(practice), changed)
@@ -215,11 +214,11 @@ class TaskFolder:
             kept = standing(self.history())
             if not kept or kept[-1].action not in (LEARN, WAIT, KEEP, IMPROVE):
                 cure = "Only changes made in this folder can be taken back."
-                raise ModelError(describe("undo", "a change to take back", "none", cure))
+                raise ModelError.about("undo", "a change to take back", "none", cure)
             last, before = kept[-1], kept[-2] if len(kept) > 1 else None
             if before is not None and before.model and not (self.path / before.model).is_file():
                 cure = "Put it back, or go on with the present model."
-                raise ModelError(describe(before.model, "the model before", "none", cure))
+                raise ModelError.about(before.model, "the model before", "none", cure)
             return self._write(
                 UNDO,
                 last.task,
@@ -240,7 +239,7 @@ class TaskFolder:
         with self._locked():
             if target.exists():
                 wanted, cure = "an execution that was not kept", "Lead the arm by hand once more."
-                raise ResourceBusyError(describe(str(execution), wanted, target, cure))
+                raise ResourceBusyError.about(str(execution), wanted, target, cure)
             write_corrected(execution, unfinished, labels | {CORRECTED: self._relative(execution)})
             target.parent.mkdir(parents=True, exist_ok=True)
             unfinished.rename(target)

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 
 from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.demonstrations import DofEntry, numbers_of
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
     JOINT_NAMES,
@@ -256,10 +256,8 @@ class ActivationParameters:
         value = self._values
         home = self.home
         if home is not None and (home.shape != (len(names),) or not np.all(np.isfinite(home))):
-            raise ArgumentError(
-                describe(
-                    "home", f"{len(names)} finite angles", value["home"], "One per joint [rad]."
-                )
+            raise ArgumentError.about(
+                "home", f"{len(names)} finite angles", value["home"], "One per joint [rad]."
             )
         return ActivationSettings(
             limits=self._limits_of(names),
@@ -294,7 +292,7 @@ class ActivationParameters:
     def _check_pretrigger(self) -> None:
         if self._values["pretrigger_threshold"] > 0.0 and not self._values["model"]:
             cure = "Set model, or leave pretrigger_threshold at 0."
-            raise ArgumentError(describe("pretrigger_threshold", "0 without a model", "more", cure))
+            raise ArgumentError.about("pretrigger_threshold", "0 without a model", "more", cure)
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
         """Limits from the parameters; those not given are the arm's, else the LWR's by joint name.
@@ -338,9 +336,7 @@ def _read_model(path: str, names: tuple[str, ...]) -> "Model":
     model = load_model(path)
     of_model = model.dofs.controlled_message_names
     if names and names != of_model and not is_hand(of_model):
-        raise ArgumentError(
-            describe(
-                "joint_names", f"those of the model {path}: {of_model}", names, "Leave one away."
-            )
+        raise ArgumentError.about(
+            "joint_names", f"those of the model {path}: {of_model}", names, "Leave one away."
         )
     return model

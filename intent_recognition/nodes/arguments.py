@@ -4,7 +4,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Argument:
         except (ValueError, KeyError) as error:
             kinds: dict[type, str] = {tuple: "a list", list: "a list of numbers"}
             kind = kinds.get(self.kind, self.kind.__name__)
-            raise ArgumentError(describe(self.name, kind, text, self.description)) from error
+            raise ArgumentError.about(self.name, kind, text, self.description) from error
         return None if read in ((), []) else read
 
 

@@ -5,7 +5,8 @@ import gc
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -15,7 +16,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
@@ -70,35 +71,23 @@ class BagPlayer(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_player", **kwargs)
-        bag = fixed_parameter(self, "bag", "", "the bag to play")
-        self._rate = parameter(self, "rate", 1.0, "speed of replay; 0 = as fast as possible", 0.0)
-        self._loop = parameter(self, "loop", False, "begin again at the end")
-        paused = fixed_parameter(
-            self, "start_paused", False, "wait for ~/resume before the first message"
-        )
-        self._wait_s = fixed_parameter(
-            self, "wait_for_subscribers", 3.0, "longest wait for subscribers in s", 0.0
-        )
-        no_nodes: list[str] = []
-        waits_for = fixed_parameter(self, "wait_for_nodes", no_nodes, WAIT_FOR_NODES)
-        self._exit_at_end = parameter(self, "exit_at_end", True, "end the process after the bag")
-        self._restamp = fixed_parameter(
-            self, "restamp", False, "shift header stamps to the present"
-        )
-        self._offset_s = fixed_parameter(
-            self, "start_offset", 0.0, "begin this long into the bag in s", 0.0
-        )
-        wanted: list[str] = fixed_parameter(
-            self, "topics", [], "topics to play; none means all in the bag"
-        )
+        get, live = partial(fixed_parameter, self), partial(parameter, self)
+        bag = get("bag", "", "the bag to play")
+        self._rate = live("rate", 1.0, "speed of replay; 0 = as fast as possible", 0.0)
+        self._loop = live("loop", False, "begin again at the end")
+        paused = get("start_paused", False, "wait for ~/resume before the first message")
+        self._wait_s = get("wait_for_subscribers", 3.0, "longest wait for subscribers in s", 0.0)
+        waits_for: list[str] = get("wait_for_nodes", [], WAIT_FOR_NODES)
+        self._exit_at_end = live("exit_at_end", True, "end the process after the bag")
+        self._restamp = get("restamp", False, "shift header stamps to the present")
+        self._offset_s = get("start_offset", 0.0, "begin this long into the bag in s", 0.0)
+        wanted: list[str] = get("topics", [], "topics to play; none means all in the bag")
         self._wanted = {topic.lstrip("/") for topic in wanted}
-        without: list[str] = fixed_parameter(
-            self, "without", [], "topics not to play; one that ends in / stands for all below"
+        without: list[str] = get(
+            "without", [], "topics not to play; one that ends in / stands for all below"
         )
         self._unwanted = [topic.lstrip("/") for topic in without if topic]
-        self._use_clock = fixed_parameter(
-            self, "clock", False, "publish the recorded time on /clock"
-        )
+        self._use_clock = get("clock", False, "publish the recorded time on /clock")
         self.done = False
         self.exit_code = 0
         self.published = 0
@@ -324,15 +313,13 @@ def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
         return data[:4] + layout.pack(*divmod(stamp_ns, 1_000_000_000)) + data[12:]
     except (struct.error, IndexError) as error:
         cure = "Play it without restamp."
-        raise BagError(describe("header.stamp", "one that can be moved", error, cure)) from error
+        raise BagError.about("header.stamp", "one that can be moved", error, cure) from error
 
 
 def _open(bag: str) -> BagReader:
     if not bag:
-        raise BagError(describe("bag", "the path of a bag", "nothing", "Set the parameter `bag`."))
+        raise BagError.about("bag", "the path of a bag", "nothing", "Set the parameter `bag`.")
     return BagReader(bag, tolerant=True)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the player."""
-    return run(BagPlayer, args)
+main = partial(run, BagPlayer)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record demonstrations and sessions: any topic of any installed type, bit for bit."""
 
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.services import serve
@@ -17,8 +17,9 @@ class BagRecorder(TopicRecorder):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_recorder", **kwargs)
-        parameter(self, "output", "", "directory of the new bag; recording starts when it is given")
-        parameter(self, "task", "", "label of the demonstration; empty records without a label")
+        live = partial(parameter, self)
+        live("output", "", "directory of the new bag; recording starts when it is given")
+        live("task", "", "label of the demonstration; empty records without a label")
         topics: list[str] = fixed_parameter(
             self, "topics", [], "topics to record; none means all there are in the namespace"
         )
@@ -45,7 +46,7 @@ class BagRecorder(TopicRecorder):
         task = self.get_parameter("task").value
         if not output and self.recording is None:
             cure = "Set the parameter `output`."
-            raise BagError(describe("output", "the directory of a new bag", "nothing", cure))
+            raise BagError.about("output", "the directory of a new bag", "nothing", cure)
         self.open_bag(output, {"task": task} if task else {})
         return str(output)
 
@@ -65,6 +66,4 @@ class BagRecorder(TopicRecorder):
             self.done = True
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the recorder."""
-    return run(BagRecorder, args)
+main = partial(run, BagRecorder)

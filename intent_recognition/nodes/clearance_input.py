@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What plans keep clear of: boxes from parameters, and the arm's shape from `robot_description`."""
 
+from functools import partial
+
 from rclpy.node import Node
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm, Bodies, parse_boxes
 from intent_recognition.motion import LARGEST_BEND, Clearance, Spread
 from intent_recognition.nodes.activation_parameters import RejectionError
@@ -26,26 +28,23 @@ class ClearanceInput:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._distance_m = fixed_parameter(
-            node,
+        get = partial(fixed_parameter, node)
+        self._distance_m = get(
             "clearance",
             0.0,
             "Keep so far from boxes, and the arm from itself, by robot_description [m]; 0: off.",
             0.0,
             1.0,
         )
-        no_boxes: list[str] = []
         self._boxes = parse_boxes(
-            fixed_parameter(
-                node,
+            get(
                 "boxes",
-                no_boxes,
+                [],
                 "Things to keep clear of, one string 'name x y z length width height [qx qy qz qw]'"
                 " each, in the frame of the URDF's root link [m, unit quaternion].",
             )
         )
-        self._largest_bend = fixed_parameter(
-            node,
+        self._largest_bend = get(
             "largest_bend",
             LARGEST_BEND,
             "Standard deviations of its task by which a path is bent at most; needs a model.",
@@ -54,7 +53,7 @@ class ClearanceInput:
         )
         if self._boxes and not self._distance_m:
             cure = "Try 0.02, or leave boxes empty."
-            raise ArgumentError(describe("clearance", "above 0 m with boxes", 0.0, cure))
+            raise ArgumentError.about("clearance", "above 0 m with boxes", 0.0, cure)
         self.clearance: Clearance | None = None
         self._description = ""
         self._arm: Arm | None = None

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import MessageError
 
 TYPES = {
     PointField.INT8: "i1",
@@ -32,7 +32,7 @@ def cloud_arrays(message: PointCloud2) -> tuple[NDArray, NDArray | None]:
     fields = {field.name: field for field in message.fields}
     if missing := [name for name in POSITION if name not in fields]:
         cure = "Publish x, y and z."
-        raise MessageError(describe("fields", "x, y, z", f"no {', '.join(missing)}", cure))
+        raise MessageError.about("fields", "x, y, z", f"no {', '.join(missing)}", cure)
     n = message.width * message.height
     expected = message.row_step * message.height
     if (
@@ -42,7 +42,7 @@ def cloud_arrays(message: PointCloud2) -> tuple[NDArray, NDArray | None]:
     ):
         got = f"{len(message.data)} bytes, {n} points of {message.point_step}"
         cure = "Set width, height, point_step and row_step to what data holds."
-        raise MessageError(describe("data", f"{expected} bytes", got, cure))
+        raise MessageError.about("data", f"{expected} bytes", got, cure)
     rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.row_step)
     rows = rows[:, : message.width * message.point_step].reshape(n, message.point_step)
     order = ">" if message.is_bigendian else "<"
@@ -85,13 +85,13 @@ def _column(rows: NDArray, field: PointField, order: str) -> NDArray:
     """One field (n,) of all points as float64."""
     if field.datatype not in TYPES:
         cure = "Use FLOAT32."
-        raise MessageError(describe(f"field {field.name}", "a known type", field.datatype, cure))
+        raise MessageError.about(f"field {field.name}", "a known type", field.datatype, cure)
     kind = np.dtype(order + TYPES[field.datatype])
     if field.offset + kind.itemsize > rows.shape[1]:
         cure = "Set offset and point_step to what data holds."
         got = f"offset {field.offset}"
         expected = f"inside a point of {rows.shape[1]} bytes"
-        raise MessageError(describe(f"field {field.name}", expected, got, cure))
+        raise MessageError.about(f"field {field.name}", expected, got, cure)
     cells = np.ascontiguousarray(rows[:, field.offset : field.offset + kind.itemsize])
     with np.errstate(invalid="ignore"):  # bytes that are a signalling NaN
         return cells.view(kind)[:, 0].astype(float)

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from intent_recognition.bags import NANOSECONDS
-from intent_recognition.errors import MessageError, ShapeError, describe
+from intent_recognition.errors import MessageError, ShapeError
 
 
 def message_class(type_name: str) -> type:
@@ -27,9 +27,7 @@ def message_class(type_name: str) -> type:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError, ValueError) as error:
         cure = "Correct the name, install its package, or source its workspace."
-        raise MessageError(
-            describe("type", "an installed message type", type_name, cure)
-        ) from error
+        raise MessageError.about("type", "an installed message type", type_name, cure) from error
 
 
 def stamp_ns(message: Any) -> int:
@@ -110,16 +108,14 @@ def joint_values(
     """
     values = getattr(message, field)
     if len(values) != len(message.name):
-        raise MessageError(
-            describe(field, f"{len(message.name)} values, one a name", len(values), "Fill it.")
+        raise MessageError.about(
+            field, f"{len(message.name)} values, one a name", len(values), "Fill it."
         )
     index = {name: i for i, name in enumerate(message.name)}
     missing = [joint for joint in joints if joint not in index]
     if missing:
-        raise MessageError(
-            describe(
-                "joint_states", f"joints {missing}", list(message.name), "Check the joint names."
-            )
+        raise MessageError.about(
+            "joint_states", f"joints {missing}", list(message.name), "Check the joint names."
         )
     return np.array([values[index[joint]] for joint in joints], dtype=np.float64)
 
@@ -149,7 +145,6 @@ class TrajectoryBuilder:
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
         *,
-        accelerations: ArrayLike | None = None,
         frame_id: str = "",
     ) -> JointTrajectory:
         """Fill the message.
@@ -160,7 +155,6 @@ class TrajectoryBuilder:
             positions: (T, d) [rad].
             velocities: (T, d) [rad/s], or None to leave the field empty.
             efforts: (T, d), or None to leave the field empty.
-            accelerations: (T, d) [rad/s^2], or None to leave the field empty.
             frame_id: header frame.
 
         Returns:
@@ -172,12 +166,7 @@ class TrajectoryBuilder:
         times_ns = np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64)
         count = times_ns.size
         self._grow(count)
-        columns = {
-            "positions": positions,
-            "velocities": velocities,
-            "accelerations": accelerations,
-            "effort": efforts,
-        }
+        columns = {"positions": positions, "velocities": velocities, "effort": efforts}
         for field, values in columns.items():
             self._fill(field, values, count)
         self._set_times(times_ns)
@@ -209,8 +198,8 @@ class TrajectoryBuilder:
             return
         rows = np.ascontiguousarray(values, dtype=np.float64)
         if rows.shape != (count, self._joints):
-            raise ShapeError(
-                describe(field, f"shape {(count, self._joints)}", rows.shape, "One row a time.")
+            raise ShapeError.about(
+                field, f"shape {(count, self._joints)}", rows.shape, "One row a time."
             )
         views = self._views.setdefault(field, [])
         for view, row in zip(views, rows, strict=False):
@@ -218,28 +207,6 @@ class TrajectoryBuilder:
         for point, row in zip(self._points[len(views) : count], rows[len(views) :], strict=True):
             setattr(point, field, row.tolist())
             views.append(np.frombuffer(getattr(point, field), dtype=np.float64))
-
-
-def build_joint_trajectory(
-    names: Sequence[str],
-    times_s: ArrayLike,
-    positions: ArrayLike,
-    velocities: ArrayLike | None = None,
-    efforts: ArrayLike | None = None,
-    *,
-    time_ns: int = 0,
-) -> JointTrajectory:
-    """A new JointTrajectory; at high rates use `TrajectoryBuilder`, which reuses one.
-
-    Args:
-        names: joint names (d,).
-        times_s: time_from_start of each point (T,) [s].
-        positions: (T, d) [rad].
-        velocities: (T, d) [rad/s], or None.
-        efforts: (T, d), or None.
-        time_ns: header stamp.
-    """
-    return TrajectoryBuilder(names).build(time_ns, times_s, positions, velocities, efforts)
 
 
 def trajectory_arrays(
@@ -263,10 +230,8 @@ def _stack(message: JointTrajectory, field: str) -> NDArray[np.float64]:
     lengths = {len(getattr(point, field)) for point in message.points}
     width = len(message.joint_names)
     if not lengths <= {width, 0} or len(lengths) > 1 or (field == "positions" and 0 in lengths):
-        raise MessageError(
-            describe(
-                field, f"{width} values at every point", sorted(lengths), "Fill all points alike."
-            )
+        raise MessageError.about(
+            field, f"{width} values at every point", sorted(lengths), "Fill all points alike."
         )
     rows = [getattr(point, field) for point in message.points]
     return np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows and lengths != {0} else 0)

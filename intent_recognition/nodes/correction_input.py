@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from rclpy.node import Node
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import Correction, DeviationDetector, Spread
 from intent_recognition.nodes.parameters import fixed_parameter
@@ -66,9 +66,7 @@ class CorrectionInput:
         if detector.explained.size != len(names):
             expected = f"errors of {len(names)} joints"
             cure = "Give a file of this arm."
-            raise ArgumentError(
-                describe("correction", expected, f"{detector.explained.size}", cure)
-            )
+            raise ArgumentError.about("correction", expected, f"{detector.explained.size}", cure)
         before, self._made_for = self._made_for, (library, arm)
         if self.correction is not None and before[0] is library and before[1] is arm:
             return
@@ -104,5 +102,5 @@ def load_detector(name: str) -> DeviationDetector:
             "constant, velocity, acceleration, explained, one number a joint each, and sustained,"
             " false_alarm_rate, least"
         )
-        raise ArgumentError(describe(str(path), expected, error, "Correct the file.")) from None
+        raise ArgumentError.about(str(path), expected, error, "Correct the file.") from None
     return DeviationDetector(coefficients.astype(np.float64), explained, *numbers)

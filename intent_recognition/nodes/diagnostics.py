@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+
+from intent_recognition.nodes.runtime import steady_timer
 
 PERIOD_S = 1.0
 """Time between two reports [s] (contract: 1 Hz)."""
@@ -80,9 +81,7 @@ class Diagnostics:
         self._level = bytes([Level.OK])
         self._message = "running"
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._timer = node.create_timer(
-            period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._timer = steady_timer(node, period_s, self.publish)
 
     def count(self, reason: str, amount: int = 1) -> None:
         """Count rejected inputs under `reason`; the total is published as `rejected <reason>`."""

@@ -9,7 +9,7 @@ sets nothing: the parameter file or the node's own default applies.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.arguments import ARGUMENTS, Argument
 from intent_recognition.share import PACKAGE
 
@@ -293,14 +293,14 @@ def arguments_of(graph: str, given: Mapping[str, object]) -> dict[str, object]:
     known = {argument.name: argument for argument in spec.arguments()}
     unknown = sorted(set(given) - set(known))
     if unknown:
-        raise ArgumentError(
-            describe(f"argument of {graph}", f"one of {', '.join(known)}", unknown[0], "Name one.")
+        raise ArgumentError.about(
+            f"argument of {graph}", f"one of {', '.join(known)}", unknown[0], "Name one."
         )
     read = {name: known[name].read(value) for name, value in given.items()}
     values = dict(spec.defaults) | {k: v for k, v in read.items() if v is not None}
     for name, argument in known.items():
         if argument.needed and name not in values:
-            raise ArgumentError(describe(name, "a value", "nothing", argument.description))
+            raise ArgumentError.about(name, "a value", "nothing", argument.description)
     return values
 
 
@@ -315,7 +315,7 @@ def _follow_the_clock(graph: str, values: dict[str, object]) -> None:
         published = spec.fixed.get(spec.clock) or values.get(spec.parameters.get(spec.clock, ""))
         if spec.clock and published and not values.setdefault("use_sim_time", True):
             cure = f"Leave it away, or let {name} publish no /clock."
-            raise ArgumentError(describe("use_sim_time", "true with a /clock", False, cure))
+            raise ArgumentError.about("use_sim_time", "true with a /clock", False, cure)
 
 
 def _starts(name: str, values: Mapping[str, object]) -> bool:

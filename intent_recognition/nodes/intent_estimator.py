@@ -2,14 +2,14 @@
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
 import pathlib
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -22,7 +22,7 @@ from intent_recognition.demonstrations import (
     position_columns,
     reference_of,
 )
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.model import Model, check_dofs, frames_of, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
@@ -31,7 +31,13 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
-from intent_recognition.nodes.runtime import LeftOvers, elapsed_s, run, when_clock_goes_back
+from intent_recognition.nodes.runtime import (
+    LeftOvers,
+    elapsed_s,
+    run,
+    steady_timer,
+    when_clock_goes_back,
+)
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.via_points import VIA_POINTS, ViaPointInput
@@ -56,9 +62,9 @@ class IntentEstimatorNode(ManagedNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("intent_estimator", **kwargs)
-        parameter(self, "model", "", "Model file written by `intent train`.")
-        self._dofs_path = fixed_parameter(
-            self,
+        get, live = partial(fixed_parameter, self), partial(parameter, self)
+        live("model", "", "Model file written by `intent train`.")
+        self._dofs_path = get(
             "dofs",
             "",
             "DOF file; empty takes the model's own. Other DOFs than the model's are an error;"
@@ -66,34 +72,29 @@ class IntentEstimatorNode(ManagedNode):
         )
         self._own_dofs: DofSpec | None = None
         self._configured, self._step = False, ""
-        self._publish_rate = parameter(
-            self,
+        self._publish_rate = live(
             "publish_rate",
             25.0,
             "Rate of trajectories, path and markers [Hz]; tasks follow every observation.",
             minimum=0.1,
             maximum=1000.0,
         )
-        self._start_posture = fixed_parameter(
-            self,
+        self._start_posture = get(
             "start_posture",
             True,
             "Condition trajectories on the controlled agent's posture at onset (joint_states).",
         )
-        self._switching = fixed_parameter(
-            self,
+        self._switching = get(
             "switching",
             True,
             "Follow a person who turns to another task, or begins the next one without a rest.",
         )
-        self._transitions = parameter(
-            self,
+        self._transitions = live(
             "transition_prior",
             True,
             "Use the learned transitions between tasks; false: all tasks are equally likely.",
         )
-        self._forget_after_s = parameter(
-            self,
+        self._forget_after_s = live(
             "forget_after",
             FORGET_AFTER_S,
             "Time after which a movement no longer informs the next task [s].",
@@ -120,9 +121,7 @@ class IntentEstimatorNode(ManagedNode):
             DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
         )
         self._inputs = ObservationInput(self, self._diagnostics, self._use, self._use_context)
-        self._watchdog = self.create_timer(
-            CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._watchdog = steady_timer(self, CHECK_PERIOD_S, self._check_stream)
         self._last_ns: dict[Hashable, int] = {}
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
@@ -209,13 +208,11 @@ class IntentEstimatorNode(ManagedNode):
     def _load(self) -> Model:
         path = self.get_parameter("model").value
         if not path:
-            raise ArgumentError(
-                describe(
-                    "parameter model",
-                    "a model file",
-                    "nothing",
-                    "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz.",
-                )
+            raise ArgumentError.about(
+                "parameter model",
+                "a model file",
+                "nothing",
+                "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz.",
             )
         model = load_model(path)
         if self._dofs_path:
@@ -395,6 +392,4 @@ class IntentEstimatorNode(ManagedNode):
         return f"tasks: {', '.join(self._model.labels)} ({path})"
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(IntentEstimatorNode, args)
+main = partial(run, IntentEstimatorNode)

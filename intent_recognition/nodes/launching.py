@@ -14,7 +14,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
 from intent_recognition.nodes.processes import transport
 from intent_recognition.share import share_path
@@ -133,7 +133,7 @@ def _params_file(name: str) -> str:
     except IntentError as error:
         cure = "Give the path of yours, or the name of a shipped one, such as config/real_arm.yaml."
         got = f"{Path(name).absolute()}, which is none"
-        raise ArgumentError(describe("params_file", "a file", got, cure)) from error
+        raise ArgumentError.about("params_file", "a file", got, cure) from error
 
 
 def _text(value: object) -> str:

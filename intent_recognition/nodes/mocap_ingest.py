@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-from intent_recognition.errors import ArgumentError, MessageError, describe
+from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
@@ -77,44 +77,34 @@ class MocapIngest(Node):
         self._states = dict.fromkeys(self._states, IngestState())
 
     def _read_settings(self) -> IngestSettings:
-        no_extrinsics: list[str] = []
+        get, live = partial(fixed_parameter, self), partial(parameter, self)
         return IngestSettings(
-            world_frame=fixed_parameter(
-                self, "world_frame", "world", "Frame of everything published."
-            ),
+            world_frame=get("world_frame", "world", "Frame of everything published."),
             extrinsics=parse_extrinsics(
-                fixed_parameter(
-                    self,
+                get(
                     "extrinsics",
-                    no_extrinsics,
+                    [],
                     "Pose of each tracker frame in the world, one string 'frame x y z qx qy qz qw'"
                     " each [m, unit quaternion].",
                 )
             ),
-            max_speed_m_s=parameter(
-                self, "max_speed", 6.0, "A step faster than this is an outlier [m/s].", 0.01, 1000.0
+            max_speed_m_s=live(
+                "max_speed", 6.0, "A step faster than this is an outlier [m/s].", 0.01, 1000.0
             ),
-            max_gap_s=parameter(
-                self,
-                "max_gap",
-                0.5,
-                "After so long without a sample any is taken [s].",
-                0.001,
-                3600.0,
+            max_gap_s=live(
+                "max_gap", 0.5, "After so long without a sample any is taken [s].", 0.001, 3600.0
             ),
-            position_std_m=parameter(
-                self, "position_std", 0.002, "Standard deviation of a position [m].", 1e-6, 1.0
+            position_std_m=live(
+                "position_std", 0.002, "Standard deviation of a position [m].", 1e-6, 1.0
             ),
-            orientation_std_rad=parameter(
-                self,
+            orientation_std_rad=live(
                 "orientation_std_rad",
                 IngestSettings.orientation_std_rad,
                 "Standard deviation of a measured orientation [rad].",
                 1e-6,
                 3.2,
             ),
-            reanchor_after=parameter(
-                self,
+            reanchor_after=live(
                 "reanchor_after",
                 5,
                 "After so many consecutive outliers that agree, the track restarts there.",
@@ -168,12 +158,10 @@ class MocapIngest(Node):
 def _check_bodies(bodies: Sequence[str]) -> list[str]:
     names = [body for body in bodies if body]
     if not names or len(set(names)) != len(names):
-        raise ArgumentError(
-            describe("parameter bodies", "different names", list(bodies), "Use e.g. [wrist].")
+        raise ArgumentError.about(
+            "parameter bodies", "different names", list(bodies), "Use e.g. [wrist]."
         )
     return names
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(MocapIngest, args)
+main = partial(run, MocapIngest)

@@ -7,6 +7,7 @@
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2
 
-from intent_recognition.errors import ArgumentError, IntentError, describe, one_line
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.conversions import position_array, to_pose
@@ -56,33 +57,26 @@ class ObjectWarper(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)
 
-        source = fixed_parameter(
-            self, "source", "mug", "Annotated object: a file, or a shipped one."
-        )
+        get = partial(fixed_parameter, self)
+        source = get("source", "mug", "Annotated object: a file, or a shipped one.")
         self._source = ObjectModel.learn(load_object(find_object(source)))
-        mapping = fixed_parameter(
-            self, "mapping", "label", "Label the cloud's points, or move the source's."
-        )
+        mapping = get("mapping", "label", "Label the cloud's points, or move the source's.")
         if mapping not in ("label", "point"):
             cure = "Use label unless points must be identified one by one."
-            raise ArgumentError(describe("mapping", "label or point", mapping, cure))
+            raise ArgumentError.about("mapping", "label or point", mapping, cure)
         self._mapping: Literal["label", "point"] = "point" if mapping == "point" else "label"
-        self._neighbours = fixed_parameter(
-            self, "neighbours", 1, "Nearest points that vote on a label.", 1, 50
-        )
-        self._n_points = fixed_parameter(
-            self, "n_points", 2000, "Points to which larger clouds are thinned.", 200, 100000
+        self._neighbours = get("neighbours", 1, "Nearest points that vote on a label.", 1, 50)
+        self._n_points = get(
+            "n_points", 2000, "Points to which larger clouds are thinned.", 200, 100000
         )
         self._viewpoint = _position(
-            fixed_parameter(
-                self,
+            get(
                 "viewpoint",
                 [0.0, 0.0, 0.0],
                 "Camera position in the cloud's frame [m]; normals are turned toward it.",
             )
         )
-        self._above_m = fixed_parameter(
-            self,
+        self._above_m = get(
             "stands_above",
             0.0,
             "How far above the lip the contents stand before they leave [m]; 0 for a liquid.",
@@ -176,10 +170,8 @@ def _position(values: Sequence[float]) -> NDArray[np.float64]:
     position = np.array(values, dtype=float)
     if position.shape != (3,) or not np.isfinite(position).all():
         cure = "Give x, y and z in metres."
-        raise ArgumentError(describe("viewpoint", "three numbers", list(values), cure))
+        raise ArgumentError.about("viewpoint", "three numbers", list(values), cure)
     return position
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(ObjectWarper, args)
+main = partial(run, ObjectWarper)

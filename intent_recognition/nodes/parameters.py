@@ -17,7 +17,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from intent_recognition.errors import ArgumentError, IntentError, describe, one_line
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 
 Changes = Mapping[str, Any]
 """New values by parameter name; each has the type it was declared with."""
@@ -74,8 +74,8 @@ def parameter(
         # rclpy takes an empty list for one of bytes, where the type is not said.
         node._parameters[name] = Parameter(name, declared_as, [])
     if not _is_finite(declared.value):
-        raise ArgumentError(
-            describe(f"parameter {name}", "a finite number", declared.value, description)
+        raise ArgumentError.about(
+            f"parameter {name}", "a finite number", declared.value, description
         )
     if node not in _checked:
         _checked.add(node)

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the person is predicted to be, for the speed of the arm: from `intent/human_trajectory`."""
 
+from functools import partial
+
 import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.motion import PredictedPerson, Separation, SeparationSettings
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import RejectionError
@@ -36,40 +38,35 @@ class PersonInput:
 
     def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
         self._hand, self._diagnostics = hand, diagnostics
-        no_dofs: list[str] = []
-        self._dofs = fixed_parameter(
-            node,
+        get = partial(fixed_parameter, node)
+        dofs: list[str] = get(
             "person_dofs",
-            no_dofs,
+            [],
             "Observed DOFs that are x, y and z of a point of the person, as in the model; the arm"
             " slows by their predicted distance. Empty: it does not.",
         )
-        self._dofs = [name for name in self._dofs if name]
-        self._offset = fixed_parameter(
-            node,
+        self._dofs = [name for name in dofs if name]
+        self._offset = get(
             "person_offset",
             [0.0, 0.0, 0.0],
             "What to add to them, to come into the frame of the URDF's root link [m].",
         )
         self._settings = SeparationSettings(
-            human_speed_m_s=fixed_parameter(
-                node,
+            human_speed_m_s=get(
                 "human_speed",
                 _DEFAULTS.human_speed_m_s,
                 "Speed at which the person may come nearer [m/s].",
                 0.0,
                 10.0,
             ),
-            intrusion_m=fixed_parameter(
-                node,
+            intrusion_m=get(
                 "intrusion",
                 _DEFAULTS.intrusion_m,
                 "Of person and arm beyond the tracked point and the line through the joints [m].",
                 0.0,
                 2.0,
             ),
-            least_speed_m_s=fixed_parameter(
-                node,
+            least_speed_m_s=get(
                 "least_speed",
                 _DEFAULTS.least_speed_m_s,
                 "Speed of the arm that is kept at any distance from the person [m/s].",
@@ -80,7 +77,7 @@ class PersonInput:
         if len(self._dofs) not in (0, 3) or len(self._offset) != 3:
             got = f"{len(self._dofs)}, and {len(self._offset)} in person_offset"
             cure = "Name x, y and z: `intent inspect MODEL` lists them."
-            raise ArgumentError(describe("person_dofs", "3 names, or none", got, cure))
+            raise ArgumentError.about("person_dofs", "3 names, or none", got, cure)
         self.person: PredictedPerson | None = None
         self.separation: Separation | None = None
         if self._dofs:
@@ -117,10 +114,10 @@ class PersonInput:
             if not len(times_s) or np.any(np.diff(times_s) <= 0.0):
                 got = f"{len(times_s)} that do not" if len(times_s) else "none"
                 cure = "Check the sender."
-                raise ArgumentError(describe(TOPIC, "points whose times increase", got, cure))
+                raise ArgumentError.about(TOPIC, "points whose times increase", got, cure)
             mean, std = positions[:, columns], rest["effort"][:, columns]
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
-                raise ArgumentError(describe(TOPIC, "finite numbers", "NaN", "Check the sender."))
+                raise ArgumentError.about(TOPIC, "finite numbers", "NaN", "Check the sender.")
         except (IntentError, KeyError, ValueError) as error:
             self.person = None
             self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")

@@ -3,14 +3,13 @@
 
 import sys
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -21,7 +20,6 @@ from intent_recognition.errors import (
     IntentError,
     MessageError,
     TrajectoryError,
-    describe,
 )
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import JointPath, hand_targets, is_hand, joints_along, make_path
@@ -44,7 +42,7 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.person_input import PersonInput
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.silence import SilenceWatch
@@ -91,9 +89,7 @@ class PrimitiveActivation(ManagedNode):
         self._streams = SilenceWatch(SENDERS)
         self._silent = ""
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
-        self._look = self.create_timer(
-            _LOOK_S, self._look_for_silence, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._look = steady_timer(self, _LOOK_S, self._look_for_silence)
         self.start()
 
     # Lifecycle
@@ -342,7 +338,7 @@ class PrimitiveActivation(ManagedNode):
         if of_motion and activation is not None and activation.moves(self._now_ns()):
             mode = "braking" if activation.mode is Mode.IDLE else activation.mode.value
             cure = "Wait until it is home, or call ~/reset."
-            raise ArgumentError(describe(of_motion[0], "an arm at rest", mode, cure))
+            raise ArgumentError.about(of_motion[0], "an arm at rest", mode, cure)
         if self.joint_names:
             settings.settings(self.joint_names, self._starts)
         return settings
@@ -387,6 +383,4 @@ def _reason(error: IntentError, usual: str) -> str:
     return error.reason if isinstance(error, RejectionError) else usual
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(PrimitiveActivation, args)
+main = partial(run, PrimitiveActivation)

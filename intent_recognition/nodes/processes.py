@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from intent_recognition.errors import IntentError, describe
+from intent_recognition.errors import IntentError
 from intent_recognition.interrupts import NODE
 from intent_recognition.share import share_path
 
@@ -157,13 +157,11 @@ class NodeProcesses:
             if code is None or (name in may_end and code == 0):
                 continue
             lines = self.log_file(name).read_text(encoding="utf-8", errors="replace").splitlines()
-            raise IntentError(
-                describe(
-                    f"node {name}",
-                    "to run until the end",
-                    f"exit code {code}: {' | '.join(lines[-LOG_LINES:]) or 'no output'}",
-                    f"See {self.log_file(name)}.",
-                )
+            raise IntentError.about(
+                f"node {name}",
+                "to run until the end",
+                f"exit code {code}: {' | '.join(lines[-LOG_LINES:]) or 'no output'}",
+                f"See {self.log_file(name)}.",
             )
 
     def stop(self) -> None:

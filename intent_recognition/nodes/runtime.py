@@ -11,10 +11,10 @@ import time
 import traceback
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
-from rclpy.clock import JumpThreshold, ROSClock, TimeJump
+from rclpy.clock import Clock, ClockType, JumpThreshold, ROSClock, TimeJump
 from rclpy.duration import Duration
 from rclpy.exceptions import (
     NameValidationException,
@@ -25,9 +25,10 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
-from intent_recognition.errors import ArgumentError, IntentError, describe, one_line
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 
 SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""
@@ -43,6 +44,7 @@ LEFT_OVER_S = 1.0
 """How long after such a jump messages from before may still arrive [s]. Convention."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
+SomeNode = TypeVar("SomeNode", bound=Node)
 _START_ERRORS = (
     IntentError,
     ParameterException,
@@ -125,6 +127,12 @@ def simulated_ns(node: Node) -> int | None:
     return clock.now().nanoseconds if active else None
 
 
+def steady_timer(node: Node, period_s: float, callback: Callable[[], object]) -> Timer:
+    """A timer in real time, also while simulated time stands still."""
+    clock = Clock(clock_type=ClockType.STEADY_TIME)
+    return node.create_timer(period_s, callback, clock=clock)
+
+
 def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
     """Act when simulated time goes back: a recording plays again, a simulation restarts."""
 
@@ -183,6 +191,28 @@ def spin_until(executor: Executor, condition: Callable[[], object], timeout_s: f
     return True
 
 
+@contextmanager
+def spinning(
+    make_node: Callable[[], SomeNode], args: Sequence[str] = ()
+) -> Iterator[tuple[SomeNode, Executor]]:
+    """A node of this process and the executor that runs its callbacks; both end with the block.
+
+    Args:
+        make_node: builds the node; called once, after `rclpy.init`, which leaves signals alone.
+        args: command line with `--ros-args ...`.
+    """
+    rclpy.init(args=list(args), signal_handler_options=SignalHandlerOptions.NO)
+    executor = node = None
+    try:
+        executor = make_executor()
+        node = make_node()
+        executor.add_node(node)
+        yield node, executor
+    finally:
+        end(node, executor)
+        try_shutdown()
+
+
 def end(node: Node | None, executor: Executor | None = None) -> None:
     """Shut an executor down and destroy a node, if they were made.
 
@@ -210,8 +240,8 @@ def _end_of_process_after(seconds: float) -> Iterator[None]:
 def _check_domain(domain: str) -> None:
     """Refuse a ROS_DOMAIN_ID for which Fast DDS would end the process."""
     if domain and not (domain.isdecimal() and int(domain) <= MAX_DOMAIN):
-        raise ArgumentError(
-            describe("ROS_DOMAIN_ID", f"0 to {MAX_DOMAIN}", repr(domain), "Use 0 to 101.")
+        raise ArgumentError.about(
+            "ROS_DOMAIN_ID", f"0 to {MAX_DOMAIN}", repr(domain), "Use 0 to 101."
         )
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import MessageError
 from intent_recognition.nodes.conversions import orientation_array, position_array
 from intent_recognition.warping import Emptying, PouringParameters, References, SeenContainer
 
@@ -47,7 +47,7 @@ def seen_container(vector: JointState, pose: PoseStamped) -> SeenContainer:
     if vector.header.frame_id != pose.header.frame_id:
         got = f"{vector.header.frame_id!r} and {pose.header.frame_id!r}"
         cure = "Publish both in one frame."
-        raise MessageError(describe("frames of parameters and pose", "the same", got, cure))
+        raise MessageError.about("frames of parameters and pose", "the same", got, cure)
     values = dict(zip(vector.name, vector.position, strict=False))
 
     def read(*names: str) -> NDArray[np.float64]:
@@ -55,14 +55,14 @@ def seen_container(vector: JointState, pose: PoseStamped) -> SeenContainer:
         if not np.isfinite(found).all():
             missing = [name for name, one in zip(names, found) if not np.isfinite(one)]
             cure = "Take those of object_warper."
-            raise MessageError(describe("object/parameters", f"{missing[0]}", "none", cure))
+            raise MessageError.about("object/parameters", f"{missing[0]}", "none", cure)
         return found
 
     turn, place = orientation_array(pose.pose), position_array(pose.pose)
     if not (np.isfinite([*turn, *place]).all() and np.linalg.norm(turn) > SHORTEST_QUATERNION):
         cure = "Take that of object_warper."
         got = f"{place.tolist()}, {turn.tolist()}"
-        raise MessageError(describe("object/pose", "a finite place and a rotation", got, cure))
+        raise MessageError.about("object/pose", "a finite place and a rotation", got, cure)
     scalars = read("opening_radius_m", "volume_m3", "height_m", "tilt_reference_rad")
     tilts = read(*(_leaving(percent) for percent in PERCENTS))
     shares = 0.01 * np.array(PERCENTS, dtype=np.float64)

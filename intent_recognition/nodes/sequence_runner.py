@@ -27,7 +27,7 @@ from intent_recognition.composing import (
     read_sequences,
     read_via_points,
 )
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import JointPath
 from intent_recognition.nodes import qos
@@ -90,14 +90,12 @@ class SequenceRunner:
         if not self._path or self._sequences:
             return
         if library is None:
-            raise ArgumentError(
-                describe("sequences", "a model", "none", "Set the parameter model.")
-            )
+            raise ArgumentError.about("sequences", "a model", "none", "Set the parameter model.")
         try:
             text = read_text(Path(self._path))
         except (OSError, UntrustedError) as error:
             cure = "Name a YAML file."
-            raise ArgumentError(describe("sequences", "a file", error, cure)) from error
+            raise ArgumentError.about("sequences", "a file", error, cure) from error
         self._library, self._sequences = library, read_sequences(text, library.labels)
         steps = [step for steps in self._sequences.values() for step in steps]
         for body in sorted({step.when.body for step in steps} - {""}):

@@ -24,7 +24,7 @@ from intent_recognition.bags import (
     SerializedTemplate,
     header_stamp_ns,
 )
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import MessageError
 from intent_recognition.nodes.conversions import TrajectoryBuilder, to_joint_state
 from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose
 
@@ -79,8 +79,8 @@ def _read(
     try:
         layout = layouts.layout_of(data)
     except ValueError as error:
-        raise MessageError(
-            describe("message", "a whole one", error, "Check who publishes it.")
+        raise MessageError.about(
+            "message", "a whole one", error, "Check who publishes it."
         ) from error
     (frame_id,) = layout.texts["header.frame_id"]
     matrix = layout.values(data, covariance).reshape(6, 6) if covariance else None

@@ -7,21 +7,22 @@ point that is tried; the next execution that a person judges on `intent/feedback
 the next point follows. In both cases the library stays as it is until `~/accept`.
 """
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
-from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
+from intent_recognition.errors import ArgumentError, BagError, IntentError
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_cost
-from intent_recognition.model import DOWN, THUMBS, UP, Change, PractisedTask, TaskFolder
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
-from intent_recognition.nodes.execution_recorder import ExecutionRecorder
+from intent_recognition.model import DOWN, THUMBS, UP, PractisedTask
+from intent_recognition.nodes.diagnostics import Level
 from intent_recognition.nodes.parameters import parameter
+
+if TYPE_CHECKING:
+    from intent_recognition.nodes.task_teacher import TaskTeacher
 
 PERIOD_S = 0.1
 """Time from one rollout to the next at least [s]. Convention: the node stays responsive."""
@@ -40,45 +41,18 @@ class _Begun(NamedTuple):
         return self.asked[1] == THUMBS
 
 
-class Teacher(Protocol):
-    """What is needed of the node that has the library."""
-
-    folder: TaskFolder
-    executions: ExecutionRecorder
-    diagnostics: Diagnostics
-
-    @property
-    def is_recording(self) -> bool:
-        """Whether a demonstration or an execution is being recorded."""
-
-    def get_parameter(self, name: str) -> Parameter:
-        """A parameter of the node."""
-
-    def estimator_runs(self) -> bool:
-        """Whether there is an estimator to give models to."""
-
-    def send_model(self, text: str) -> None:
-        """Have the estimator load the model that is in force."""
-
-    def change(self, action: Callable[[], Change], what: str) -> str:
-        """Change the folder, and let the estimator use it."""
-
-    def report(self, level: int, text: str) -> None:
-        """Say a sentence."""
-
-
 def declare_practice(node: Node) -> None:
     """Declare the parameters of practice."""
-    parameter(node, "practice_cost", "distance", "what a rollout costs: distance, time or thumbs")
-    parameter(node, "practice_rollouts", 40, "rollouts of a practice in all", 1, 100_000)
-    parameter(
-        node,
+    live = partial(parameter, node)
+    live("practice_cost", "distance", "what a rollout costs: distance, time or thumbs")
+    live("practice_rollouts", 40, "rollouts of a practice in all", 1, 100_000)
+    live(
         "practice_beside",
         "",
         "where the robot's hand must be from where the person's comes to rest, `x y z` in m; empty:"
         " where the demonstrations had it",
     )
-    parameter(node, "practice_seed", 1, "of the points that are tried", 0, 2**31 - 1)
+    live("practice_seed", 1, "of the points that are tried", 0, 2**31 - 1)
 
 
 class TaskPracticeService:
@@ -92,7 +66,7 @@ class TaskPracticeService:
         trial: model that is tried by the estimator now; None: the library's.
     """
 
-    def __init__(self, teacher: Teacher) -> None:
+    def __init__(self, teacher: "TaskTeacher") -> None:
         self._teacher = teacher
         self.running = False
         self.trial: Path | None = None
@@ -108,7 +82,7 @@ class TaskPracticeService:
             BagError: it goes on already, or nobody could judge.
         """
         if self.running:
-            raise BagError(describe("~/practise", "no practice", "one", "End it first."))
+            raise BagError.about("~/practise", "no practice", "one", "End it first.")
         self._begun = begun = self._open()
         if begun.by_thumbs:
             self._check_judged()
@@ -126,7 +100,7 @@ class TaskPracticeService:
             BagError: none goes on.
         """
         if not self.running or self._begun is None:
-            raise BagError(describe("~/practise", "practice to end", "none", "Begin one first."))
+            raise BagError.about("~/practise", "practice to end", "none", "Begin one first.")
         return self._end("ended")
 
     def accept(self) -> str:
@@ -181,7 +155,7 @@ class TaskPracticeService:
         task, cost, beside, seed = (teacher.get_parameter(name).value for name in names)
         if not task:
             cure = "Set the parameter task."
-            raise ArgumentError(describe("parameter task", "the label of a task", "none", cure))
+            raise ArgumentError.about("parameter task", "the label of a task", "none", cure)
         practised = PractisedTask(teacher.folder, task, beside_m=_numbers(beside))
         known = (*practised.practice.costs, THUMBS)
         costs = Cost(THUMBS, _unjudged) if cost == THUMBS else load_cost(cost, known, files=False)
@@ -193,7 +167,7 @@ class TaskPracticeService:
         if not self._teacher.estimator_runs() or not self._teacher.executions.records:
             cure = "Start the graph, and leave `executions` above 0."
             expected = "an estimator, and recordings of executions"
-            raise BagError(describe("practice by thumbs", expected, "none", cure))
+            raise BagError.about("practice by thumbs", expected, "none", cure)
 
     def _try_next(self) -> None:
         """Give the estimator the library with the next point."""
@@ -255,7 +229,7 @@ def _numbers(text: str) -> tuple[float, ...] | None:
         found = ()
     if len(found) != 3 or not np.all(np.isfinite(found)):
         cure = "Such as `-0.17 0 0.01`."
-        raise ArgumentError(describe("practice_beside", "three numbers in m", repr(text), cure))
+        raise ArgumentError.about("practice_beside", "three numbers in m", repr(text), cure)
     return found
 
 

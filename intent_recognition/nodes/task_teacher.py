@@ -2,13 +2,13 @@
 """Node: records demonstrations while the graph runs and learns them for the estimator."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
-from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_msgs.msg import String
@@ -21,7 +21,6 @@ from intent_recognition.errors import (
     BagError,
     IntentError,
     ResourceBusyError,
-    describe,
 )
 from intent_recognition.model import (
     PRACTICE,
@@ -39,7 +38,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.services import answer, serve
 from intent_recognition.nodes.task_practice import (
     PERIOD_S,
@@ -106,8 +105,7 @@ class TaskTeacher(TopicRecorder):
         )
         declare_practice(self)
         self.practice = TaskPracticeService(self)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(PERIOD_S, self.practice.step, clock=steady)
+        steady_timer(self, PERIOD_S, self.practice.step)
         self.add_on_set_parameters_callback(refuse_label)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         self._skills = self.create_publisher(DiagnosticArray, "teach/skills", qos.LATCHED)
@@ -185,7 +183,7 @@ class TaskTeacher(TopicRecorder):
             TrainingError: one cannot be learned from; it is kept in the folder's `undone`.
         """
         if not self.waiting:
-            raise BagError(describe("~/learn", "recordings", "none", "Record one first."))
+            raise BagError.about("~/learn", "recordings", "none", "Record one first.")
         learned: list[str] = []
         change: Change | None = None
         failure: IntentError | None = None
@@ -239,7 +237,7 @@ class TaskTeacher(TopicRecorder):
             wanted = "an execution that was corrected and not kept before"
             came = "none" if last is None else f"{last.name}, the last one, which was"
             cure = "Lead the arm by hand while it executes, then keep that."
-            raise BagError(describe("~/keep", wanted, came, cure))
+            raise BagError.about("~/keep", wanted, came, cure)
         change = self.folder.learn(self.folder.correct(last))
         return self._changed(change, f"kept the correction of {last.name}")
 
@@ -282,12 +280,13 @@ class TaskTeacher(TopicRecorder):
         self._publish_skills()
 
     def _open_folder(self) -> TaskFolder:
-        library = fixed_parameter(self, "library", "", "folder of recordings, model and history")
-        dofs = fixed_parameter(self, "dofs", "", "DOF file; empty takes the model's")
-        model = fixed_parameter(self, "model", "", "model a new library begins with; empty: none")
+        get = partial(fixed_parameter, self)
+        library = get("library", "", "folder of recordings, model and history")
+        dofs = get("dofs", "", "DOF file; empty takes the model's")
+        model = get("model", "", "model a new library begins with; empty: none")
         if not library:
             cure = "Start it with -p library:=DIR."
-            raise ArgumentError(describe("parameter library", "a folder", "nothing", cure))
+            raise ArgumentError.about("parameter library", "a folder", "nothing", cure)
         folder = TaskFolder(library, _dofs(dofs, model, library))
         if model and not folder.model_path.exists():
             folder.start_from(model)
@@ -392,6 +391,4 @@ def _dofs(dofs: str, model: str, library: str) -> DofSpec:
     return load_dofs()
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(TaskTeacher, args)
+main = partial(run, TaskTeacher)

@@ -10,19 +10,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
 from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe, one_line
+from intent_recognition.errors import BagError, IntentError, ResourceBusyError, one_line
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.qos import keep_last
-from intent_recognition.nodes.runtime import simulated_ns
+from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 
 DISCOVERY_PERIOD_S = 0.1
 """Time between two looks for new topics [s]. Convention."""
@@ -90,9 +89,8 @@ class TopicRecorder(Node):
         """
         self._check_names(topics)
         self._wanted = tuple(topics)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(DISCOVERY_PERIOD_S, self.discover, clock=steady)
-        self.create_timer(FLUSH_PERIOD_S, self._flush, clock=steady)
+        steady_timer(self, DISCOVERY_PERIOD_S, self.discover)
+        steady_timer(self, FLUSH_PERIOD_S, self._flush)
         self.discover()
 
     @property
@@ -124,7 +122,7 @@ class TopicRecorder(Node):
         """
         if self._writer is not None:
             cure = "Stop it first."
-            raise ResourceBusyError(describe("~/start", "no recording", self._writer.path, cure))
+            raise ResourceBusyError.about("~/start", "no recording", self._writer.path, cure)
         with self._lock:
             self._writer = writer = BagWriter(path, dict(metadata))
             for source in self._sources.values():
@@ -150,7 +148,7 @@ class TopicRecorder(Node):
         with self._lock:
             writer, self._writer = self._writer, None
             if writer is None:
-                raise BagError(describe(asked_by, "a recording", "none", "Start one first."))
+                raise BagError.about(asked_by, "a recording", "none", "Start one first.")
             self.diagnostics.status(Level.OK, "idle")
             writer.close()
         self.get_logger().info(f"{writer.message_count} messages in {writer.path}")
@@ -190,7 +188,7 @@ class TopicRecorder(Node):
             if other != topic:
                 cure = "Record one of them, or record both without a namespace."
                 found = f"{other} and {topic}"
-                raise BagError(describe("topics", "names that differ in the bag", found, cure))
+                raise BagError.about("topics", "names that differ in the bag", found, cure)
 
     def _wanted_topics(self, found: Iterable[str]) -> dict[str, str]:
         """Stored name of every topic to record, by its resolved name."""

@@ -6,7 +6,6 @@ there; a request on `pour` ("empty", "full" or millilitres) gives `intent/tasks`
 `intent/robot_trajectory`, which `primitive_activation` executes as it does any task.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import IntentError, MessageError, describe, one_line
+from intent_recognition.errors import IntentError, MessageError, one_line
 from intent_recognition.kinematics import (
     JOINT_NAMES,
     forward_kinematics,
@@ -57,12 +56,11 @@ class WarpedPrimitiveNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("warped_primitive", **kwargs)
-        skill = fixed_parameter(
-            self, "skill", SHIPPED, "File of `save_pouring_skill`, yours or a shipped one."
-        )
-        self._task = fixed_parameter(self, "task", "pouring", "Label of the task.")
-        self._fluid = fixed_parameter(
-            self, "fluid", 0.5, "What is in the cup at first, as a share of its volume.", 0.0, 1.0
+        get = partial(fixed_parameter, self)
+        skill = get("skill", SHIPPED, "File of `save_pouring_skill`, yours or a shipped one.")
+        self._task = get("task", "pouring", "Label of the task.")
+        self._fluid = get(
+            "fluid", 0.5, "What is in the cup at first, as a share of its volume.", 0.0, 1.0
         )
         self._skill = load_pouring_skill(skill if Path(skill).is_file() else share_path(skill))
         self._diagnostics = Diagnostics(self)
@@ -121,7 +119,7 @@ class WarpedPrimitiveNode(Node):
         self._diagnostics.tick(REQUEST)
         try:
             if self._busy:
-                raise MessageError(describe(REQUEST, "no pour under way", "one", "Wait for it."))
+                raise MessageError.about(REQUEST, "no pour under way", "one", "Wait for it.")
             plan, joints = self._plan(message.data)
         except IntentError as error:
             self._diagnostics.reject(type(error).__name__, one_line(error))
@@ -150,7 +148,7 @@ class WarpedPrimitiveNode(Node):
         """
         seen = {name: self._seen(name) for name in OBJECTS}
         if self._joints is None:
-            raise MessageError(describe("joint_states", "those of the arm", "none", "Start it."))
+            raise MessageError.about("joint_states", "those of the arm", "none", "Start it.")
         hand = forward_kinematics(self._joints)
         plan = plan_pour(self._skill, seen[CUP], seen[SECOND], hand, asked, self._fluid)
         return plan, joint_path(plan, self._joints)
@@ -158,7 +156,7 @@ class WarpedPrimitiveNode(Node):
     def _seen(self, name: str) -> SeenContainer:
         if name not in self._vectors or name not in self._poses:
             cure = "Start its object_warper, and let it be seen."
-            raise MessageError(describe(f"{name}/parameters", "a seen container", "none", cure))
+            raise MessageError.about(f"{name}/parameters", "a seen container", "none", cure)
         return seen_container(self._vectors[name], self._poses[name])
 
     @property
@@ -205,6 +203,4 @@ def joint_std(plan: PourPlan, joints: NDArray[np.float64]) -> NDArray[np.float64
     return np.linalg.norm(moved, axis=2)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run(WarpedPrimitiveNode, args)
+main = partial(run, WarpedPrimitiveNode)

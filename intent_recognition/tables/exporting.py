@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.signals import Demonstration
 from intent_recognition.tables.table import optional
 
@@ -94,7 +94,7 @@ def write_table(path: Path, columns: Columns) -> None:
         _write_csv(path, columns)
     else:
         expected = f"a file ending in {' or '.join(WRITTEN)}"
-        raise BagError(describe("--output", expected, path.name, "Name the file so."))
+        raise BagError.about("--output", expected, path.name, "Name the file so.")
 
 
 def _write_csv(path: Path, columns: Columns) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.tables.c3d import open_c3d
 from intent_recognition.tables.parquet import open_lerobot, open_parquet
 from intent_recognition.tables.table import Table, Values, check_columns, unusable
@@ -149,5 +149,5 @@ def find_tables(source: Path) -> list[Path]:
     found = sorted(path for path in source.rglob("*") if path.is_file() and is_table(path))
     if not found:
         got = "nothing of that name" if not source.exists() else "none"
-        raise BagError(describe(str(source), kinds, got, "Check the path."))
+        raise BagError.about(str(source), kinds, got, "Check the path.")
     return found

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import DofEntry, DofSpec
-from intent_recognition.errors import DofError, describe
+from intent_recognition.errors import DofError
 from intent_recognition.tables.table import PER_UNIT, check_convertible
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
@@ -301,4 +301,4 @@ def _count(value: object, least: int, place: str) -> int:
 
 
 def _error(argument: str, expected: str, got: object) -> DofError:
-    return DofError(describe(argument, expected, got, "docs/import.md has examples."))
+    return DofError.about(argument, expected, got, "docs/import.md has examples.")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, describe, one_line
+from intent_recognition.errors import BagError, one_line
 from intent_recognition.signals import Rejection
 from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import (
@@ -111,7 +111,7 @@ def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
         patterns = ", ".join(mapping.files.values())
         got = ", ".join(p.relative_to(source).as_posix() for p in paths[:5])
         cure = "Correct files in the map."
-        raise BagError(describe(str(source), f"files such as {patterns}", got, cure))
+        raise BagError.about(str(source), f"files such as {patterns}", got, cure)
     for key, group in sorted(groups.items()):
         named = dict(zip(fields, key, strict=True))
         if missing := set(mapping.files) - set(group):
@@ -179,7 +179,7 @@ def _load(tables: Mapping[str, Table], mapping: ImportMap) -> dict[str, dict[str
     if isinstance(mapping.segments, str):
         if len({source.file for source in mapping.columns}) > 1:
             expected = "a list of start and end where a recording has several files"
-            raise BagError(describe("segments", expected, "a column", "Correct the map."))
+            raise BagError.about("segments", expected, "a column", "Correct the map.")
         wanted[main].append(mapping.segments)
     return {name: table.columns(wanted[name]) for name, table in tables.items()}
 
@@ -189,7 +189,7 @@ def _rows(
 ) -> _Rows:
     time = source.time or time
     if time is None:
-        raise BagError(describe(str(table.source), "times, or a rate", "neither", NO_TIME))
+        raise BagError.about(str(table.source), "times, or a rate", "neither", NO_TIME)
     columns = [numbers(data[name], table.source, name) for name in source.columns]
     sizes = {name: column.size for name, column in zip(source.columns, columns, strict=True)}
     if time.column is not None:
@@ -197,7 +197,7 @@ def _rows(
     if len(set(sizes.values())) > 1:
         got = ", ".join(f"{name} {size}" for name, size in sizes.items())
         cure = "Name a time column of the same length, under time of the entry."
-        raise BagError(describe(str(table.source), "columns of one length", got, cure))
+        raise BagError.about(str(table.source), "columns of one length", got, cure)
     values = convert(np.column_stack(columns), source.unit or table.unit, source.entry.unit)
     if time.column is None:
         ticks = ticks_ns(len(values), time.rate_hz, time.since_ns, table.source)
@@ -272,16 +272,16 @@ def _check_task(task: str) -> None:
         check_label(task)
     except BagError as error:
         cure = "Give it another under labels in the map."
-        raise BagError(describe("task", "a label that can name a folder", task, cure)) from error
+        raise BagError.about("task", "a label that can name a folder", task, cure) from error
 
 
 def _check_name(name: str) -> None:
     sound = name.isprintable() and not set("/\\") & set(name) and name[:1] not in ("", ".", "-")
     if not sound or len(name) > LONGEST_NAME:
         expected = f"a name for a folder, of 1 to {LONGEST_NAME} characters"
-        raise BagError(describe("recording", expected, repr(name), "Rename it."))
+        raise BagError.about("recording", expected, repr(name), "Rename it.")
 
 
 def _doubled(name: str) -> BagError:
     cure = "Name each demonstration once, in the segments or by its file."
-    return BagError(describe("recording", "names that differ", f"{name} twice", cure))
+    return BagError.about("recording", "names that differ", f"{name} twice", cure)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.bags import NANOSECONDS
-from intent_recognition.errors import BagError, DofError, describe
+from intent_recognition.errors import BagError, DofError
 
 Values = NDArray[Any]
 """A column: numbers, dates, or texts (of dtype object)."""
@@ -58,13 +58,11 @@ class Table:
         """
         there = self.aliases.union(self.names)
         if missing := [name for name in dict.fromkeys(wanted) if name not in there]:
-            raise BagError(
-                describe(
-                    str(self.source),
-                    f"the columns of the map, {', '.join(missing)} among them",
-                    ", ".join(self.names) or "no columns",
-                    "Correct the names in the map.",
-                )
+            raise BagError.about(
+                str(self.source),
+                f"the columns of the map, {', '.join(missing)} among them",
+                ", ".join(self.names) or "no columns",
+                "Correct the names in the map.",
             )
         return self.read(tuple(dict.fromkeys(wanted)))
 
@@ -79,7 +77,7 @@ def optional(module: str, package: str, source: Path) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         cure = f"Install it: pip install {package}."
-        raise BagError(describe(str(source), f"the library {package}", "none", cure)) from error
+        raise BagError.about(str(source), f"the library {package}", "none", cure) from error
 
 
 def check_columns(source: Path, count: int) -> None:
@@ -95,7 +93,7 @@ def check_columns(source: Path, count: int) -> None:
 
 def unusable(source: Path, expected: str, error: object, cure: str) -> BagError:
     """The error that a file is not what its name says."""
-    return BagError(describe(str(source), expected, error, cure))
+    return BagError.about(str(source), expected, error, cure)
 
 
 def numbers(values: Values, source: Path, name: str) -> NDArray[np.float64]:
@@ -114,7 +112,7 @@ def numbers(values: Values, source: Path, name: str) -> NDArray[np.float64]:
         except ValueError as error:
             cure = "Name a column of numbers, with decimal points, in the map."
             got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
-            raise BagError(describe(f"{source}: {name}", "numbers", got, cure)) from error
+            raise BagError.about(f"{source}: {name}", "numbers", got, cure) from error
     return found
 
 
@@ -172,7 +170,7 @@ def stamps_ns(
             except (ArithmeticError, ValueError) as error:
                 got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
                 cure = "Name a column of times, with decimal points, under time in the map."
-                raise BagError(describe(f"{source}: {name}", "times", got, cure)) from error
+                raise BagError.about(f"{source}: {name}", "times", got, cure) from error
     return _checked(counts, known, since_ns, f"{source}: {name}"), known
 
 
@@ -195,7 +193,7 @@ def _checked(
     if lowest + since_ns <= 0 or highest + since_ns >= LAST_NS:
         cure = "Correct unit and since under time in the map; times of the computer have since: 0."
         got = f"{lowest:.6g} to {highest:.6g} ns since {since_ns} ns"
-        raise BagError(describe(place, "times between 1970 and 2038", got, cure))
+        raise BagError.about(place, "times between 1970 and 2038", got, cure)
     return counts.astype(np.int64) + since_ns
 
 
@@ -215,7 +213,7 @@ def check_convertible(unit: str, wanted: str, place: str) -> None:
     """
     if _scale(unit, wanted) is None:
         known = f"{wanted}, or one of {', '.join(LENGTHS)} for lengths, deg or rad for angles"
-        raise DofError(describe(place, known, unit, "Convert the columns, or correct the unit."))
+        raise DofError.about(place, known, unit, "Convert the columns, or correct the unit.")
 
 
 def convert(values: NDArray[np.float64], unit: str, wanted: str) -> NDArray[np.float64]:

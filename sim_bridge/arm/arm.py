@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.kinematics import check_position
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import (
@@ -81,7 +81,7 @@ class SimulatedArm:
         headless: bool = True,
     ) -> None:
         if noise is not None and rng is None:
-            raise ArgumentError(describe("rng", "a Generator with noise", None, "Pass one."))
+            raise ArgumentError.about("rng", "a Generator with noise", None, "Pass one.")
         self.robot = robot if robot is not None else lwr()
         self.limits = self.robot.limits
         self.before_step: list[Callable[[SimulatedArm], None]] = []
@@ -230,8 +230,8 @@ class SimulatedArm:
             com_m: its centre of mass in the hand frame (3,).
         """
         if not (np.isfinite(mass_kg) and mass_kg >= 0.0 and np.all(np.isfinite(com_m))):
-            raise ArgumentError(
-                describe("mass_kg, com_m", "finite, mass >= 0", (mass_kg, com_m), "Check them.")
+            raise ArgumentError.about(
+                "mass_kg, com_m", "finite, mass >= 0", (mass_kg, com_m), "Check them."
             )
         self._payload_mass_kg = float(mass_kg)
         x, y, z = com_m
@@ -257,9 +257,7 @@ class SimulatedArm:
         """
         force = np.asarray(force_n, dtype=np.float64)
         if force.shape != (3,) or not np.all(np.isfinite(force)):
-            raise ArgumentError(
-                describe("force_n", "three finite numbers", force_n, "Check the push.")
-            )
+            raise ArgumentError.about("force_n", "three finite numbers", force_n, "Check the push.")
         link = self.hand_link if link is None else link
         point = (float(point_m[0]), float(point_m[1]), float(point_m[2]))
         self._pushes.append(_Push(link, tuple(force.tolist()), point, int(n_steps)))
@@ -376,7 +374,7 @@ class SimulatedArm:
         array, n = np.array(values, dtype=np.float64), self.robot.n_joints
         if array.shape != (n,):
             names = ", ".join(self.robot.joint_names)
-            raise ShapeError(describe(argument, f"shape ({n},): {names}", array.shape, "Give all."))
+            raise ShapeError.about(argument, f"shape ({n},): {names}", array.shape, "Give all.")
         if not np.all(np.isfinite(array)):
-            raise ArgumentError(describe(argument, "finite values", array, "Check the source."))
+            raise ArgumentError.about(argument, "finite values", array, "Check the source.")
         return array

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JointLimits
 
 
@@ -52,8 +52,8 @@ class ControllerGains:
     def scaled(self, stiffness_scale: float) -> "ControllerGains":
         """Return gains with the stiffness times a factor and the damping ratio kept."""
         if not (np.isfinite(stiffness_scale) and stiffness_scale > 0.0):
-            raise ArgumentError(
-                describe("stiffness_scale", "a positive number", stiffness_scale, "1 is normal.")
+            raise ArgumentError.about(
+                "stiffness_scale", "a positive number", stiffness_scale, "1 is normal."
             )
         return replace(
             self,

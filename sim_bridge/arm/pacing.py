@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many physics steps are due: simulated time kept to real time times a factor."""
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 
 class Pacer:
@@ -29,8 +29,8 @@ class Pacer:
         largest_batch: int = 40,
     ) -> None:
         if not (step_s > 0.0 and factor > 0.0):
-            raise ArgumentError(
-                describe("step_s, factor", "positive numbers", (step_s, factor), "Check them.")
+            raise ArgumentError.about(
+                "step_s, factor", "positive numbers", (step_s, factor), "Check them."
             )
         self._step_s, self.factor = step_s, factor
         self._origin_s = start_s

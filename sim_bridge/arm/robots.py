@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
     JOINT_NAMES,
@@ -145,7 +145,7 @@ def find_robot(
     path = Path(robot)
     if not path.is_file():
         expected = f"one of {', '.join(NAMES)}, or the path of a URDF"
-        raise ArgumentError(describe("robot", expected, robot, "Choose one."))
+        raise ArgumentError.about("robot", expected, robot, "Choose one.")
     text = with_meshes(read_urdf(path), path.resolve().parent)
     return _robot(path.stem, text, tip or None, None, at)
 
@@ -166,7 +166,7 @@ def _robot(
     copies = [mimic.joint for mimic in chain.mimics if mimic.master in chain.names]
     if copies:
         cure = "Choose a tip before it."
-        raise ArgumentError(describe("robot", "a chain without mimic joints", copies[0], cure))
+        raise ArgumentError.about("robot", "a chain without mimic joints", copies[0], cure)
     if ready is None or len(ready) != len(chain.names):
         free = np.array(chain.continuous)
         ready = np.where(free, 0.0, 0.5 * (chain.limits.lower + chain.limits.upper))
@@ -228,7 +228,7 @@ def _find_mesh(name: str, folder: Path) -> Path:
             if (place / rest).is_file():
                 return (place / rest).resolve()
     cure = "Source the workspace that has its package, or put it beside the URDF."
-    raise ArgumentError(describe("robot", f"the mesh {name}", "no such file", cure))
+    raise ArgumentError.about("robot", f"the mesh {name}", "no such file", cure)
 
 
 def with_rotors(text: str, joint_names: Sequence[str], torque: NDArray[np.float64]) -> str:
@@ -256,7 +256,7 @@ def _add_rotor(link: ET.Element, axis: NDArray[np.float64], rotor: float) -> Non
     inertia = None if inertial is None else inertial.find("inertia")
     if inertial is None or inertia is None:
         cure = "Write its <inertial> into the URDF: without mass and inertia nothing moves."
-        raise ArgumentError(describe(link.get("name", "link"), "an inertia", "none", cure))
+        raise ArgumentError.about(link.get("name", "link"), "an inertia", "none", cure)
     origin = inertial.find("origin")
     rpy = _numbers("0 0 0" if origin is None else origin.get("rpy", "0 0 0"))
     axis = Rotation.from_euler("xyz", rpy).inv().apply(axis)
@@ -310,5 +310,5 @@ def _numbers(text: str) -> NDArray[np.float64]:
 
 def _position(position_m: Sequence[float]) -> tuple[float, float, float]:
     if len(position_m) != 3 or not np.all(np.isfinite(position_m)):
-        raise ArgumentError(describe("base_position_m", "x, y, z", position_m, "In metres."))
+        raise ArgumentError.about("base_position_m", "x, y, z", position_m, "In metres.")
     return float(position_m[0]), float(position_m[1]), float(position_m[2])

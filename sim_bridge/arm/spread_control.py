@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import FeedbackSettings, resting_gains
 from sim_bridge.arm.arm import SimulatedArm
@@ -92,4 +92,4 @@ class SpreadControl:
 
 def _refuse(argument: str, expected: str, got: object) -> None:
     cure = "Send the prediction with the estimator's standard deviations."
-    raise TrajectoryError(describe(argument, expected, got, cure))
+    raise TrajectoryError.about(argument, expected, got, cure)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import LWR_LIMITS, JointLimits
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
@@ -105,8 +105,8 @@ class TrajectoryFollower:
         """Forget all commands and rest at position (n_joints,) [rad], without a blend."""
         q = np.array(position, dtype=np.float64)
         if q.shape != (self._limits.n_joints,):
-            raise ShapeError(
-                describe("position", f"shape ({self._limits.n_joints},)", q.shape, "One each.")
+            raise ShapeError.about(
+                "position", f"shape ({self._limits.n_joints},)", q.shape, "One each."
             )
         rest = ArmReference(q, np.zeros_like(q), np.zeros_like(q))
         self._entries = [_Entry(-np.inf, rest, None, 0.0)]

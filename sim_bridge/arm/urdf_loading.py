@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pybullet_data
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import check_meshes
 from sim_bridge.arm.urdf import end_of
 from sim_bridge.physics import BulletClient, pybullet
@@ -45,7 +45,7 @@ def fixtures_of(urdf: str) -> frozenset[str]:
         root = ElementTree.fromstring(urdf)
     except ElementTree.ParseError as error:
         cure = "Check it with check_urdf."
-        raise ArgumentError(describe("robot", "a URDF", error, cure)) from error
+        raise ArgumentError.about("robot", "a URDF", error, cure) from error
     ends = [(j.get("type"), end_of(j, "parent"), end_of(j, "child")) for j in root.findall("joint")]
     moved = {child for kind, _, child in ends if kind != "fixed"}
     for _ in ends:
@@ -99,7 +99,7 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
             )
         except pybullet.error as error:
             cure = "Check it with check_urdf, and that its meshes can be read."
-            raise ArgumentError(describe("robot", "a URDF", error, cure)) from error
+            raise ArgumentError.about("robot", "a URDF", error, cure) from error
 
 
 def _try_meshes(urdf: str, path: Path, flags: int) -> None:
@@ -124,7 +124,7 @@ def _try_meshes(urdf: str, path: Path, flags: int) -> None:
         got = f"some that it has not read within {LOADED_S:.0f} s"
     if got:
         cure = "Export them again."
-        raise ArgumentError(describe("robot", "meshes that PyBullet can read", got, cure))
+        raise ArgumentError.about("robot", "meshes that PyBullet can read", got, cure)
 
 
 def free_joints(

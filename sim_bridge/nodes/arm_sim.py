@@ -3,14 +3,12 @@
 
 import os
 import time
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import WrenchStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -20,13 +18,13 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
+from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.conversions import duration_s, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.arm import (
     NAMES,
     TIME_STEP_S,
@@ -104,10 +102,9 @@ class ArmSim(Node):
         )
         self._pacer: Pacer | None = None
         self.add_post_set_parameters_callback(self._on_parameters)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._pacing_timers = [
-            self.create_timer(TICK_S, self._tick, clock=steady),
-            self.create_timer(0.5, self._report, clock=steady),
+            steady_timer(self, TICK_S, self._tick),
+            steady_timer(self, 0.5, self._report),
         ]
 
     def destroy_node(self) -> None:
@@ -136,11 +133,10 @@ class ArmSim(Node):
         self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
         self._scene = get("scene", "toolbox", f"What is in its world: {', '.join(SCENES)}.")
         self._pouring = PouringScene(self)
-        no_boxes: list[str] = []
         self._boxes = parse_boxes(
             get(
                 "boxes",
-                no_boxes,
+                [],
                 "Things that stand in the cell and stop the arm, as those of primitive_activation:"
                 " 'name x y z length width height [qx qy qz qw]' [m].",
             )
@@ -159,8 +155,8 @@ class ArmSim(Node):
 
     def _make_arm(self) -> SimulatedArm:
         if not self._headless and not os.environ.get("DISPLAY"):
-            raise ResourceBusyError(
-                describe("headless", "a display for the window", "none", "Set headless:=true.")
+            raise ResourceBusyError.about(
+                "headless", "a display for the window", "none", "Set headless:=true."
             )
         initial = self._initial
         if not initial and self._scene == POURING:
@@ -185,8 +181,8 @@ class ArmSim(Node):
     def _make_spread(self) -> SpreadControl | None:
         if self._controller not in CONTROLLERS:
             expected = f"one of {', '.join(CONTROLLERS)}"
-            raise ArgumentError(
-                describe("controller", expected, self._controller, "Choose one of them.")
+            raise ArgumentError.about(
+                "controller", expected, self._controller, "Choose one of them."
             )
         control = SpreadControl(self._robot.joint_names)
         return control if self._controller == CONTROLLERS[1] else None
@@ -389,6 +385,4 @@ class ArmSim(Node):
             self.diagnostics.status(Level.OK, "running")
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is interrupted."""
-    return run(ArmSim, args)
+main = partial(run, ArmSim)

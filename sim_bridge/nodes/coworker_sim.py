@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node `coworker_sim`: a simulated worker whose wrist a simulated tracker follows."""
 
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.timer import Timer
 from std_msgs.msg import String
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.graph import RECOGNITION
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.qos import SENSOR, STATE
 from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
 from sim_bridge.scenarios.assembly import of_worker, plan_live
 
@@ -48,12 +47,13 @@ class CoworkerSim(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("coworker_sim", **kwargs)
         self.plan = self._make_plan()
-        self._wait_for = fixed_parameter(
-            self, "wait_for_subscribers", 1, "Begin when so many listen to the poses.", 0
+        get = partial(fixed_parameter, self)
+        self._wait_for = get(
+            "wait_for_subscribers", 1, "Begin when so many listen to the poses.", 0
         )
-        nodes = fixed_parameter(self, "wait_for_nodes", list(RECOGNITION), WAIT_FOR_NODES)
-        self._exit_at_end = fixed_parameter(self, "exit_at_end", False, "End with the session.")
-        self._frame = fixed_parameter(self, "frame_id", "world", "frame_id of the poses.")
+        nodes = get("wait_for_nodes", list(RECOGNITION), WAIT_FOR_NODES)
+        self._exit_at_end = get("exit_at_end", False, "End with the session.")
+        self._frame = get("frame_id", "world", "frame_id of the poses.")
         self.done = False
         self.diagnostics = Diagnostics(self)
         self._readiness = Readiness(self, nodes)
@@ -67,44 +67,30 @@ class CoworkerSim(Node):
         self._timer: Timer | None = None
         self._message = PoseStamped()
         self._message.header.frame_id = self._frame
-        self._start_timer = self.create_timer(
-            POLL_S, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._start_timer = steady_timer(self, POLL_S, self._start)
 
     def _make_plan(self) -> SessionPlan:
         """Declare the parameters of the session and plan it."""
-        seed = fixed_parameter(self, "seed", 1, "Seed of the whole session.", 0)
-        task_list = fixed_parameter(
-            self,
+        get = partial(fixed_parameter, self)
+        seed = get("seed", 1, "Seed of the whole session.", 0)
+        task_list = get(
             "task_list",
             "random",
             "Labels or OLD>NEW@SHARE and commas, a file of them, 'random' or 'habit'.",
         )
-        count = fixed_parameter(
-            self,
-            "interactions",
-            0,
-            "How many; 0: as listed (random, habit: 40).",
-            0,
-        )
+        count = get("interactions", 0, "How many; 0: as listed (random, habit: 40).", 0)
         default = SessionTiming()
         timing = SessionTiming(
-            first_idle_s=fixed_parameter(
-                self, "first_idle", default.first_idle_s, "Rest at first [s].", 0.5
-            ),
+            first_idle_s=get("first_idle", default.first_idle_s, "Rest at first [s].", 0.5),
             idle_s=self._range("idle", default.idle_s, "Rest between interactions [s]."),
             hold_s=self._range("hold", default.hold_s, "Wait for the robot [s]."),
-            last_idle_s=fixed_parameter(
-                self, "last_idle", default.last_idle_s, "Rest at last [s].", 0.0
-            ),
-            gaps_per_s=fixed_parameter(
-                self, "occlusions", default.gaps_per_s, "Occlusions per second.", 0.0
-            ),
+            last_idle_s=get("last_idle", default.last_idle_s, "Rest at last [s].", 0.0),
+            gaps_per_s=get("occlusions", default.gaps_per_s, "Occlusions per second.", 0.0),
         )
-        scenario = fixed_parameter(self, "scenario", SCENARIOS[0], f"One of {SCENARIOS}.")
+        scenario = get("scenario", SCENARIOS[0], f"One of {SCENARIOS}.")
         if scenario not in SCENARIOS:
             expected = " or ".join(SCENARIOS)
-            raise ArgumentError(describe("scenario", expected, scenario, "Choose one."))
+            raise ArgumentError.about("scenario", expected, scenario, "Choose one.")
         if scenario == ASSEMBLY:
             return of_worker(plan_live(seed, task_list, count, timing))
         return plan_session(seed, parse_task_list(task_list, seed, count), timing)
@@ -112,9 +98,7 @@ class CoworkerSim(Node):
     def _range(self, name: str, default: tuple[float, float], text: str) -> tuple[float, float]:
         values = fixed_parameter(self, name, list(default), f"{text} Shortest and longest.")
         if len(values) != 2 or not 0.1 <= values[0] <= values[1]:
-            raise ArgumentError(
-                describe(f"parameter {name}", "two times, 0.1 s or more", values, text)
-            )
+            raise ArgumentError.about(f"parameter {name}", "two times, 0.1 s or more", values, text)
         return values[0], values[1]
 
     def _start(self) -> None:
@@ -197,6 +181,4 @@ def _label_schedule(plan: SessionPlan) -> list[tuple[int, str, int]]:
     return schedule
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is interrupted, or until the session is over if so asked."""
-    return run(CoworkerSim, args)
+main = partial(run, CoworkerSim)

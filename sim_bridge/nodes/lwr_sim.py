@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node `lwr_sim`: `arm_sim` with the KUKA LWR 4+."""
 
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from intent_recognition.nodes.runtime import run
@@ -16,6 +16,4 @@ class LwrSim(ArmSim):
         super().__init__("lwr_sim", find_robot("lwr"), **kwargs)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is interrupted."""
-    return run(LwrSim, args)
+main = partial(run, LwrSim)

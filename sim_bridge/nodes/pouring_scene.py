@@ -2,6 +2,7 @@
 """The scene "pouring" of a simulated arm: what is in its world, and the topics that tell of it."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -11,7 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.model import SPILLED
 from intent_recognition.nodes.clouds import to_labelled_cloud
 from intent_recognition.nodes.parameters import fixed_parameter
@@ -44,10 +45,10 @@ class PouringScene:
     def __init__(self, node: Node) -> None:
         self._node = node
         of_scene = "Of the scene pouring:"
-        self.cup = fixed_parameter(node, "cup", "mug", f"{of_scene} container in the hand.")
-        self.second = fixed_parameter(node, "second", "tumbler", f"{of_scene} the other one.")
-        self._opening = fixed_parameter(
-            node,
+        get = partial(fixed_parameter, node)
+        self.cup = get("cup", "mug", f"{of_scene} container in the hand.")
+        self.second = get("second", "tumbler", f"{of_scene} the other one.")
+        self._opening = get(
             "second_opening",
             [0.70, 0.15, 0.26],
             f"{of_scene} centre of the second opening [m], world.",
@@ -78,7 +79,7 @@ class PouringScene:
         if len(self._opening) != 3:
             cure = "Give x, y and z in metres."
             got = list(self._opening)
-            raise ArgumentError(describe("second_opening", "three numbers", got, cure))
+            raise ArgumentError.about("second_opening", "three numbers", got, cure)
         self._arm, self._stamp = arm, stamp
         self._world = LivePouring(arm, self.cup, self.second, np.array(self._opening), seed)
         self._counts = self._node.create_publisher(JointState, BALLS, STATE)
@@ -132,7 +133,7 @@ def make_scene(
     """
     if scene not in SCENES:
         expected = f"one of {', '.join(SCENES)}"
-        raise ArgumentError(describe("scene", expected, repr(scene), "Choose one."))
+        raise ArgumentError.about("scene", expected, repr(scene), "Choose one.")
     if scene == POURING:
         return pouring.begin(arm, seed, stamp)
     return make_gripper(arm, scene)

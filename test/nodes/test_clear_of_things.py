@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from clearance_world import ROBOT
+from joint_trajectories import build_joint_trajectory
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -14,7 +15,6 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JOINT_NAMES, hand_position, parse_boxes
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
-    build_joint_trajectory,
     to_joint_state,
     to_stamp,
     trajectory_arrays,

@@ -7,6 +7,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given
 from hypothesis import strategies as st
+from joint_trajectories import build_joint_trajectory
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -14,7 +15,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from intent_recognition.errors import MessageError, ShapeError
 from intent_recognition.nodes.conversions import (
     TrajectoryBuilder,
-    build_joint_trajectory,
     duration_s,
     joint_values,
     message_class,

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from joint_trajectories import build_joint_trajectory
 from model_builder import true_library
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -20,7 +21,6 @@ from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import PostureInput
 from intent_recognition.nodes.conversions import (
-    build_joint_trajectory,
     stamp_ns,
     to_joint_state,
     to_stamp,

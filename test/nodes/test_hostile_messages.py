@@ -9,6 +9,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from hostile.random_messages import TEXTS, random_message, spoiled_message
+from joint_trajectories import build_joint_trajectory
 from nav_msgs.msg import Odometry
 from nodes.test_object_warper import message_of
 from nodes.test_warped_primitive import LIP_M, told
@@ -21,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes import mocap_ingest, object_warper, task_teacher
-from intent_recognition.nodes.conversions import build_joint_trajectory, to_joint_state, to_pose
+from intent_recognition.nodes.conversions import to_joint_state, to_pose
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.pouring_observer import PouringObserver
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from joint_trajectories import build_joint_trajectory
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -19,7 +20,6 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
-    build_joint_trajectory,
     stamp_ns,
     to_joint_state,
     to_stamp,

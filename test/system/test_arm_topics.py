@@ -8,6 +8,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from joint_trajectories import build_joint_trajectory
 from ros_harness import NodeProcess
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -15,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.bags import BagReader
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import build_joint_trajectory, to_joint_state
+from intent_recognition.nodes.conversions import to_joint_state
 from intent_recognition.nodes.graph import resolve
 from intent_recognition.nodes.processes import node_environment
 
@@ -62,7 +63,7 @@ def test_both_topics_changed_the_arm_moves_and_the_bag_holds_the_commands(harnes
         def estimate():
             now_ns = harness.probe.get_clock().now().nanoseconds
             message = build_joint_trajectory(
-                JOINT_NAMES, 2.0 * s, home + way, efforts=np.full((40, 7), 0.05), time_ns=onset_ns
+                JOINT_NAMES, 2.0 * s, home + way, None, np.full((40, 7), 0.05), time_ns=onset_ns
             )
             message.header.frame_id = "plate"
             predictions.publish(message)

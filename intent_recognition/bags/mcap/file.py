@@ -15,7 +15,7 @@ from intent_recognition.bags.mcap.chunk import PARSE_ERRORS, McapBlock, MessageT
 from intent_recognition.bags.mcap.group import GroupReader, groups
 from intent_recognition.bags.mcap.scan import Damage, open_view, scan_file
 from intent_recognition.bags.messages import RECOVER
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 
 MOST_WAITING = 2**29
 """Bytes of messages held at once to put them in order. Convention: a recorder's chunks hardly
@@ -194,6 +194,6 @@ class McapFile:
         topics = ", ".join(sorted(c.topic for c in self.scan.channels.values())) or "unknown"
         until = f" to {damage.end_ns}" if damage.end_ns else ""
         place = f"{self.path}: topics {topics}: time {damage.start_ns}{until} ns"
-        return BagError(
-            describe(f"{place}: byte {damage.offset}", "a whole recording", damage.reason, RECOVER)
+        return BagError.about(
+            f"{place}: byte {damage.offset}", "a whole recording", damage.reason, RECOVER
         )

@@ -26,7 +26,7 @@ from intent_recognition.bags.mcap.chunk import (
     read_definitions,
 )
 from intent_recognition.bags.mcap.records import RECORD_HEADER
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 
 MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file."""
@@ -107,15 +107,13 @@ def scan_file(path: Path) -> FileScan:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
             if size == 0:
-                raise BagError(
-                    describe(str(path), "an MCAP file", "an empty file", "Record again.")
-                )
+                raise BagError.about(str(path), "an MCAP file", "an empty file", "Record again.")
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as view:
                 _walk(view, scan)
                 _check_expansion(path, view, scan)
                 _read_summary(view, scan)
     except OSError as error:
-        raise BagError(describe(str(path), "a readable file", error, "Check the path.")) from error
+        raise BagError.about(str(path), "a readable file", error, "Check the path.") from error
     return scan
 
 
@@ -127,7 +125,7 @@ def _check_expansion(path: Path, view: mmap.mmap, scan: FileScan) -> None:
     if said > most:
         expected = f"at most {most} bytes of messages in {len(view)}"
         cure = "No recorder writes such a file; record again."
-        raise BagError(describe(str(path), expected, said, cure))
+        raise BagError.about(str(path), expected, said, cure)
 
 
 def open_view(path: Path) -> mmap.mmap:

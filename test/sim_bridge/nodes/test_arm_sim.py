@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from joint_trajectories import build_joint_trajectory
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -10,7 +11,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.kinematics import hand_position
-from intent_recognition.nodes.conversions import build_joint_trajectory
 from intent_recognition.nodes.qos import COMMAND, LATCHED, STATE
 from sim_bridge.arm.robots import find_robot
 from sim_bridge.nodes.arm_sim import ArmSim
