@@ -72,6 +72,17 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
     return f"{argument}: expected {expected}, got {came.removesuffix('.')}. {cure}"
 
 
+def check_type(argument: str, value: object, expected: type, cure: str) -> None:
+    """Make sure that an argument is of a class of this package.
+
+    Raises:
+        ArgumentError: it is of another.
+    """
+    if not isinstance(value, expected):
+        came = f"one of type {type(value).__name__}"
+        raise ArgumentError.about(argument, f"a {expected.__name__}", came, cure)
+
+
 def one_line(error: BaseException) -> str:
     """The message of an error on one printable line; the name of its class if it has none."""
     return printable(" ".join(str(error).split())) or type(error).__name__

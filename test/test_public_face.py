@@ -89,3 +89,94 @@ def test_errors_are_one_family(name):
 
 def test_values_are_ready_for_numpy():
     assert ir.Gaussian(np.zeros(2), np.eye(2)).mean.shape == (2,)
+
+
+@pytest.fixture(scope="module")
+def demonstrations():
+    """Eight recordings of two tasks, of five DOFs in three units."""
+    rng, times_s = np.random.default_rng(3), np.linspace(0.0, 2.0, 101)
+    way = np.clip(times_s - 0.4, 0.0, 1.0)
+    way = (way**3 * (10.0 - 15.0 * way + 6.0 * way**2))[:, None]
+    return [
+        ir.Demonstration.from_arrays(
+            times_s,
+            way * (goal + 0.03 * rng.normal(size=3)) + 1e-3 * rng.normal(size=(101, 3)),
+            way * (goal[:2] + 0.03 * rng.normal(size=2)),
+            task=task,
+            name=f"{task}_{k}",
+        )
+        for task, goal in (("left", np.array([0.5, 0.4, 0.1])), ("right", np.array([0.5, -0.4, 0])))
+        for k in range(4)
+    ]
+
+
+@pytest.fixture(scope="module")
+def library(demonstrations):
+    """What is learned from them."""
+    return ir.learn(demonstrations, ir.TrainingSettings(switching=False))
+
+
+def test_what_was_learned_from_arrays_is_saved_and_read(library, demonstrations, tmp_path):
+    ir.save_model(tmp_path / "tasks.npz", library)
+    model = ir.load_model(tmp_path / "tasks.npz")
+    assert [entry.topic for entry in model.dofs.recorded] == ["human", "robot"]
+    (human,) = demonstrations[0].observed
+    ours, theirs = (ir.IntentEstimator(one) for one in (library, model.library))
+    tasks = set()
+    for time_s, row in zip(human.seconds(human.stamps_ns[0]), human.values, strict=True):
+        before, after = ours.observe(1.0 + time_s, row), theirs.observe(1.0 + time_s, row)
+        assert np.array_equal(before.probabilities, after.probabilities)
+        tasks.add(after.task)
+    assert tasks == {"none", "left"}
+
+
+def test_names_that_two_dofs_have_are_not_saved(demonstrations, tmp_path):
+    names = ("a", "b", "c")
+    both = {"observed_names": names, "controlled_names": names[:2]}
+    again = [
+        ir.Demonstration.from_arrays(
+            one.observed[0].seconds(0),
+            one.observed[0].values,
+            one.controlled[0].values,
+            task=one.task,
+            **both,
+        )
+        for one in demonstrations
+    ]
+    library = ir.learn(again, ir.TrainingSettings(switching=False))
+    with pytest.raises(ir.DofError, match="twice a, b"):
+        ir.save_model(tmp_path / "tasks.npz", library)
+
+
+def test_what_is_left_out_while_learning_is_a_warning(demonstrations):
+    human, robot = demonstrations[0].observed[0], demonstrations[0].controlled[0]
+    times_s = human.seconds(human.stamps_ns[0])
+    odd = ir.Demonstration.from_arrays(times_s, human.values[:, :2], robot.values, task="left")
+    settings = ir.TrainingSettings(switching=False)
+    with pytest.warns(UserWarning, match="1 of 9 demonstrations are left out: demonstration: DOFs"):
+        ir.learn([*demonstrations, odd], settings)
+
+
+def test_things_are_shown_on_one_line(library):
+    assert repr(library) == (
+        "<TaskLibrary: left (4 demonstrations), right (4 demonstrations);"
+        f" 3 observed and 2 controlled DOFs, {library.basis.n_basis} basis functions each>"
+    )
+    assert repr(ir.IntentEstimator(library)) == "<IntentEstimator of left, right: at rest>"
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda _: ir.IntentEstimator("m.npz"), "library: expected a TaskLibrary, got one of type"),
+        (lambda _: ir.read_demonstrations("bags", "dofs.yaml"), "dofs: expected a DofSpec, got"),
+        (lambda _: ir.save_model("m.npz", "library"), "model: expected a Model, got one of type"),
+        (lambda one: ir.IntentEstimator(one).observe(1.7e18, [0, 0, 0]), "divide nanoseconds"),
+        (lambda one: ir.IntentEstimator(one).observe("now", [0, 0, 0]), "got 'now'"),
+        (lambda _: ir.TrainingSettings(n_basis=-1), "n_basis, width: expected at least 3"),
+        (lambda _: ir.TrainingSettings(ridge=0.0), "ridge: expected a positive number"),
+    ],
+)
+def test_arguments_of_another_kind_are_named(call, says, library):
+    with pytest.raises(ir.ArgumentError, match=says):
+        call(library)

@@ -1,12 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may be the label of a task: it names folders, parameters and lines on a terminal."""
+"""Labels of recordings are checked before they name anything."""
 
 from intent_recognition.errors import BagError
-
-LONGEST = 80
-"""Characters of a label; with a number behind it a file system takes 255 bytes. Convention."""
-FORBIDDEN = frozenset("/\\\0")
-NO_TASK = "none"
+from intent_recognition.signals import LABEL, LONGEST_LABEL, can_name_task
 
 
 def check_label(label: str) -> None:
@@ -16,11 +12,9 @@ def check_label(label: str) -> None:
         BagError: it is empty, too long, means no task, or holds what a folder or a terminal
             cannot show.
     """
-    sound = label.isprintable() and label == label.strip() and not FORBIDDEN & set(label)
-    if not label or len(label) > LONGEST or label[0] in ".-" or label == NO_TASK or not sound:
-        expected = f"a label that can name a folder, of 1 to {LONGEST} characters"
-        shown = repr(label[:LONGEST]) + ("..." if len(label) > LONGEST else "")
-        raise BagError.about("task", expected, shown, "Give one such as give_cup.")
+    if not can_name_task(label):
+        shown = repr(label[:LONGEST_LABEL]) + ("..." if len(label) > LONGEST_LABEL else "")
+        raise BagError.about("task", LABEL, shown, "Give one such as give_cup.")
 
 
 def label_problem(label: str) -> str:

@@ -22,7 +22,7 @@ from intent_recognition.demonstrations.sessions import (
     split_session,
     task_of,
 )
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, check_type
 from intent_recognition.signals import Demonstration, Rejection, Signal, stream_defect
 from intent_recognition.tracking import JUMP
 
@@ -54,6 +54,7 @@ def read_demonstrations(
         The demonstrations, and for each recording or part that is left out the reason.
 
     Raises:
+        ArgumentError: dofs is not a `DofSpec`.
         BagError: a path does not exist.
         DofError: an orientation has no reference, see `settle_orientations`.
     """
@@ -71,6 +72,7 @@ def iter_demonstrations(
     paths: Paths, dofs: DofSpec, *, extrinsics: Mapping[str, tuple] | None = None
 ) -> Iterator[Demonstration | Rejection]:
     """As `read_demonstrations`, one by one in the same order."""
+    check_type("dofs", dofs, DofSpec, "Read it with `load_dofs(path)`, and pass it after the bags.")
     for entry in dofs.recorded:
         if entry.orientation:
             reference_of(entry)

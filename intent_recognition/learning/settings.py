@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.promp import NormalizedRBFBasis
 
 SEGMENTATIONS = ("movement", "recording")
 
@@ -40,6 +41,10 @@ class TrainingSettings:
     switching: bool = True
 
     def __post_init__(self) -> None:
+        for n_basis in (self.n_basis, self.n_aligned_basis):
+            NormalizedRBFBasis(n_basis, self.width)  # says what is wrong with them
+        if not self.ridge > 0:
+            raise ArgumentError.about("ridge", "a positive number", self.ridge, "Try 3e-3.")
         if self.segmentation not in SEGMENTATIONS:
             raise ArgumentError(
                 describe(

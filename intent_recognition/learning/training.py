@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Learning a `TaskLibrary` from demonstrations, all at once or one by one."""
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypedDict
@@ -80,7 +81,7 @@ def learn(
 
     Noise, alignment in time and the margin over unknown movements are chosen by
     cross-validation. Demonstrations that cannot be used (too short, other DOFs, no label) are left
-    out; `learn_with_report` says which and why.
+    out with a warning; `learn_with_report` returns which and why instead.
 
     Args:
         demonstrations: labelled recordings with the same DOFs: a list, or a stream of any length,
@@ -92,7 +93,14 @@ def learn(
         ArgumentError: an item is not a `Demonstration`.
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
-    return learn_with_report(demonstrations, settings).library
+    report = learn_with_report(demonstrations, settings)
+    if report.n_rejected:
+        first = "; ".join(f"{name}: {reason}" for name, reason in report.rejected[:3])
+        n = report.n_used + report.n_rejected
+        warnings.warn(
+            f"{report.n_rejected} of {n} demonstrations are left out: {first}", stacklevel=2
+        )
+    return report.library
 
 
 def learn_with_report(
@@ -243,7 +251,7 @@ def _check_enough(accumulated: Accumulated) -> Preprocessing:
                 "at least two usable, labelled demonstrations of a task",
                 f"none of {accumulated.n_rejected}"
                 + "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3]),
-                "Check the DOF file and the labels; without labels, learn with --unlabelled.",
+                "Check the DOFs and the labels; without labels, use learn_mixture or --unlabelled.",
             )
         )
     if accumulated.n_used == len(accumulated.tasks):

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofEntry, DofSpec, reference_of
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import DofError, IntentError, ModelError
+from intent_recognition.errors import DofError, IntentError, ModelError, check_type
 from intent_recognition.learning import Trained
+from intent_recognition.model.array_dofs import dofs_of_arrays
 from intent_recognition.model.arrays import (
     RETRAIN,
     check_arrays,
@@ -86,18 +87,26 @@ class Model:
         return self.library.controlled_names
 
 
-def save_model(path: str | Path, model: Model, trained: Trained | None = None) -> None:
+def save_model(
+    path: str | Path, model: Model | TaskLibrary, trained: Trained | None = None
+) -> None:
     """Write the model; the file appears whole or not at all.
 
     Args:
-        path: the file.
-        model: what to write.
+        path: the file, such as `tasks.npz`.
+        model: what to write. A library alone, learned from arrays, is written with each of its
+            signals as a named vector (JointState) on the topics `human`, `robot` and `context`.
         trained: statistics of its demonstrations; without them nothing can be added to it later.
 
     Raises:
+        ArgumentError: it is neither a model nor a library.
         ModelError: the folder cannot be written to.
-        DofError: an orientation has no reference, see `settle_orientations`.
+        DofError: an orientation has no reference, see `settle_orientations`; or two DOFs of a
+            library alone have the same name.
     """
+    if isinstance(model, TaskLibrary):
+        model = Model(model, dofs_of_arrays(model))
+    check_type("model", model, Model, "Pass a Model or a TaskLibrary, after the path.")
     library = model.library
     for entry in model.dofs.recorded:
         if entry.orientation:

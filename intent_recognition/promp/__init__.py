@@ -19,7 +19,7 @@ from intent_recognition.promp.control_points import (
     through,
 )
 from intent_recognition.promp.interaction import InteractionProMP
-from intent_recognition.promp.library import NONE, TaskLibrary
+from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import (
     STEADY,
     PhaseDeviation,
@@ -51,6 +51,7 @@ from intent_recognition.promp.weights import (
     fit_weights,
     fit_weights_together,
 )
+from intent_recognition.signals import NONE
 
 __all__ = [
     "CONTEXT_STRENGTH",

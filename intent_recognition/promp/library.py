@@ -16,8 +16,6 @@ from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
 from intent_recognition.signals import OnsetSettings
 
-NONE = "none"
-"""Label of the hypothesis that the movement is none of the known tasks."""
 N_KEPT = 16
 """Regressions held in memory. Convention: few tasks become the most probable in one movement."""
 
@@ -51,7 +49,7 @@ class Regressions:
         return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TaskLibrary:
     """K interaction primitives over P observed and Q controlled DOFs, N basis functions each.
 
@@ -121,6 +119,15 @@ class TaskLibrary:
     evidence_freedom: float = inf
     provenance: Mapping[str, object] = field(default_factory=dict)
     context: ContextModel | None = None
+
+    def __repr__(self) -> str:
+        """Tasks and sizes; the arrays are attributes."""
+        counts = zip(self.labels, self.n_demonstrations, strict=True)
+        tasks = ", ".join(f"{label} ({n} demonstrations)" for label, n in counts)
+        return (
+            f"<TaskLibrary: {tasks}; {self.n_observed} observed and {self.n_controlled} controlled"
+            f" DOFs, {self.basis.n_basis} basis functions each>"
+        )
 
     @property
     def context_names(self) -> tuple[str, ...]:

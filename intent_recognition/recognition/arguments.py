@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Observation
+from intent_recognition.signals import LATEST_S, Observation
 
 
 def as_observation(
@@ -30,7 +30,7 @@ def as_observation(
         covariance: (m, m).
 
     Raises:
-        ArgumentError: there is no such signal, no such DOF, or the stamp is not finite.
+        ArgumentError: there is no such signal, no such DOF, or the stamp is not in seconds.
     """
     if not 0 <= signal < len(sizes):
         raise ArgumentError(
@@ -73,7 +73,7 @@ def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int
 
     Raises:
         ShapeError: values are not a vector of at most Q numbers.
-        ArgumentError: the stamp is not finite.
+        ArgumentError: the stamp is not in seconds.
     """
     position = np.array(values, dtype=np.float64)
     if position.ndim != 1 or len(position) > n_controlled:
@@ -124,7 +124,12 @@ def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
 
 def _stamp_ns(stamp_s: float) -> int:
     """A stamp in nanoseconds."""
-    if not np.isfinite(stamp_s):
-        cure = "Pass the time of measurement."
-        raise ArgumentError(describe("stamp_s", "a finite number", stamp_s, cure))
+    try:
+        known = abs(stamp_s) < LATEST_S  # False also for NaN
+    except TypeError:
+        known = False
+    if not known:
+        expected = f"seconds, a finite number below {LATEST_S:g}"
+        cure = "Pass the time of measurement; divide nanoseconds by 1e9."
+        raise ArgumentError.about("stamp_s", expected, repr(stamp_s), cure)
     return round(stamp_s * 1e9)

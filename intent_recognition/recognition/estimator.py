@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.composing import BentLibrary, ViaPoint
+from intent_recognition.errors import check_type
 from intent_recognition.filtering import N_SCALES, make_hypotheses
 from intent_recognition.kinematics import Arm
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
@@ -55,6 +56,9 @@ class IntentEstimator:
     Attributes:
         library: in use: in the known context, through the via points.
         bent: how it is made of the library that was learned (`set_via_points`).
+
+    Raises:
+        ArgumentError: library is not a `TaskLibrary`.
     """
 
     def __init__(
@@ -68,6 +72,8 @@ class IntentEstimator:
         start_posture: bool = True,
         switching: bool = True,
     ):
+        cure = "Pass what `learn` returns, or `load_model(path).library`."
+        check_type("library", library, TaskLibrary, cure)
         self.library, self.bent = library, BentLibrary(library)
         self._context, self._task_prior = KnownContext(library), task_prior
         self._labels = (*library.labels, NONE)
@@ -82,6 +88,11 @@ class IntentEstimator:
         self._movement: Movement | None = None
         self._posterior: TaskPosterior | None = None
         self._after_stop = MovementAfterStop(library, self._make_memory)
+
+    def __repr__(self) -> str:
+        """What it can recognise, and whether a movement is under way."""
+        state = "at rest" if self._movement is None else "following a movement"
+        return f"<IntentEstimator of {', '.join(self.library.labels)}: {state}>"
 
     def observe(
         self,

@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was measured: signals, observations, demonstrations, and where movements begin and end."""
 
-from intent_recognition.signals.demonstration import MIN_SAMPLES, Demonstration, Rejection
+from intent_recognition.signals.demonstration import (
+    LATEST_S,
+    MIN_SAMPLES,
+    Demonstration,
+    Rejection,
+)
+from intent_recognition.signals.labels import LABEL, LONGEST_LABEL, NONE, can_name_task
 from intent_recognition.signals.lags import (
     SpeedCorrelation,
     StreamFinding,
@@ -39,9 +45,13 @@ from intent_recognition.signals.streams import common_span, stream_defect
 from intent_recognition.signals.units import SPATIAL_UNITS, commensurate, is_spatial
 
 __all__ = [
+    "LABEL",
     "LARGEST_ANGLE_RAD",
+    "LATEST_S",
     "LEAST_RATE_HZ",
+    "LONGEST_LABEL",
     "MIN_SAMPLES",
+    "NONE",
     "ORIENTATION_FIELDS",
     "POSE_FIELDS",
     "POSITION_FIELDS",
@@ -57,6 +67,7 @@ __all__ = [
     "SpeedCorrelation",
     "StreamFinding",
     "at_rest",
+    "can_name_task",
     "commensurate",
     "common_span",
     "correlate_speeds",

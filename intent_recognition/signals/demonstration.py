@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import Signal
 
 MIN_SAMPLES = 4
@@ -16,9 +17,11 @@ MIN_SAMPLES = 4
 Convention: three samples determine the curvature that ridge regression penalises, one more leaves a
 residual.
 """
+LATEST_S = 9.2e9
+"""Latest time of a sample [s]: nanoseconds since then fill 64 bits."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Demonstration:
     """What both agents did in one recording, as it was measured.
 
@@ -89,20 +92,25 @@ class Demonstration:
                 the same clock; `robot` is (U, Q) then.
             context: what was known of the scene, such as where a box stood, (M,), in
                 `context_unit`; None for nothing.
-            task: label; None for an unlabelled demonstration.
+            task: label, of 1 to 80 printable characters without a slash, and not "none"; None for
+                an unlabelled demonstration.
             observed_names: P names; None for human_0, human_1, ...
             controlled_names: Q names; None for robot_0, robot_1, ...
             context_names: M names; None for context_0, context_1, ...
-            observed_unit: unit of all observed DOFs.
+            observed_unit: unit of all observed DOFs. Thresholds in metres and radians hold for "m"
+                and "rad" only; what is in other units is measured by its own range.
             controlled_unit: unit of all controlled DOFs.
             context_unit: unit of the context.
             name: of the demonstration, for reports and messages.
 
         Raises:
             ShapeError: the arrays do not fit each other or the names.
-            ArgumentError: times do not increase, a value is not finite, or there are fewer than
-                four samples.
+            ArgumentError: times do not increase, a value is not finite, there are fewer than four
+                samples, or the label cannot name a task.
         """
+        if task is not None and not can_name_task(task):
+            cure = "Give one such as give_cup; None where there is no label."
+            raise ArgumentError.about("task", LABEL, repr(task), cure)
         observed = _signal("human", times_s, human, observed_names, observed_unit)
         own_times_s = times_s if robot_times_s is None else robot_times_s
         controlled = _signal("robot", own_times_s, robot, controlled_names, controlled_unit)
@@ -111,6 +119,17 @@ class Demonstration:
             () if context is None else (_constant(context, start_ns, context_names, context_unit),)
         )
         return cls(name, "", task, (observed,), (controlled,), start_ns, end_ns, context=known)
+
+    def __repr__(self) -> str:
+        """Name, label and sizes; the samples are in `observed` and `controlled`."""
+        sides = [
+            sum(len(signal.names) for signal in side) for side in (self.observed, self.controlled)
+        ]
+        label = "no label" if self.task is None else f"task {self.task!r}"
+        return (
+            f"<Demonstration {self.name!r}: {label}, {self.duration_s:.2f} s,"
+            f" {sides[0]} observed and {sides[1]} controlled DOFs>"
+        )
 
     @property
     def duration_s(self) -> float:
@@ -127,73 +146,79 @@ class Demonstration:
 
 def _constant(context: ArrayLike, stamp_ns: int, names: Sequence[str] | None, unit: str) -> Signal:
     """The signal of a context that was known from a stamp on."""
-    values = np.array(context, dtype=np.float64)
+    values = _numbers("context", context)
     if values.ndim != 1 or (names is not None and len(names) != len(values)):
         expected = "shape (M,)" if names is None else f"shape ({len(names)},), one for each name"
         cure = "Pass one number for each quantity."
-        raise ShapeError(describe("context", expected, values.shape, cure))
+        raise ShapeError.about("context", expected, values.shape, cure)
     if not np.all(np.isfinite(values)):
         cure = "Leave the demonstration out."
-        raise ArgumentError(describe("context", "finite numbers", values, cure))
+        raise ArgumentError.about("context", "finite numbers", values, cure)
     own = tuple(names or (f"context_{k}" for k in range(len(values))))
-    return Signal(own, np.array([stamp_ns]), values[None], unit)
+    return Signal(own, np.array([stamp_ns]), values[None], _unit("context", unit))
 
 
 def _signal(
     argument: str, times_s: ArrayLike, values: ArrayLike, names: Sequence[str] | None, unit: str
 ) -> Signal:
     """The signal of one agent, its arrays checked."""
-    times, samples = np.array(times_s, dtype=np.float64), np.array(values, dtype=np.float64)
-    if times.ndim != 1 or samples.ndim != 2 or len(samples) != len(times):
-        raise ShapeError(
-            describe(
-                argument,
-                f"shape ({times.size}, number of DOFs) for times of shape (T,)",
-                f"{samples.shape} for times of shape {times.shape}",
-                "Pass one row per time and one column per DOF.",
-            )
-        )
-    names = [f"{argument}_{k}" for k in range(samples.shape[1])] if names is None else names
-    if len(names) != samples.shape[1]:
-        raise ShapeError(
-            describe(
-                f"names of {argument}",
-                f"{samples.shape[1]}, one per column",
-                len(names),
-                "Name every DOF once.",
-            )
-        )
-    measured = ~np.all(np.isnan(samples), axis=1) | (samples.shape[1] == 0)
+    times, samples = _numbers(f"times of {argument}", times_s), _numbers(argument, values)
+    if times.ndim != 1:
+        cure = "Pass one time for each sample."
+        raise ShapeError.about(f"times of {argument}", "shape (T,)", times.shape, cure)
+    if samples.ndim != 2 or len(samples) != len(times):
+        expected = f"shape ({times.size}, number of DOFs), a row for each of {times.size} times"
+        cure = "Pass one row per time and one column per DOF."
+        raise ShapeError.about(argument, expected, samples.shape, cure)
+    n_dofs = samples.shape[1]
+    names = [f"{argument}_{k}" for k in range(n_dofs)] if names is None else names
+    if len(names) != n_dofs:
+        expected, cure = f"{n_dofs}, one per column", "Name every DOF once."
+        raise ShapeError.about(f"names of {argument}", expected, len(names), cure)
+    measured = ~np.all(np.isnan(samples), axis=1) | (n_dofs == 0)
     times, samples = times[measured], samples[measured]
     _check(argument, times, samples)
-    return Signal(tuple(names), np.round(times * 1e9).astype(np.int64), samples, unit)
+    stamps_ns = np.round(times * 1e9).astype(np.int64)
+    return Signal(tuple(names), stamps_ns, samples, _unit(argument, unit))
+
+
+def _numbers(argument: str, values: ArrayLike) -> NDArray[np.float64]:
+    """A copy as an array of numbers."""
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        cure = "Pass an array, with rows of the same length."
+        raise ShapeError.about(argument, "an array of numbers", error, cure) from error
+
+
+def _unit(argument: str, unit: object) -> str:
+    if not isinstance(unit, str) or not unit:
+        cure = "Pass 'm', 'rad', or what the numbers are in."
+        raise ArgumentError.about(f"unit of {argument}", "a text", repr(unit), cure)
+    return unit
 
 
 def _check(argument: str, times_s: NDArray[np.float64], samples: NDArray[np.float64]) -> None:
     """Refuse what no signal can be made of."""
     if len(times_s) < MIN_SAMPLES:
-        raise ArgumentError(
-            describe(argument, f"at least {MIN_SAMPLES} samples", len(times_s), "Record more.")
-        )
+        expected = f"at least {MIN_SAMPLES} samples"
+        raise ArgumentError.about(argument, expected, len(times_s), "Record more.")
     if not np.all(np.isfinite(samples)):
         row, column = np.argwhere(~np.isfinite(samples))[0]
-        raise ArgumentError(
-            describe(
-                argument,
-                "finite numbers, or NaN in a whole row",
-                f"{samples[row, column]} in column {column} at {times_s[row]:g} s",
-                "Leave that sample out.",
-            )
-        )
-    if not (np.all(np.isfinite(times_s)) and np.all(np.diff(times_s) > 0)):
-        raise ArgumentError(
-            describe(
-                f"times of {argument}",
-                "finite, strictly increasing times",
-                "others",
-                "Sort the samples and drop duplicates.",
-            )
-        )
+        got = f"{samples[row, column]} in column {column} at {times_s[row]:g} s"
+        cure = "Leave that sample out."
+        raise ArgumentError.about(argument, "finite numbers, or NaN in a whole row", got, cure)
+    times = f"times of {argument}"
+    usable = np.abs(times_s) < LATEST_S  # False also for NaN
+    if not np.all(usable):
+        row = int(np.argmin(usable))
+        got, cure = f"{times_s[row]:g} in row {row}", "Pass seconds; divide nanoseconds by 1e9."
+        raise ArgumentError.about(times, f"seconds, finite and below {LATEST_S:g}", got, cure)
+    if not np.all(np.diff(times_s) > 0):
+        row = 1 + int(np.argmax(np.diff(times_s) <= 0))
+        got = f"{times_s[row]:.9g} after {times_s[row - 1]:.9g} in row {row}"
+        cure = "Sort the samples and drop duplicates."
+        raise ArgumentError.about(times, "strictly increasing times", got, cure)
 
 
 @dataclass(frozen=True)

@@ -162,7 +162,7 @@ def test_unusable_recordings_are_left_out_by_name_and_reason(truth, rng):
 
 
 def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
-    with pytest.raises(TrainingError, match=r"demonstrations: .*none of 0.*Check the DOF file"):
+    with pytest.raises(TrainingError, match=r"demonstrations: .*none of 0.*Check the DOFs"):
         learn([], WHOLE)
     with pytest.raises(TrainingError, match=r"none of 1; demo: it has no label"):
         learn([replace(simulate(truth, 0, rng), task=None)], WHOLE)

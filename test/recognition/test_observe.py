@@ -77,7 +77,7 @@ def test_nothing_measured_begins_nothing(library):
         (1.0, [0.0, np.inf, 0.0], {}, ArgumentError, "values: expected finite"),
         (1.0, [0.0, np.nan], {}, ShapeError, r"values: expected shape \(3,\)"),
         (0.5, [np.nan, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a stamp later"),
-        (np.nan, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a finite"),
+        (np.nan, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected seconds, a finite"),
         (0.5, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a stamp later"),
         (1.0, [0.0, 0.0, 0.0], {"covariance": np.eye(2)}, ArgumentError, "covariance"),
         (1.0, [0.0, 0.0, 0.0], {"covariance": -np.eye(3)}, ArgumentError, "covariance"),

@@ -50,10 +50,17 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
         (TIMES_S, HUMAN[:-1], ROBOT, {}, ShapeError, "human: expected shape"),
         (TIMES_S, HUMAN[:, 0], ROBOT, {}, ShapeError, "human: expected shape"),
         (TIMES_S, HUMAN, ROBOT[:-1], {}, ShapeError, "robot: expected shape"),
-        (TIMES_S[:, None], HUMAN, ROBOT, {}, ShapeError, "human: expected shape"),
+        (TIMES_S[:, None], HUMAN, ROBOT, {}, ShapeError, "times of human: expected shape"),
+        (TIMES_S, "abc", ROBOT, {}, ShapeError, "human: expected an array of numbers"),
+        (TIMES_S, [[0.0], [0.0, 1.0]], ROBOT, {}, ShapeError, "human: expected an array"),
         (TIMES_S, HUMAN, ROBOT, {"observed_names": ("x",)}, ShapeError, "names of human"),
-        (TIMES_S[::-1], HUMAN, ROBOT, {}, ArgumentError, "times of human"),
-        (np.full(11, np.nan), HUMAN, ROBOT, {}, ArgumentError, "times of human"),
+        (TIMES_S[::-1], HUMAN, ROBOT, {}, ArgumentError, "got 0.9 after 1 in row 1"),
+        (np.full(11, np.nan), HUMAN, ROBOT, {}, ArgumentError, "got nan in row 0"),
+        (TIMES_S * 1e9 + 1.7e18, HUMAN, ROBOT, {}, ArgumentError, "divide nanoseconds by 1e9"),
+        (TIMES_S, HUMAN, ROBOT, {"controlled_unit": 3}, ArgumentError, "unit of robot"),
+        (TIMES_S, HUMAN, ROBOT, {"task": "none"}, ArgumentError, "task: expected a label"),
+        (TIMES_S, HUMAN, ROBOT, {"task": "a/b"}, ArgumentError, "task: expected a label"),
+        (TIMES_S, HUMAN, ROBOT, {"task": 3}, ArgumentError, "got 3"),
         (TIMES_S * 1e-11, HUMAN, ROBOT, {}, ArgumentError, "stamps_ns"),
         (TIMES_S[:3], HUMAN[:3], ROBOT[:3], {}, ArgumentError, "at least 4 samples"),
         (TIMES_S, np.full_like(HUMAN, np.nan), ROBOT, {}, ArgumentError, "at least 4 samples"),
@@ -70,3 +77,10 @@ def test_a_row_that_was_measured_in_part_is_refused():
     human[3, 1] = np.nan
     with pytest.raises(ArgumentError, match=r"column 1 at 0\.3 s"):
         Demonstration.from_arrays(TIMES_S, human, ROBOT)
+
+
+def test_it_is_shown_on_one_line():
+    shown = repr(Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, task="reach", name="first"))
+    assert shown == (
+        "<Demonstration 'first': task 'reach', 1.00 s, 2 observed and 1 controlled DOFs>"
+    )
