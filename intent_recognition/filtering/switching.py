@@ -2,8 +2,8 @@
 """Changes of mind: hypotheses that are born while a movement is under way.
 
 As in interacting multiple models (Blom and Bar-Shalom 1988), the task of a movement may change on
-the way. What may happen, and how often, is in `births`; what a born hypothesis says of the hand is
-in `newborn`. Here they are filtered, judged, and given up when they explain too little.
+the way. What may happen, how often, and what a born hypothesis says of the hand is in `births`.
+Here they are filtered, judged, and given up when they explain too little.
 """
 
 from collections.abc import Callable
@@ -15,18 +15,16 @@ from numpy.typing import NDArray
 from intent_recognition.filtering.bank import CourseWeights, SwitchedBelief
 from intent_recognition.filtering.births import (
     DELAYS,
+    FADINGS,
+    NewbornStates,
     birth_grid,
+    fading,
+    fading_velocity,
     log_pace,
     log_staying,
     shares,
 )
 from intent_recognition.filtering.hypotheses import N_SCALES, Hypotheses, make_hypotheses
-from intent_recognition.filtering.newborn import (
-    FADINGS,
-    NewbornStates,
-    fading,
-    fading_velocity,
-)
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.gaussian import Gaussian, GaussianBatch, pending_shape, state_width

@@ -42,7 +42,7 @@ class JointReference(NamedTuple):
 
 
 class PhaseState(NamedTuple):
-    """How much of an interaction is done, in [0, 1], at which rate [1/s], and its rate [1/s^2]."""
+    """How much of an interaction is done, in [0, 1], its rate [1/s], and the rate's [1/s^2]."""
 
     phase: float = 0.0
     rate: float = 0.0

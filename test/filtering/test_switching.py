@@ -15,11 +15,9 @@ from intent_recognition.filtering import (
     SwitchedHypotheses,
     births,
     make_hypotheses,
-    newborn,
     switching,
 )
-from intent_recognition.filtering.births import shares
-from intent_recognition.filtering.newborn import fading, fading_velocity
+from intent_recognition.filtering.births import fading, fading_velocity, shares
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
@@ -100,7 +98,7 @@ def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_on
 
 
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
-    for module in (newborn, births, switching):
+    for module in (births, switching):
         monkeypatch.setattr(module, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
     monkeypatch.setattr(births, "HOLD_UPS", 0.0)
@@ -126,7 +124,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     mean, covariance = np.zeros(size), np.zeros((size, size))
     mean[: p * n] = library.observed_mean[1]
     covariance[: p * n, : p * n] = library.observed_covariance[1]
-    scale = np.array([1.0, 6.0, newborn.PUSH * 36.0])
+    scale = np.array([1.0, 6.0, births.PUSH * 36.0])
     covariance[p * n :, p * n :] = np.diag(np.outer(std, scale).ravel() ** 2)
 
     def rows(elapsed_s, offset):
@@ -156,7 +154,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
 
 
 def test_who_is_held_up_goes_on_with_all_that_was_seen(library, rng, monkeypatch):
-    for module in (newborn, births, switching):
+    for module in (births, switching):
         monkeypatch.setattr(module, "FADINGS", (12.0,))
     monkeypatch.setattr(switching, "DELAYS", (0.12,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
@@ -177,10 +175,10 @@ def test_who_is_held_up_goes_on_with_all_that_was_seen(library, rng, monkeypatch
     (late,) = np.flatnonzero(durations_s > duration_s + 0.1)
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
-    usual_s = newborn.NewbornStates(library).usual_s
+    usual_s = births.NewbornStates(library).usual_s
     assert np.isclose(durations_s[late], duration_s + 0.12 * usual_s)
-    std = newborn.HELD_UP_OFFSET * np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
-    scale = (12.0 / usual_s) ** np.arange(3) * [1.0, 1.0, newborn.PUSH]
+    std = births.HELD_UP_OFFSET * np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
+    scale = (12.0 / usual_s) ** np.arange(3) * [1.0, 1.0, births.PUSH]
     mean = np.r_[until.bank.mean[parent], np.zeros(3 * p)]
     covariance = block_diag(
         until.bank.covariance[parent], np.diag(np.outer(std, scale).ravel() ** 2)
@@ -267,7 +265,7 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     switched = SwitchedHypotheses(library)
     times_s = np.arange(0.0, 2.0, 0.05)
     filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
-    born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(newborn.FADINGS)
+    born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(births.FADINGS)
     assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * born
 
 
