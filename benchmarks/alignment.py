@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from dtaidistance import dtw_ndim
 
-from benchmarks.measure import Result, seconds_of_both
+from benchmarks.measure import Result, at_most, seconds_of_both
 from intent_recognition.alignment import AlignmentSettings, Warp, align
 from intent_recognition.experiments.alignment.time_warping import dtw_maps
 from intent_recognition.experiments.alignment.timed import Timed, demonstrations
@@ -32,11 +32,10 @@ def alignment() -> Iterator[Result]:
     noise = rng.normal(size=(N_DEMONSTRATIONS, N_SAMPLES, N_DOFS))
     warps += align(noise, 0, AlignmentSettings(rate_std=3.0)).warps
     backward = sum(bool(np.any(np.diff(warp.recorded) <= 0)) for warp in warps)
-    yield Result(
+    yield at_most(
         "aligning, warps that run backward",
         backward,
         0,
-        "at most",
         f"of {len(warps)}",
         "white noise under a 15 times weaker prior among them",
     )
@@ -44,11 +43,10 @@ def alignment() -> Iterator[Result]:
     ours_s, theirs_s = seconds_of_both(
         partial(_smooth, trajectories), partial(_dtw_paths, trajectories), 15
     )
-    yield Result(
+    yield at_most(
         "aligning 40 demonstrations, time / dtaidistance",
         ours_s / theirs_s,
         3.0,
-        "at most",
         "x",
         f"{1e3 * ours_s:.0f} and {1e3 * theirs_s:.0f} ms, plain numpy beside C",
     )
@@ -67,7 +65,7 @@ def _accuracy(rng: np.random.Generator) -> tuple[Result, list[Warp]]:
         remarks.append(f"{kind} {1e3 * ours:.2g} and {1e3 * theirs:.2g}")
     remark = f"the worst of, in thousandths: {'; '.join(remarks)}"
     name = "aligning, median phase error / dtaidistance's"
-    return Result(name, max(ratios), 1.3, "at most", "x", remark), warps
+    return at_most(name, max(ratios), 1.3, "x", remark), warps
 
 
 def _demonstrations(rng: np.random.Generator, **made: float) -> Timed:

@@ -18,7 +18,7 @@ from statistics import mean
 import numpy as np
 
 from benchmarks import bank_peers as peers
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_least, at_most
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
 from intent_recognition.filtering import (
     Hypotheses,
@@ -141,11 +141,10 @@ def _beside_peers(library: TaskLibrary, required: dict[str, float]) -> Iterator[
         ours_s, theirs_s = per_observation(stream, theirs, repeats)
         together = name in peers.ALL_AT_ONCE
         total_s = theirs_s if together else theirs_s * library.n_tasks
-        yield Result(
+        yield at_least(
             f"one observation, {library.n_tasks} tasks, {name} takes",
             total_s / ours_s,
             ratio,
-            "at least",
             "x",
             f"{1e6 * ours_s:.0f} us, and {1e6 * theirs_s:.0f} us "
             + ("for all tasks" if together else "a task, one after the other")
@@ -161,11 +160,10 @@ def _phases(library: TaskLibrary) -> Result:
     many_s, one_s = per_observation(
         Stream(library, ten, prune=True), Stream(library, one, prune=True), 72, mean
     )
-    return Result(
+    return at_most(
         f"{library.n_tasks} tasks with {N_SCALES} phases / with one",
         many_s / one_s,
         6.0,
-        "at most",
         "x",
         f"mean of whole movements: {1e6 * many_s:.0f} and {1e6 * one_s:.0f} us an observation,"
         f" tasks pruned as in the estimator; {1e6 * all_s:.0f} us if none were",
@@ -180,21 +178,15 @@ def _many_tasks(rng: np.random.Generator) -> Iterator[Result]:
     numbers, copy = (np.ones((n_tasks, size + size**2)) for _ in range(2))
     stream = Stream(library, hypotheses)
     ours_s, copy_s = per_observation(stream, partial(np.copyto, copy, numbers), 6)
-    yield Result(
+    yield at_most(
         "one observation, 10,000 tasks / numpy's copy",
         ours_s / copy_s,
         5.0,
-        "at most",
         "x",
         f"{1e3 * ours_s:.0f} and {1e3 * copy_s:.0f} ms, shortest of 6; none pruned",
     )
-    yield Result(
-        "... state",
-        stream.run.memory.n_bytes / 1e9,
-        2.0,
-        "at most",
-        "GB",
-        "working memory included",
+    yield at_most(
+        "... state", stream.run.memory.n_bytes / 1e9, 2.0, "GB", "working memory included"
     )
     del stream, numbers, copy
     yield _pruned(library, hypotheses, ours_s)
@@ -210,11 +202,10 @@ def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Resu
         run.observe(observation)
         times.append(time.thread_time() - start)
     late_s = mean(times[len(times) // 2 :])
-    return Result(
+    return at_most(
         "... mean of the second half, negligible ones pruned",
         late_s / full_s,
         0.2,
-        "at most",
         "of it",
         f"{library.n_tasks + 1 - len(run.pruned_tasks)} tasks left at the end;"
         f" {1e3 * late_s:.1f} ms an observation, whole movement {1e3 * mean(times):.0f},"

@@ -16,7 +16,7 @@ from contextlib import AbstractContextManager, contextmanager
 import numpy as np
 
 from benchmarks.browser import resident_mb
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_most
 from benchmarks.synthetic import START_NS, movement, synthetic_library
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
@@ -32,11 +32,10 @@ def memory() -> Result:
     """300 tasks with 10 phases."""
     with _measure(300, 10, 1_500) as process:
         large = _found(process)
-    return Result(
+    return at_most(
         "estimator of 300 tasks and 10 phases, memory",
         large["highest_mb"],
         400.0,
-        "at most",
         "MB",
         f"of the process, {large['library_mb']:.0f} MB of it the library's weights; "
         f"{large['n_observations']} observations, {large['n_movements']} movements",
@@ -46,11 +45,10 @@ def memory() -> Result:
 def growth(process: subprocess.Popen) -> Result:
     """Of a long run, when it is over."""
     long = _found(process)
-    return Result(
+    return at_most(
         "... growth in a long run",
         long["last_mb"] - long["after_first_tenth_mb"],
         2.0,
-        "at most",
         "MB",
         f"from {long['n_first']} to {long['n_observations']} observations, "
         f"{long['n_movements']} movements, 3 tasks",

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_least, at_most
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
 from intent_recognition.filtering import MovementFilter, fixed_hypotheses
 from intent_recognition.gaussian import GaussianBatch, make_state
@@ -40,23 +40,17 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
         covariance = block.covariance
         asymmetry = max(asymmetry, np.abs(covariance - covariance.transpose(0, 2, 1)).max())
         smallest = min(smallest, np.linalg.eigvalsh(covariance).min())
-    yield Result(
+    yield at_least(
         f"{n_updates:.0e} observations, smallest eigenvalue",
         smallest,
         np.finfo(float).tiny,
-        "at least",
         "m2",
         f"noise variance {NOISE_VARIANCE:.0e}; asymmetry {asymmetry:g}",
     )
     information = np.linalg.inv(prior[0]) + np.kron(np.eye(N_OBSERVED), gram) / NOISE_VARIANCE
     error = np.abs(block.covariance[0] - np.linalg.inv(information)).max() / np.abs(prior[0]).max()
-    yield Result(
-        "... covariance off the batch's, of the prior's",
-        error,
-        1e-9,
-        "at most",
-        "x",
-        "largest element",
+    yield at_most(
+        "... covariance off the batch's, of the prior's", error, 1e-9, "x", "largest element"
     )
 
 
@@ -92,8 +86,6 @@ def one_movement(n_tasks: int = 30) -> Iterator[Result]:
         error = np.abs(run.bank.mean[k] - expected).max() / np.abs(expected).max()
         mean_error = max(mean_error, error)
     of = f"{n_tasks} tasks and none, {len(rows)} observations, one by one and all at once"
-    yield Result(
-        "one movement, mean off the joint Gaussian's", mean_error, 1e-9, "at most", "x", of
-    )
-    yield Result("... log evidence off its log density", evidence_error, 1e-8, "at most", "x", of)
-    yield Result("... sum of the probabilities off one", sum_error, 1e-12, "at most", "", "ever")
+    yield at_most("one movement, mean off the joint Gaussian's", mean_error, 1e-9, "x", of)
+    yield at_most("... log evidence off its log density", evidence_error, 1e-8, "x", of)
+    yield at_most("... sum of the probabilities off one", sum_error, 1e-12, "", "ever")

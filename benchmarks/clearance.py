@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_most
 from intent_recognition.kinematics import Bodies, Box, hand_position
 from intent_recognition.motion import (
     Clearance,
@@ -84,4 +84,4 @@ def _bends(library: TaskLibrary) -> Result:
 def _result(name: str, times_s: list[float], remark: str) -> Result:
     slowest, median = (1e3 * float(np.percentile(times_s, share)) for share in (99, 50))
     remark = f"of the processor; median {median:.1f} ms; {len(times_s)}, {remark}"
-    return Result(name, slowest, LARGEST_MS, "at most", "ms", remark)
+    return at_most(name, slowest, LARGEST_MS, "ms", remark)

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_most
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.model import Model, save_model
@@ -44,9 +44,9 @@ def flood(library: TaskLibrary, seconds: float = FLOOD_S) -> Iterator[Result]:
         save_model(model, Model(library, load_dofs()))
         lag_s, sent, largest_s = after_flood(model, seconds, Path(folder) / "logs")
     remark = f"{sent / seconds:.0f} joint states a second for {seconds:.0f} s, poses at 100 Hz"
-    yield Result("intent/tasks current after a flood", lag_s, 1.0, "at most", "s", remark)
+    yield at_most("intent/tasks current after a flood", lag_s, 1.0, "s", remark)
     remark = "age of the estimate, at most, while it lasted; no requirement"
-    yield Result("intent/tasks behind during a flood", largest_s, np.inf, "at most", "s", remark)
+    yield at_most("intent/tasks behind during a flood", largest_s, np.inf, "s", remark)
 
 
 def after_flood(model: Path, seconds: float, logs: Path) -> tuple[float, int, float]:

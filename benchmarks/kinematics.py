@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_least, at_most
 from intent_recognition.kinematics import Arm
 from sim_bridge.arm import NAMES, find_robot
 
@@ -33,7 +33,7 @@ def kinematics() -> Iterator[Result]:
             errors.append(np.abs(there - pose).max())
         solved = 100.0 * float(np.mean(np.array(errors) < LARGEST_ERROR))
         remark = f"of {N_POSES} random reachable poses, error below {LARGEST_ERROR:g}"
-        yield Result(f"{name}: poses solved", solved, 99.5, "at least", "%", remark)
+        yield at_least(f"{name}: poses solved", solved, 99.5, "%", remark)
         slowest = 1e3 * float(np.percentile(times, 99))
         remark = f"of the processor; median {1e3 * float(np.median(times)):.2f} ms"
-        yield Result(f"{name}: one pose, 99th percentile", slowest, 5.0, "at most", "ms", remark)
+        yield at_most(f"{name}: one pose, 99th percentile", slowest, 5.0, "ms", remark)

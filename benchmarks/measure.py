@@ -39,6 +39,16 @@ class Result(NamedTuple):
         return self._asdict() | {"verdict": self.verdict}
 
 
+def at_most(name: str, measured: float, required: float, unit: str, remark: str = "") -> Result:
+    """A result that is to be no larger than required."""
+    return Result(name, measured, required, "at most", unit, remark)
+
+
+def at_least(name: str, measured: float, required: float, unit: str, remark: str = "") -> Result:
+    """A result that is to be no smaller than required."""
+    return Result(name, measured, required, "at least", unit, remark)
+
+
 def _digits(number: float) -> str:
     """Three digits, or all before the point."""
     return f"{number:.0f}" if 1e3 <= abs(number) < 1e6 else f"{number:.3g}"

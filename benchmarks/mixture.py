@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.mixture import GaussianMixture
 
-from benchmarks.measure import Result, seconds
+from benchmarks.measure import Result, at_least, at_most, seconds
 from intent_recognition.gaussian import (
     CovariancePrior,
     affine_span,
@@ -68,20 +68,18 @@ def mixture(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
     theirs_s = THEIR_STRIDE * (time.perf_counter() - before)
     ours = _ours(vectors, starts)
     n, d = vectors.shape
-    yield Result(
+    yield at_least(
         f"each of {n} left out, K = 1..10, scikit-learn takes",
         theirs_s / ours_s,
         15.0,
-        "at least",
         "x",
         f"fits alone, {d} weights: {ours_s:.2f} s, and {theirs_s:.1f} s"
         f" ({THEIR_STRIDE} times every {THEIR_STRIDE}th fold, once)",
     )
-    yield Result(
+    yield at_most(
         "... labels that differ, from the same start",
         float(sum(np.sum(ours[key] != labels) for key, labels in theirs.items())),
         0.0,
-        "at most",
         "",
         f"of {n * len(theirs)}, the one left out included",
     )
@@ -96,20 +94,18 @@ def _search(examples: Sequence[TrainingExample]) -> Iterator[Result]:
     choice = choose_components(features, np.random.default_rng(0))
     taken_s = time.perf_counter() - before
     found = purity([example.task for example in examples], choice.chosen.labels)
-    yield Result(
+    yield at_least(
         f"purity of the components found in {len(examples)}",
         found,
         1.0,
-        "at least",
         "",
         f"{taken_s:.1f} s with 30 starts and left-out prediction",
     )
     n_tasks = len({example.task for example in examples})
-    yield Result(
+    yield at_most(
         "... their number, off that of the tasks",
         float(abs(choice.n_components - n_tasks)),
         0.0,
-        "at most",
         "",
         f"{choice.n_components} components, {n_tasks} tasks",
     )

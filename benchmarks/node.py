@@ -25,7 +25,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_most
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
@@ -219,11 +219,10 @@ def _latency(model: Path, recordings: list[Demonstration]) -> Iterator[Result]:
 def _ratios(ours: list[float], bare: list[float], unanswered: int) -> Iterator[Result]:
     for name, percentile, required in (("p50", 50, 2.5), ("p99", 99, 3.0)):
         mine, relay = (1e6 * np.percentile(times, percentile) for times in (ours, bare))
-        yield Result(
+        yield at_most(
             f"pose to trajectory, {name}, a bare relay takes 1",
             float(mine / relay),
             required,
-            "at most",
             "x",
             f"{mine:.0f} and {relay:.0f} us over {len(ours)} poses, by the wall clock;"
             f" {unanswered} others not answered by both in {1e3 * ANSWER_TIMEOUT_S:.0f} ms",
@@ -260,11 +259,10 @@ def _keeping_up(model: Path, recorded: Demonstration) -> Iterator[Result]:
                 sent += 1
             graph.executor.spin_once(timeout_sec=0.0005)
         late = float(np.percentile(ages[len(ages) // 2 :], 99)) if ages else float("inf")
-        yield Result(
+        yield at_most(
             f"age of an estimate at {FAST_HZ:.0f} Hz of input, p99",
             1e3 * late,
             1e3 * FRESH_S,
-            "at most",
             "ms",
             f"{len(ages)} estimates of {sent} poses,"
             f" {estimator._diagnostics.rejected('dropped_behind')} counted as dropped",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_most
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.evaluation import evaluate
 from intent_recognition.learning import TrainingSettings, learn
@@ -31,7 +31,7 @@ def bags_to_model(folder: Path) -> tuple[Result, TaskLibrary, list[Demonstration
     parts = f"once: {read_s:.2f} s reading, {learn_s:.2f} s learning, {save_s:.2f} s writing"
     n = len(demonstrations)
     name = f"{n} demonstrations, bags to model"
-    result = Result(name, marks[-1] - marks[0], 10.0, "at most", "s", parts)
+    result = at_most(name, marks[-1] - marks[0], 10.0, "s", parts)
     return result, library, demonstrations
 
 
@@ -40,11 +40,10 @@ def evaluation(demonstrations: Sequence[Demonstration]) -> Result:
     rest = list(range(1, len(demonstrations)))
     start = time.perf_counter()
     evaluate(demonstrations, [(rest, [0])], TrainingSettings(segmentation="recording"))
-    return Result(
+    return at_most(
         f"one fold of {len(demonstrations)}, learned and scored",
         time.perf_counter() - start,
         10.0,
-        "at most",
         "s",
         "once",
     )

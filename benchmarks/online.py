@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 from statistics import median
 
-from benchmarks.measure import Result, seconds
+from benchmarks.measure import Result, at_most, seconds
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.motion import JointReference, NominalTiming, make_path, plan_interaction
 from intent_recognition.promp import TaskLibrary
@@ -28,11 +28,10 @@ def online(library: TaskLibrary, recorded: Demonstration) -> Iterator[Result]:
         estimator.update(observation)
         if estimator.predict_controlled() is not None:
             times.append(time.perf_counter() - start_s)
-    yield Result(
+    yield at_most(
         "one observation and the trajectory after it",
         1e3 * median(times),
         10.0,
-        "at most",
         "ms",
         f"of {len(times)}; 50 points; the tracker sends one every 10 ms",
     )
@@ -47,11 +46,10 @@ def _plan(estimator: IntentEstimator) -> Result:
     nominal = NominalTiming(-PLAN_AFTER_S, path.duration_s)
     start = JointReference.at_rest(positions[0])
     work = partial(plan_interaction, path, nominal, start, LWR_LIMITS)
-    return Result(
+    return at_most(
         "one plan within the limits",
         1e3 * seconds(work, 10),
         20.0,
-        "at most",
         "ms",
         "half the period of 25 commands a second",
     )

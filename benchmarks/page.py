@@ -28,7 +28,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from benchmarks.browser import PageSize, chromium, open_page, resident_mb
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_least, at_most
 from benchmarks.offline import bags_to_model
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.demonstrations import load_dofs
@@ -126,16 +126,15 @@ def watch(library: TaskLibrary, seconds: float, step_s: float) -> Iterator[Sampl
 def cost(samples: Sequence[Sample]) -> Iterator[Result]:
     """The share of a core that the server takes for one page, and whether it kept its rate."""
     rates = [sample.rate_hz for sample in samples]
-    yield Result(
+    yield at_most(
         "page at 25 Hz with one browser, its process",
         100 * float(np.mean([sample.cpu for sample in samples])),
         100 * MOST_CPU,
-        "at most",
         "% of a core",
         f"over {samples[-1].at_s:.0f} s beside the running demo",
     )
     remark = f"lowest {min(rates):.1f}; fewer on a busy machine, and the share means little then"
-    yield Result("... its updates", float(np.mean(rates)), LEAST_HZ, "at least", "Hz", remark)
+    yield at_least("... its updates", float(np.mean(rates)), LEAST_HZ, "Hz", remark)
 
 
 def counts(samples: Sequence[Sample]) -> Iterator[Result]:
@@ -148,7 +147,7 @@ def counts(samples: Sequence[Sample]) -> Iterator[Result]:
         values = [getattr(sample.page, name) for sample in samples]
         yield _growth(f"... growth, {text}", samples, values, most, "")
     waiting = max(sample.page.waiting for sample in samples)
-    yield Result("... messages waiting in it, most", waiting, 500.0, "at most", "", "")
+    yield at_most("... messages waiting in it, most", waiting, 500.0, "", "")
 
 
 def growth(samples: Sequence[Sample]) -> Iterator[Result]:
@@ -170,7 +169,7 @@ def _growth(
         f"{3600 * slope:+.2f} an hour, fitted over {span_s / 60:.1f} min;"
         f" {values[0]:.1f} first, {values[-1]:.1f} last"
     )
-    return Result(name, float(slope * span_s), most, "at most", unit, remark)
+    return at_most(name, float(slope * span_s), most, unit, remark)
 
 
 def _after_warming(samples: Sequence[Sample]) -> Sequence[Sample]:

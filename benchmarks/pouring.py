@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_least, at_most
 from intent_recognition.experiments.constraints.features import (
     LABEL,
     METHODS,
@@ -99,13 +99,13 @@ def _constraints(trials: Trials) -> Iterator[Result]:
             areas[name, method] = score(samples, SETS_PER_OBJECT, rng)[NOVEL].area
     remark = f"{SETS_PER_OBJECT} training sets of 50 trials per container, nine others each"
     best = areas[POURING, LABEL]
-    yield Result("pouring constraint, label mapping, area", best, AREA, "at least", "", remark)
+    yield at_least("pouring constraint, label mapping, area", best, AREA, "", remark)
     for name in (POURING, FILLING):
         for method in (LABEL, POINT):
             area, standard = areas[name, method], areas[name, STANDARD]
             title = f"{name} constraint, {method} less standard"
             remark = f"areas {area:.3f} and {standard:.3f}, novel containers"
-            yield Result(title, area - standard, GAIN, "at least", "", remark)
+            yield at_least(title, area - standard, GAIN, "", remark)
 
 
 def _fresh_trials(pool: ProcessPoolExecutor, trials: Trials) -> Iterator[Result]:
@@ -113,7 +113,7 @@ def _fresh_trials(pool: ProcessPoolExecutor, trials: Trials) -> Iterator[Result]
     through = sum(int(table["through_wall"].sum()) for table in trials.tables.values())
     count = sum(len(table["object"]) for table in trials.tables.values())
     name = "balls through a wall, shipped trials"
-    yield Result(name, through, 0, "at most", "", f"{count} trials")
+    yield at_most(name, through, 0, "", f"{count} trials")
     todo = [
         TrialBlock(FRESH_SEED, experiment, CONTAINER_NAMES.index(name), 0)
         for experiment, names in FRESH.items()
@@ -128,12 +128,12 @@ def _fresh_trials(pool: ProcessPoolExecutor, trials: Trials) -> Iterator[Result]
     taken_s = time.monotonic() - start_s
     n_fresh = sum(block.n_trials for block in todo)
     remark = f"{n_fresh} trials with seed {FRESH_SEED}, {taken_s:.0f} s"
-    yield Result("balls through a wall, fresh trials", through, 0, "at most", "", remark)
+    yield at_most("balls through a wall, fresh trials", through, 0, "", remark)
     n_all = len(FRESH) * TRIALS_PER_OBJECT * len(CONTAINER_NAMES)
     minutes = taken_s / 60.0 * n_all / n_fresh
     remark = f"from {n_fresh} to {n_all}"
     name = "all trials in two processes, extrapolated"
-    yield Result(name, minutes, WITHIN_MIN, "at most", "min", remark)
+    yield at_most(name, minutes, WITHIN_MIN, "min", remark)
 
 
 def _pours(pool: ProcessPoolExecutor) -> Iterator[Result]:
@@ -146,7 +146,7 @@ def _pours(pool: ProcessPoolExecutor) -> Iterator[Result]:
     through = sum(pour.through_wall for pour in recorded)
     yield from _spilled(spilled, f"{len(spilled[MEAN])} pairs never demonstrated, as recorded")
     name = "balls through a wall, recorded pours"
-    yield Result(name, through, 0, "at most", "", f"{len(recorded)} pours of 40 balls")
+    yield at_most(name, through, 0, "", f"{len(recorded)} pours of 40 balls")
     orders = [PourOrder(POURED_SEED, k, m) for m in (MEAN, UNWARPED) for k in POURED_ANEW]
     counts = list(pool.map(partial(_poured, share_path("bags/pouring/train")), orders))
     anew = {
@@ -155,7 +155,7 @@ def _pours(pool: ProcessPoolExecutor) -> Iterator[Result]:
     }
     yield from _spilled(anew, f"{len(POURED_ANEW)} of the pairs, executed now")
     through = sum(n for _, n in counts)
-    yield Result("balls through a wall, executed pours", through, 0, "at most", "", "")
+    yield at_most("balls through a wall, executed pours", through, 0, "", "")
 
 
 def _poured(demonstrations: Path, order: PourOrder) -> tuple[int, int]:
@@ -170,7 +170,7 @@ def _spilled(spilled: Mapping[str, Sequence[int]], remark: str) -> Iterator[Resu
         if manner in spilled:
             mean = float(np.mean(spilled[manner]))
             title = f"balls of 40 spilled per pour, {name}"
-            yield Result(title, mean, BAR_SPILLED, "at most", "", remark)
+            yield at_most(title, mean, BAR_SPILLED, "", remark)
     warped, other = (float(np.mean(spilled[manner])) for manner in (MEAN, UNWARPED))
     title = "balls spilled more where not warped"
-    yield Result(title, other - warped, CLEARLY, "at least", "", f"{other:.1f} per pour, {remark}")
+    yield at_least(title, other - warped, CLEARLY, "", f"{other:.1f} per pour, {remark}")

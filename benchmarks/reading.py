@@ -11,7 +11,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from benchmarks.measure import Result, seconds_of_both
+from benchmarks.measure import Result, at_least, seconds_of_both
 from intent_recognition.bags import FLUSH_PERIOD_S, BagReader, BagWriter, PoseColumns, RawMessage
 from intent_recognition.demonstrations import find_bags, load_dofs, read_demonstrations
 from intent_recognition.share import share_path
@@ -42,11 +42,10 @@ def _decoding(name: str, bags: Sequence[Path], topic: str, repeats: int) -> Resu
     count = _check_equal(ours(), _rosbags(bags, topic))
     ours_s, theirs_s = seconds_of_both(ours, theirs, repeats)
     rates = [count / time_s / 1e3 for time_s in (ours_s, theirs_s)]
-    return Result(
+    return at_least(
         f"decoding {name}, rosbags takes",
         theirs_s / ours_s,
         10.0,
-        "at least",
         "x",
         f"{rates[0]:.0f} and {rates[1]:.0f} thousand messages a second, reading included",
     )
@@ -58,11 +57,10 @@ def _demonstrations(bags: Sequence[Path]) -> Result:
     ours = partial(read_demonstrations, bags, load_dofs())
     theirs = partial(_exhaust, bags, list(TOPICS.values()))
     ours_s, theirs_s = seconds_of_both(ours, theirs, FEW_REPEATS)
-    return Result(
+    return at_least(
         f"{len(bags)} bags to demonstrations, rosbags decodes in",
         theirs_s / ours_s,
         10.0,
-        "at least",
         "x",
         f"{ours_s:.2f} and {theirs_s:.2f} s",
     )

@@ -3,7 +3,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_least, at_most
 from intent_recognition.evaluation import evaluate, make_folds
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.signals import Demonstration
@@ -19,12 +19,11 @@ def unknown_tasks(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
     settings = TrainingSettings(segmentation="movement")
     none = evaluate(demonstrations, folds, settings, unknown_tasks=True)["none"]
     of = f"{none['n_known']} known and {none['n_unknown']} unknown movements, {PROTOCOL}"
-    yield Result("each task left out, area under the ROC", none["area"], 0.95, "at least", "", of)
-    yield Result(
+    yield at_least("each task left out, area under the ROC", none["area"], 0.95, "", of)
+    yield at_most(
         "unknown movements that activate a task",
         100 * none["activated_unknown"],
         LET_PASS,
-        "at most",
         "%",
         f"{none['activated_known']:.1%} of the known ones",
     )
@@ -33,11 +32,10 @@ def unknown_tasks(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
         for table in none["accuracy"].values()
         for both in table.values()
     ]
-    yield Result(
+    yield at_most(
         "accuracy that none costs known tasks, at worst",
         100 * max(lost),
         2.0,
-        "at most",
         "points",
         f"of both kinds of phase and all shares observed; {100 * sum(lost) / len(lost):.2g} in the"
         f" mean; one movement is {100 / none['n_known']:.2g}",

@@ -20,7 +20,7 @@ import rclpy
 from rclpy.executors import Executor
 from rclpy.parameter import Parameter
 
-from benchmarks.measure import Result
+from benchmarks.measure import Result, at_least, at_most
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes.graph import RECOGNITION, NodeCall, resolve
@@ -107,19 +107,19 @@ def results(found: Soak, minutes: float) -> Iterator[Result]:
         f" {found.simulated_s / 60:.0f} simulated minutes in {minutes:.0f}"
     )
     share = sum(found.recognised) / max(n, 1)
-    yield Result("soak: undisturbed interactions recognised", share, 1.0, "at least", "", remark)
+    yield at_least("soak: undisturbed interactions recognised", share, 1.0, "", remark)
     remark = f"{len(found.recoveries_s)} nodes killed, each active again by itself"
     slowest_s = max(found.recoveries_s, default=0.0)
-    yield Result("soak: from a kill to a ready graph", slowest_s, 30.0, "at most", "s", remark)
+    yield at_most("soak: from a kill to a ready graph", slowest_s, 30.0, "s", remark)
     for of, what, most, unit in (
         (1, "memory of a process", 5.0, "MB"),
         (2, "file descriptors", 0.0, ""),
         (3, "threads", 0.0, ""),
     ):
         grown, whose = found.growth(of)
-        yield Result(f"soak: {what} grew by", grown, most, "at most", unit, whose)
+        yield at_most(f"soak: {what} grew by", grown, most, unit, whose)
     remark = ", ".join(found.died)
-    yield Result("soak: nodes that died by themselves", len(found.died), 0.0, "at most", "", remark)
+    yield at_most("soak: nodes that died by themselves", len(found.died), 0.0, "", remark)
 
 
 def run(model: Path, minutes: float, between_s: float, logs: Path) -> Soak:

@@ -9,7 +9,7 @@ from statistics import median
 import numpy as np
 from movement_primitives.promp import ProMP
 
-from benchmarks.measure import Result, seconds
+from benchmarks.measure import Result, at_least, at_most, seconds
 from intent_recognition.learning import (
     TaskStatistics,
     Trained,
@@ -44,20 +44,18 @@ def training(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
     *some, last = demonstrations
     trained = learn_with_report(some).trained
     added_s = seconds(partial(add_demonstration, trained, last), 15)
-    yield Result(
+    yield at_most(
         f"adding one demonstration to {len(some)}",
         1e3 * added_s,
         20.0,
-        "at most",
         "ms",
         f"{trained.library.n_tasks} tasks, cut and fitted",
     )
     added = add_demonstration(trained, last)
-    yield Result(
+    yield at_most(
         "... off the library trained anew",
         _difference(added.library, _anew(demonstrations, added)),
         1e-8,
-        "at most",
         "",
         "largest element of means and covariances, of the largest there is; same preprocessing and"
         " hyperparameters",
@@ -90,11 +88,10 @@ def _beside_peer(n_basis: int) -> Result:
     theirs_s = _once(partial(_imitate, n_basis, repeated, values))
     ours_s = median((before_s, seconds(ours, 15)))
     statistics_s = seconds(partial(_statistics, basis, recorded), 15)
-    return Result(
+    return at_least(
         f"training on {N_DEMONSTRATIONS}, N = {n_basis}, movement_primitives takes",
         theirs_s / ours_s,
         500.0,
-        "at least",
         "x",
         f"{1e3 * ours_s:.2f} ms, and {1e3 * theirs_s:.0f} ms once; {1e3 * statistics_s:.1f} ms"
         " from recordings to all statistics",

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import trimesh
 
-from benchmarks.measure import Result, seconds
+from benchmarks.measure import Result, at_most, seconds
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import find_object, load_object, load_target
 from intent_recognition.warping import (
@@ -78,10 +78,10 @@ def _made(
     remark = f"{n} scans of 9 kinds, {len(seeds)} seeds, 1 to 3 views; {mapping} mapping"
     for key, (required, unit) in REQUIRED.items():
         median = float(np.median(found[key]))
-        yield Result(f"{name}, median {key} error", median, required, "at most", unit, remark)
+        yield at_most(f"{name}, median {key} error", median, required, unit, remark)
     for key, (required, unit) in WORST.items():
         worst = float(found[key].max())
-        yield Result(f"{name}, worst {key} error", worst, required, "at most", unit, remark)
+        yield at_most(f"{name}, worst {key} error", worst, required, unit, remark)
 
 
 def _time(source: ObjectModel) -> Iterator[Result]:
@@ -89,7 +89,7 @@ def _time(source: ObjectModel) -> Iterator[Result]:
     for mapping in ("label", "point"):
         taken_s = seconds(partial(_parameters, source, cloud, mapping), 21)
         name = f"one warp of 2000 points, {mapping} mapping"
-        yield Result(name, 1e3 * taken_s, 25.0, "at most", "ms", "parameters included")
+        yield at_most(name, 1e3 * taken_s, 25.0, "ms", "parameters included")
 
 
 def _parameters(
@@ -120,12 +120,12 @@ def _scanned(source: ObjectModel) -> Iterator[Result]:
     for key, (required, unit) in REQUIRED_OF_SCANS.items():
         values = [errors[key] for errors in found]
         name = f"warping onto scans, median {key} error"
-        yield Result(name, float(np.median(values)), required, "at most", unit, remark)
+        yield at_most(name, float(np.median(values)), required, unit, remark)
     right = sum(name in unusable for name, _ in refused)
     wrong = len(refused) - right + (len(unusable) * len(SCAN_SEEDS) - right)
     reason = next((text.split(": expected ")[-1] for name, text in refused if name in unusable), "")
     name = "warping onto scans, wrongly refused or taken"
-    yield Result(name, wrong, 0, "at most", "scans", f"{', '.join(unusable)}: expected {reason}")
+    yield at_most(name, wrong, 0, "scans", f"{', '.join(unusable)}: expected {reason}")
 
 
 def _warp_scan(

@@ -15,6 +15,7 @@ from intent_recognition.evaluation.scoring import (
     PREDICTION_NAMES,
     RECOGNITION_FRACTIONS,
     EvaluationRecords,
+    ScoreTable,
     collect,
     score_demonstration,
 )
@@ -160,21 +161,17 @@ def _miss(collected: EvaluationRecords) -> None:
 def _tables(collected: EvaluationRecords, units: Sequence[str]) -> dict[str, object]:
     """Means over the recordings, and calibration."""
     scores, again = collected.scores, collected.with_start
+
+    def by_phase(of: ScoreTable, fractions: Sequence[float], names: Sequence[str]) -> dict:
+        return {phase: of.table(phase, fractions, units, names) for phase in PHASES}
+
     content: dict[str, object] = {
-        "recognition": {
-            phase: scores.table(phase, RECOGNITION_FRACTIONS, units, ("accuracy", "log_loss"))
-            for phase in PHASES
-        },
-        "prediction": {
-            phase: scores.table(phase, PREDICTION_FRACTIONS, units, PREDICTION_NAMES)
-            for phase in PHASES
-        },
+        "recognition": by_phase(scores, RECOGNITION_FRACTIONS, ("accuracy", "log_loss")),
+        "prediction": by_phase(scores, PREDICTION_FRACTIONS, PREDICTION_NAMES),
     }
     if again is not None:
-        content["prediction_with_start_posture"] = {
-            phase: again.table(phase, PREDICTION_FRACTIONS, units, PREDICTION_NAMES)
-            for phase in PHASES
-        }
+        with_start = by_phase(again, PREDICTION_FRACTIONS, PREDICTION_NAMES)
+        content["prediction_with_start_posture"] = with_start
     content["reliability"] = collected.recognitions.reliability()
     content["coverage"] = collected.normalised_errors.table()
     content["confusion"] = collected.recognitions.confusion()

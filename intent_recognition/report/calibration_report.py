@@ -37,7 +37,7 @@ UNKNOWN_EXPLANATION = (
 def reliability_figures(result: Mapping) -> list[Figure]:
     """A reliability diagram for each kind of phase, and the regions that hold the truth."""
     figures = []
-    for phase, bins in _phases(result.get("reliability")).items():
+    for phase, bins in by_phase(result.get("reliability")).items():
         figure = reliability_figure(
             np.array(bins["probability"], dtype=float),
             np.array(bins["share_true"], dtype=float),
@@ -45,7 +45,7 @@ def reliability_figures(result: Mapping) -> list[Figure]:
         )
         caption = f"Are the task probabilities calibrated? {PHASE_NAMES[phase].capitalize()}."
         figures.append(Figure(to_svg(figure), caption))
-    regions = _phases(result.get("coverage"))
+    regions = by_phase(result.get("coverage"))
     if regions:
         figure = regions_figure({p: (r["should"], r["does"]) for p, r in regions.items()})
         caption = "Are the standard deviations calibrated? Regions of 50 to 99 %."
@@ -56,7 +56,7 @@ def reliability_figures(result: Mapping) -> list[Figure]:
 def confusion_section(result: Mapping) -> Section:
     """Confusion matrices early in the movement, without `none` as an alternative."""
     rows: list[Block] = []
-    for phase, by_fraction in _phases(result.get("confusion")).items():
+    for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
         for fraction in SHOWN_FRACTIONS:
             if fraction in by_fraction:
@@ -81,7 +81,7 @@ def none_section(result: Mapping) -> Section:
         figure = roc_figure(curve["unknown"], curve["known"], none["area"])
         blocks.append(Figure(to_svg(figure), "Known against unknown movements."))
         blocks.append(_left_out_table(none["left_out"]))
-    accuracy = _phases(none.get("accuracy"))
+    accuracy = by_phase(none.get("accuracy"))
     if accuracy:
         blocks.append(_accuracy_table(accuracy))
     if blocks:
@@ -146,7 +146,7 @@ def _accuracy_table(accuracy: Mapping) -> Table:
     return Table.of(columns, rows, "Cost of none: accuracy on known tasks")
 
 
-def _phases(content: Mapping | None) -> dict[str, Mapping]:
+def by_phase(content: Mapping | None) -> dict[str, Mapping]:
     """The content per kind of phase, in order; absent kinds are left out."""
     return {phase: content[phase] for phase in PHASE_NAMES if content and content.get(phase)}
 

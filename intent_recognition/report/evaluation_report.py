@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.report.calibration_report import (
+    by_phase,
     confusion_section,
     none_section,
     reliability_figures,
@@ -139,7 +140,7 @@ def _key_numbers(result: Mapping) -> KeyNumbers:
 
 
 def _recognition(recognition: Mapping) -> tuple[Block, ...]:
-    phases = {phase: recognition[phase] for phase in PHASE_NAMES if recognition.get(phase)}
+    phases = by_phase(recognition)
     if not phases:
         return ()
     figure = recognition_figure(
@@ -163,7 +164,7 @@ def _recognition(recognition: Mapping) -> tuple[Block, ...]:
 
 
 def _prediction(prediction: Mapping, unit: str, remark: str = "") -> Section:
-    phases = {phase: prediction[phase] for phase in PHASE_NAMES if prediction.get(phase)}
+    phases = by_phase(prediction)
     heading = f"Prediction of the controlled agent{remark} [{unit}]" if unit else "Prediction"
     if not phases:
         return Section(heading, ())
@@ -196,13 +197,13 @@ def _prediction_table(table: Mapping, unit: str, caption: str) -> Table:
 
 def _online(online: Mapping) -> tuple[Block, ...]:
     """What the nodes would have done: shares of the recordings."""
-    phases = [phase for phase in PHASE_NAMES if online.get(phase)]
+    phases = by_phase(online)
     if not phases:
         return ()
     shares = (Column(text, "%", form=".1f") for text in ONLINE_COLUMNS.values())
     rows = []
-    for phase in phases:
-        values = [100 * number(online[phase].get(name), "") for name in ONLINE_COLUMNS]
+    for phase, scores in phases.items():
+        values = [100 * number(scores.get(name), "") for name in ONLINE_COLUMNS]
         rows.append((PHASE_NAMES[phase], *map(_known, values)))
     return Table.of((Column("", align="left"), *shares), rows), Text(ONLINE_EXPLANATION, small=True)
 
@@ -224,9 +225,8 @@ def _calibration(result: Mapping) -> tuple[Block, ...]:
     units = _units(result)
     for unit in units:
         coverage = {
-            phase: series(prediction[phase], "coverage_2_sigma", unit)
-            for phase in PHASE_NAMES
-            if prediction.get(phase)
+            phase: series(table, "coverage_2_sigma", unit)
+            for phase, table in by_phase(prediction).items()
         }
         if coverage:
             where = f" ({unit})" if len(units) > 1 else ""

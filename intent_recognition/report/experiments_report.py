@@ -63,6 +63,11 @@ class Finding:
         """A figure that is to be met; `missed` is its remark where it is not."""
         return cls(quantity, paper, ours, bool(holds), "" if holds else missed)
 
+    @classmethod
+    def alone(cls, quantity: str, ours: str, remark: str) -> "Finding":
+        """A figure of ours beside which the paper has none; `remark` says so."""
+        return cls(quantity, "", ours, None, remark)
+
 
 @dataclass(frozen=True)
 class ExperimentResult:

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report.drawing import (
-    DASHED,
-    INK,
-    PALETTE,
-    SOFT,
-    new_axes,
-    readable,
-    styled,
-)
+from intent_recognition.report.drawing import DASHED, INK, PALETTE, SOFT, new_axes, readable, styled
 from intent_recognition.report.figures_evaluation import PHASE_STYLES
 
 if TYPE_CHECKING:

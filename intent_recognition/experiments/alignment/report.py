@@ -36,7 +36,7 @@ def findings(
     if DTW not in known:
         remark = "dtaidistance is not installed, so there is nothing to compare with."
         largest = f"{known[LOCAL].steps.largest:.1f}"
-        return (Finding("longest step of a warp [mean steps]", "", largest, None, remark),)
+        return (Finding.alone("longest step of a warp [mean steps]", largest, remark),)
     local, plain, tuned = known[LOCAL], known[DTW], known[DTW_TUNED]
 
     def beside(quantity: str, paper: str, best: float, *others: float, digits: int = 1) -> Finding:
@@ -87,11 +87,9 @@ def findings(
             "",
             *(max(t[m].speed for t in tasks) for m in (LOCAL, DTW, DTW_TUNED)),
         ),
-        Finding(
+        Finding.alone(
             "toolbox: part of a recording that a warp leaves out at the ends [%]",
-            "",
             f"{left_out[0]:.0f}; DTW {left_out[1]:.0f}, {left_out[2]:.0f}",
-            None,
             "A warp with free ends reads a recording that is slower than the reference only in"
             " part; DTW must match all of both, and loses it where its ends are free too.",
         ),

@@ -63,19 +63,15 @@ def _findings(n: dict) -> tuple[Finding, ...]:
             n["aligned_right_at_end"] == total,
             "Left-out demonstrations.",
         ),
-        Finding(
+        Finding.alone(
             "second human's wrist at the end, all observations [cm]",
-            "",
             ", ".join(f"{readable(t)} {predicted[t]['known_end_cm'][-1]:.1f}" for t in predicted),
-            None,
             "The paper scores no prediction on these data; what a person does differently each"
             f" time ({floor:.1f} cm on average) nobody can predict.",
         ),
-        Finding(
+        Finding.alone(
             "inside two standard deviations, all observations",
-            "",
             f"{n['known_coverage']:.0%}",
-            None,
             "The paper gives none; 95 % would be exact.",
         ),
         Finding(

@@ -111,11 +111,9 @@ def findings(study: ChangeStudy) -> tuple[Finding, ...]:
             f"{min(others):.0%}",
             min(others) >= OTHER_BLENDS_WANTED,
         ),
-        Finding(
+        Finding.alone(
             "new task active, replanned at " + ", ".join(f"{share:.0%}" for share in SHARES),
-            "",
             ", ".join(replanned),
-            None,
             "Another way to change one's mind than the filter may assume; no figure is wanted.",
         ),
         _finding(
@@ -133,19 +131,15 @@ def findings(study: ChangeStudy) -> tuple[Finding, ...]:
             f"{unknown.others:.1%} of {unknown.n}",
             unknown.others <= UNKNOWN_WANTED,
         ),
-        Finding(
+        Finding.alone(
             "last task active after two changes (15 and 45 %)",
-            "",
             f"{twice.new_active:.0%} of {twice.n}",
-            None,
             f"Back to the first task or on to the third; {twice.others:.0%} with a task active"
             " that was never meant.",
         ),
-        Finding(
+        Finding.alone(
             "error of the predicted hand after a change, median [cm]",
-            "",
             _number(100.0 * early.hand_error_m, ".1f"),
-            None,
             "Where the predicted motion ends, where the new task was active; no figure is wanted.",
         ),
         *_session_findings(study),

@@ -83,18 +83,14 @@ def _findings(study: ClearanceStudy) -> tuple[Finding, ...]:
             loss <= LARGEST_LOSS_S,
             "Runs that were refused count as infinite.",
         ),
-        Finding(
+        Finding.alone(
             "arrival lost where the path was bent, median (worst) [s]",
-            "",
             f"{_median(moved):.2f} ({max(moved, default=math.nan):.2f})",
-            None,
             f"{len(moved)} runs.",
         ),
-        Finding(
+        Finding.alone(
             "of those that would touch: bent / refused",
-            "",
             f"{counts['bent'] + counts['as before']} / {counts['refused']}",
-            None,
             "What lies beyond the spread of what was taught is refused, not planned around.",
         ),
     )

@@ -8,13 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.motion import FeedbackPolicy
-from intent_recognition.report import (
-    PALETTE,
-    SOFT,
-    fill_two_sigma,
-    new_figure,
-    styled,
-)
+from intent_recognition.report import PALETTE, SOFT, fill_two_sigma, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

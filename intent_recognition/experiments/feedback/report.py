@@ -78,25 +78,19 @@ def findings(numbers: dict, pushes: Sequence[Pushed]) -> tuple[Finding, ...]:
             numbers["linear_std_error"] < 1e-2,
             "Without an arm and without chance: what the time grid leaves.",
         ),
-        Finding(
+        Finding.alone(
             "std of the arm under low gains / the primitive's, mean of 7 joints",
-            "",
             f"{low.mean():.2f}",
-            None,
             "Follows the mean whatever the demonstrations' spread, as it is meant to.",
         ),
-        Finding(
+        Finding.alone(
             "deflection by 10 N where the hand varies most / least [cm]",
-            "",
             f"{100 * most[0]:.1f} / {100 * least[0]:.1f}",
-            None,
             f"Low gains give {100 * most[1]:.1f} / {100 * least[1]:.1f}; no figure in the papers.",
         ),
-        Finding(
+        Finding.alone(
             "stiffness at the end after seeing the human / before, median of 7 joints",
-            "",
             f"{np.median(stiffer):.1f}",
-            None,
             "Of the library's primitive: a prediction is surer, so the arm holds it more firmly.",
         ),
     )

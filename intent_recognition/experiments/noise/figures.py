@@ -7,13 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import (
-    DASHED,
-    PALETTE,
-    SOFT,
-    new_figure,
-    styled,
-)
+from intent_recognition.report import DASHED, PALETTE, SOFT, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -62,27 +62,21 @@ def findings(
             "The paper does not say how its DMP was filtered; with filter and noise variance chosen"
             " anew for each level of noise the DMP loses little more than the ProMP.",
         ),
-        Finding(
+        Finding.alone(
             "the DMP's error over the ProMP's without noise, full observation",
-            "",
             f"{clean:.2f}",
-            None,
             "The paper gives no figure; about one means that the comparison is fair.",
         ),
-        Finding(
+        Finding.alone(
             f"the DMP's error over the ProMP's at variance {plan.levels[-1]:g},"
             f" {plan.counts[middle]} samples seen",
-            "",
             f"{part:.2f}",
-            None,
             "The paper draws bars and gives no figure here.",
         ),
-        Finding(
+        Finding.alone(
             "cells of the bar chart with noise in which the ProMP errs less",
-            "",
             f"{better[1:].sum()} of {better[1:].size}; without noise {better[0].sum()} of"
             f" {better[0].size}",
-            None,
             "The paper gives no count; without noise a DMP loses nothing by its derivatives.",
         ),
     )

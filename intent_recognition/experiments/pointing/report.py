@@ -61,25 +61,19 @@ def findings(
             holds,
             why,
         ),
-        Finding(
+        Finding.alone(
             "mean error of the finger [cm]",
-            "",
             spread(100 * all_mean),
-            None,
             "The paper shows bars without numbers.",
         ),
-        Finding(
+        Finding.alone(
             "mean error of repeating the nearest demonstration [cm]",
-            "",
             f"{100 * nearest.mean():.1f}",
-            None,
             "Not in the paper: what the arm would do without generalising.",
         ),
-        Finding(
+        Finding.alone(
             "true spots inside the predicted 2 sigma ellipse",
-            "",
             f"{inside} of {len(tested)}",
-            None,
             "Not in the paper: 86 % are to be expected of a calibrated prediction.",
         ),
     )

@@ -52,11 +52,9 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
             middle <= PAPER_PLATEAU_CM,
             "A path on the other side counts in full.",
         ),
-        Finding(
+        Finding.alone(
             "... with a single Gaussian [cm]",
-            "",
             f"{_one_sigma(single_m)}{also(study.draws, 'path, single')}",
-            None,
             "The paper shows it in its Fig. 4 without a number.",
         ),
         Finding(
@@ -82,11 +80,9 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
                 ("... told the wand's end only", end),
             )
         ),
-        Finding(
+        Finding.alone(
             "motions on the side that was shown",
-            "",
             f"{same} of {n}",
-            None,
             "Not in the paper; at spots that are reached both ways either side is right.",
         ),
     )

@@ -74,11 +74,9 @@ def findings(numbers: dict, repeated: Sequence) -> tuple[Finding, ...]:
             bool(len(drawn) and drawn.mean() <= BAR_SPILLED),
             "The paper gives no count.",
         ),
-        Finding(
+        Finding.alone(
             "balls spilled per pour with the demonstrated pair's references [of 40]",
-            "",
             f"{unwarped.mean():.1f} (at most {unwarped.max()})",
-            None,
             "Not in the paper.",
         ),
         Finding(
@@ -88,33 +86,25 @@ def findings(numbers: dict, repeated: Sequence) -> tuple[Finding, ...]:
             bool(numbers["carried_tilt_ratio"] < 1.0),
             "Read off Fig. 4.",
         ),
-        Finding(
+        Finding.alone(
             "balls left in the cup, mean path [of 40]",
-            "",
             f"{np.mean(kept):.1f} (at most {max(kept)})",
-            None,
             "The paper gives no count.",
         ),
         *_level_findings(numbers["levels"]),
-        Finding(
+        Finding.alone(
             "pours in which the cup touches the second container, warped mean / not warped",
-            "",
             " / ".join(_touches(numbers, manner) for manner in (MEAN, UNWARPED)),
-            None,
             "Not in the paper.",
         ),
-        Finding(
+        Finding.alone(
             "largest probability of a spill expected before execution, warped / not",
-            "",
             f"{max(risk):.2f} / {max(numbers[f'risk_{UNWARPED}']):.2f}",
-            None,
             "The paper learns these constraints but does not check paths with them.",
         ),
-        Finding(
+        Finding.alone(
             "recorded pours repeated with the same count of balls",
-            "",
             f"{numbers['repeated_alike']} of {len(repeated)}",
-            None,
             "The physics gives the same pour on the same machine.",
         ),
     )

@@ -72,11 +72,9 @@ def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:
             changed <= UNCHANGED,
             "Means, covariances, timing, noise, margin.",
         ),
-        Finding(
+        Finding.alone(
             "hand off the new place as a led execution ends, with / without the feature [cm]",
-            "",
             f"{100 * np.mean(led_m):.1f} / {100 * np.mean(without_m):.1f}",
-            None,
             "Without it nothing can be kept, and the next execution is no better.",
         ),
         Finding(
@@ -86,11 +84,9 @@ def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:
             max(rad, rad_s) < UNCHANGED,
             "Position and velocity are continuous up to rounding.",
         ),
-        Finding(
+        Finding.alone(
             "strongest pull at a point of the grip, with / without yielding [N]",
-            "",
             f"{forces[0]:.0f} / {forces[1]:.0f}",
-            None,
             "Three points hold the hand.",
         ),
         Finding(

@@ -71,11 +71,9 @@ def _findings(study: PractisingStudy) -> tuple[Finding, ...]:
     late = [np.median([t for one in study.waited for t in one.late_s[k]]) for k in (0, 1)]
     off = [100 * np.median([d for one in study.waited for d in one.off_m[k]]) for k in (0, 1)]
     rows.append(
-        Finding(
+        Finding.alone(
             "hand there after the person, in physics, before / after practice by time [s], median",
-            "",
             f"{late[0]:.2f} / {late[1]:.2f}",
-            None,
             f"Reaches that no model has seen; the hand ends {off[0]:.1f} / {off[1]:.1f} cm off.",
         )
     )

@@ -58,19 +58,15 @@ def findings(
     ratio = mean[DMP_SPLINE] / mean[PROMP]
     drawn = "The paper shows one example and counts nothing; 95 % should lie inside."
     return (
-        Finding(
+        Finding.alone(
             "true curve of the observed agent within 2 sigma, four observations [%]",
-            "",
             f"{share[0]:.1f}",
-            None,
             drawn,
         ),
-        Finding("... of the controlled agent [%]", "", f"{share[1]:.1f}", None, drawn),
-        Finding(
+        Finding.alone("... of the controlled agent [%]", f"{share[1]:.1f}", drawn),
+        Finding.alone(
             "RMSE of the controlled agent, four observations, in parts of that without any",
-            "",
             f"{mean[PROMP] / mean[NOTHING]:.2f}",
-            None,
             "The paper shows one example and gives no error.",
         ),
         Finding(
@@ -82,11 +78,9 @@ def findings(
             f" {100 * (1 - mean[DMP_SPLINE] / mean[NOTHING]):.0f} % of the error and the positions"
             f" themselves {100 * (1 - mean[PROMP] / mean[NOTHING]):.0f} %.",
         ),
-        Finding(
+        Finding.alone(
             "error of the acceleration from four observations [% of its root mean square]",
-            "",
             f"{spline[1]:.0f} (spline through the samples: {spline[0]:.0f})",
-            None,
             "The paper says that it is hard to compute.",
         ),
     )

@@ -69,11 +69,9 @@ def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
         ),
         *(_hand_finding(study, task) for task in HAND_TASKS),
         *(_end_alone_finding(study, task) for task in HAND_TASKS),
-        Finding(
+        Finding.alone(
             "left-out demonstrations recognised",
-            "",
             f"{seen} of {len(study.tasks)}",
-            None,
             "Not in the paper, where executions were counted.",
         ),
         Finding.wanted(

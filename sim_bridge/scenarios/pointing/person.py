@@ -7,7 +7,7 @@ tell the spot exactly. The marker is not fixed in a rigid, repeatable manner (Ma
 Sec. IV-B): it is put on anew for every session, and slips a little.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,11 +102,9 @@ def point(
     end = onset + reach.duration_s
     samples = sample_wrist(rng, [(onset, reach)], end + hold_s, gaps_per_s=0.15)
     offset = placement_m + MARKER_SLIP_STD_M * rng.standard_normal(3)
-    marked = WristSamples(
-        samples.times_s,
-        samples.positions_m + offset,
-        samples.orientations,
-        samples.visible,
-        samples.true_positions_m + offset,
+    marked = replace(
+        samples,
+        positions_m=samples.positions_m + offset,
+        true_positions_m=samples.true_positions_m + offset,
     )
     return PersonPointing(reach, onset, end, marked)
