@@ -7,22 +7,22 @@ point that is tried; the next execution that a person judges on `intent/feedback
 the next point follows. In both cases the library stays as it is until `~/accept`.
 """
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from intent_recognition.errors import ArgumentError, BagError, IntentError
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_cost
-from intent_recognition.model import DOWN, THUMBS, UP, PractisedTask
-from intent_recognition.nodes.diagnostics import Level
+from intent_recognition.model import DOWN, THUMBS, UP, Change, PractisedTask, TaskFolder
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import parameter
-
-if TYPE_CHECKING:
-    from intent_recognition.nodes.task_teacher import TaskTeacher
 
 PERIOD_S = 0.1
 """Time from one rollout to the next at least [s]. Convention: the node stays responsive."""
@@ -39,6 +39,33 @@ class _Begun(NamedTuple):
     @property
     def by_thumbs(self) -> bool:
         return self.asked[1] == THUMBS
+
+
+class Teacher(Protocol):
+    """What is needed of the node that has the library."""
+
+    folder: TaskFolder
+    executions: ExecutionRecorder
+    diagnostics: Diagnostics
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether a demonstration or an execution is being recorded."""
+
+    def get_parameter(self, name: str) -> Parameter:
+        """A parameter of the node."""
+
+    def estimator_runs(self) -> bool:
+        """Whether there is an estimator to give models to."""
+
+    def send_model(self, text: str) -> None:
+        """Have the estimator load the model that is in force."""
+
+    def change(self, action: Callable[[], Change], what: str) -> str:
+        """Change the folder, and let the estimator use it."""
+
+    def report(self, level: int, text: str) -> None:
+        """Say a sentence."""
 
 
 def declare_practice(node: Node) -> None:
@@ -66,7 +93,7 @@ class TaskPracticeService:
         trial: model that is tried by the estimator now; None: the library's.
     """
 
-    def __init__(self, teacher: "TaskTeacher") -> None:
+    def __init__(self, teacher: Teacher) -> None:
         self._teacher = teacher
         self.running = False
         self.trial: Path | None = None
