@@ -137,6 +137,9 @@ def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing 
         return "it has no label `task`"
     if recorded.task == NONE:
         return f"the label {NONE!r} is reserved"
+    for agent in ("observed", "controlled"):
+        if not getattr(recorded, agent):
+            return f"it has no {agent} degrees of freedom: add an entry to {agent} of the DOF file"
     if like is None:
         return ""
     expected, found = _dofs(like), _dofs(recorded)

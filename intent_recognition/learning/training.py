@@ -258,8 +258,8 @@ def _check_enough(accumulated: Accumulated) -> Preprocessing:
         raise TrainingError(
             describe(
                 "demonstrations",
-                "at least two demonstrations of one of the tasks",
-                f"one of each of {len(accumulated.tasks)}",
+                "at least two demonstrations of a task",
+                f"one of {', '.join(accumulated.tasks)}",
                 "Record more: 5 to 20 of each task are usual.",
             )
         )

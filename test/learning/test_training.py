@@ -166,7 +166,9 @@ def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
         learn([], WHOLE)
     with pytest.raises(TrainingError, match=r"none of 1; demo: it has no label"):
         learn([replace(simulate(truth, 0, rng), task=None)], WHOLE)
-    with pytest.raises(TrainingError, match=r"one of each of 2.*Record more"):
+    with pytest.raises(TrainingError, match=r"no controlled degrees of freedom: add an entry"):
+        learn([replace(simulate(truth, 0, rng), controlled=()) for _ in range(2)], WHOLE)
+    with pytest.raises(TrainingError, match=r"one of task_0, task_1\. Record more"):
         learn(recordings(truth, rng, 1), WHOLE)
 
 
