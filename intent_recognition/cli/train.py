@@ -174,7 +174,12 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     chosen = report.chosen
     kind = "aligned in time" if chosen.aligned else "at steady progress"
     console.print(
-        f"chosen on demonstrations left out, of {len(report.tried)}: {kind}, noise variance x"
-        f" {chosen.noise_scale:g} (log loss {chosen.log_loss:.3f}, error {chosen.error:.3f} of the"
-        f" variance)"
+        f"best of {len(report.tried)} settings, by predicting demonstrations left out: {kind},"
+        f" noise variance x {chosen.noise_scale:g} (log loss {chosen.log_loss:.3f}, squared error"
+        f" of the controlled agent {chosen.error:.3f} of its variance)"
     )
+    if chosen.error > 1.0:
+        console.print(
+            "[yellow]A constant posture would predict the controlled agent better: record more"
+            " demonstrations, and look at these with `intent inspect`.[/yellow]"
+        )

@@ -81,11 +81,10 @@ def none_section(result: Mapping) -> Section:
         figure = roc_figure(curve["unknown"], curve["known"], none["area"])
         blocks.append(Figure(to_svg(figure), "Known against unknown movements."))
         blocks.append(_left_out_table(none["left_out"]))
+        blocks.append(Text(UNKNOWN_EXPLANATION, small=True))
     accuracy = by_phase(none.get("accuracy"))
     if accuracy:
         blocks.append(_accuracy_table(accuracy))
-    if blocks:
-        blocks.append(Text(UNKNOWN_EXPLANATION, small=True))
     return Section("Movements of unknown tasks", tuple(blocks))
 
 

@@ -43,7 +43,7 @@ from intent_recognition.nodes.conversions import (
 )
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.markers import colour
-from intent_recognition.promp.library import NONE
+from intent_recognition.promp import NONE
 from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
 from intent_recognition.report.drawing import task_colours
 from intent_recognition.signals.observation import Observation, merge
