@@ -9,13 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations.cleaning import TopicSamples, context_of, signals_of
+from intent_recognition.demonstrations.cleaning import (
+    MISSING_DOF,
+    TopicSamples,
+    context_of,
+    signals_of,
+)
 from intent_recognition.demonstrations.collecting import collect, missing_topic
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
-from intent_recognition.demonstrations.fields import reference_of
+from intent_recognition.demonstrations.entry import DofEntry
+from intent_recognition.demonstrations.fields import joint_indices, reference_of
 from intent_recognition.demonstrations.folders import NO_BAG, Paths, as_paths, find_bags
 from intent_recognition.demonstrations.hand_poses import as_hands, read_by_joints
 from intent_recognition.demonstrations.labels import label_problem
+from intent_recognition.demonstrations.paths import ElementAbsentError, follow, parse_path
 from intent_recognition.demonstrations.sessions import (
     SessionPart,
     find_marker_topic,
@@ -222,6 +229,8 @@ def _too_short(
         if signal.stamps_ns.size < LEAST_SAMPLES:
             dropped = ", ".join(f"{n} {reason}" for reason, n in sorted(rejected.items()) if n)
             reason = f"empty: {signal.stamps_ns.size} usable samples ({dropped or 'none dropped'})"
+            if rejected[MISSING_DOF] and (absent := _absent(reader, entry)):
+                return Rejection(str(reader.path), f"/{entry.topic}", 0, absent)
             if rejected[JUMP] > LEAST_SAMPLES:
                 reason += "; likely millimetres for metres"
             elif samples[entry.stream].stamps_ns.size >= LEAST_SAMPLES > signal.stamps_ns.size:
@@ -230,3 +239,32 @@ def _too_short(
     if not np.any([s.stamps_ns[-1] > s.stamps_ns[0] for s in signals]):
         return Rejection(str(reader.path), "", int(start_ns), "empty: the recording has no length")
     return None
+
+
+def _absent(reader: BagReader, entry: DofEntry) -> str:
+    """Which joints or fields of an entry the first message does not have; empty if none."""
+    try:
+        first = next(reader.messages([entry.topic])).message
+    except (BagError, StopIteration):
+        return ""
+    if entry.joints:
+        there = tuple(first.name)
+        absent = [
+            j
+            for j, k in zip(entry.joints, joint_indices(entry.joints, there), strict=True)
+            if k is None
+        ]
+        return f"no joint {', '.join(absent)}: the topic has {', '.join(there)}" if absent else ""
+    absent = [field for field in entry.fields if not _has(first, field)]
+    return f"no field {', '.join(absent)} in {entry.type}" if absent else ""
+
+
+def _has(message: object, field: str) -> bool:
+    """Whether the type of a message has a field; elements of arrays may come later."""
+    try:
+        follow(message, parse_path(field))
+    except (AttributeError, TypeError):
+        return False
+    except ElementAbsentError:
+        return True
+    return True

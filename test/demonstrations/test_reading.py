@@ -21,7 +21,7 @@ from bag_builder import (
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations import iter_demonstrations, read_task_sequences
 from intent_recognition.demonstrations import read_demonstrations as read
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.inspect import inspect_bag
 from intent_recognition.errors import BagError
 
@@ -251,3 +251,22 @@ def test_a_session_whose_streams_are_on_two_clocks_says_so(tmp_path):
                 writer.write_message("demonstration", TEXT, mark, at_ns)
     (rejected,) = iter_demonstrations(tmp_path / "session", DOFS)
     assert "two clocks" in rejected.reason
+
+
+@pytest.mark.parametrize(
+    ("side", "key", "names", "says"),
+    [
+        ("controlled", "joints", ["lwr_a1_joint", "a2"], "no joint a2: the topic has lwr_a1_joint"),
+        (
+            "observed",
+            "fields",
+            ["pose.position.x", "pose.position.zz"],
+            "no field pose.position.zz",
+        ),
+    ],
+)
+def test_a_misspelt_joint_or_field_is_named(tmp_path, side, key, names, says):
+    content = DOFS.to_dict()
+    content[side][0][key] = names
+    found, (rejection,) = read(write_bag(tmp_path / "bag"), DofSpec.from_dict(content))
+    assert not found and says in str(rejection) and "clocks" not in str(rejection)
