@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Spins nodes of a test in one process until something has happened; never sleeps."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -34,6 +35,7 @@ class Harness:
         return self
 
     def __exit__(self, *_):
+        gc.collect()  # a node whose constructor raised would stay in the graph
         spin_until(self.executor, self._is_alone, LEAVE_S)
         for node in self.nodes:
             self.executor.remove_node(node)

@@ -79,6 +79,14 @@ class ManagedNode(LifecycleNode):
                 raise self._failure or RuntimeError("a lifecycle transition failed")
         self._starting = False
 
+    def destroy_node(self) -> None:
+        """Close the node; it leaves the graph at once.
+
+        rclpy 7.1 would keep it there until the garbage collector finds the state machine.
+        """
+        super().destroy_node()
+        del self._state_machine
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition to inactive."""
         return self._guard(self.configure, super().on_configure, state, "inactive")

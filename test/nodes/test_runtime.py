@@ -374,6 +374,13 @@ def test_managed_node_raises_what_failed_at_start(harness):
         Managed(fail=ModelError("a model from the future"))
 
 
+def test_a_managed_node_that_is_destroyed_leaves_the_graph(harness):
+    node = Managed()
+    harness.spin_until(lambda: "managed" in harness.probe.get_node_names())
+    node.destroy_node()
+    harness.spin_until(lambda: "managed" not in harness.probe.get_node_names())
+
+
 @pytest.mark.parametrize("error", [ModelError("no model"), ZeroDivisionError()])
 def test_managed_node_survives_a_failing_transition(harness, error):
     override = [Parameter("autostart", value=False)]
