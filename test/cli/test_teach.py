@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+import threading
 
 import pytest
 from geometry_msgs.msg import PoseStamped
@@ -20,6 +21,8 @@ DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 OLD, NEW = TRUTH.labels[0], TRUTH.labels[2]
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+LONGEST_S = 300.0
+"""After so long a command is ended and what it printed is shown [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -41,11 +44,14 @@ class Command:
             stdout=subprocess.PIPE,
             text=True,
         )
+        self._end = threading.Timer(LONGEST_S, self.process.kill)
 
     def __enter__(self):
+        self._end.start()
         return self
 
     def __exit__(self, *_):
+        self._end.cancel()
         self.process.kill()
         self.process.communicate()
 
@@ -64,8 +70,10 @@ class Command:
 
 @pytest.mark.slow
 def test_teach_records_learns_and_undo_takes_it_back(harness, tmp_path, old):
-    pose = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.STATE)
-    joints = harness.publisher(JointState, "joint_states", qos.STATE)
+    # Each message is kept until it has arrived, however late the command is on a busy machine.
+    kept = qos.keep_last(qos.PLAYBACK_DEPTH)
+    pose = harness.publisher(PoseStamped, "mocap/wrist/pose", kept)
+    joints = harness.publisher(JointState, "joint_states", kept)
     library = tmp_path / "tasks"
     with Command("teach", NEW, "--library", library, "--model", old) as command:
         command.wait_for("Enter: record")
