@@ -5,9 +5,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.observation_model import check_observation
 from intent_recognition.gaussian.batch import GaussianBatch, make_state
 from intent_recognition.gaussian.linalg import symmetrize

@@ -119,8 +119,8 @@ class ArmTracking:
             return False
         return bool(np.ptp(np.array(positions), axis=0).max() <= speed * span_ns * 1e-9)
 
-    def send(self, now_ns: int, command: Command) -> Command:
-        """Put a command in force from its start on."""
+    def put_in_force(self, now_ns: int, command: Command) -> Command:
+        """Note that a command holds from its start on; returns it."""
         self._previous, self.current = self.current, command
         self.last_command_ns = now_ns
         return command

@@ -137,7 +137,7 @@ class Motions:
         self._counts["slowed"] += plan.slowed
         self._counts["clamped"] += bool(plan.clamped)
         self._counts["bent"] += followed.weights is not None
-        return self._arm.send(now_ns, Command(start_ns, plan))
+        return self._arm.put_in_force(now_ns, Command(start_ns, plan))
 
     def _along(
         self,
@@ -296,7 +296,7 @@ class Motions:
     def _send_way(self, now_ns: int, start_ns: int, way: _Way) -> Command:
         standing = np.zeros_like(way.plan.phase)
         plan = replace(way.plan, kind=way.kind, phase=standing, phase_rate=standing)
-        command = self._arm.send(now_ns, Command(start_ns, plan))
+        command = self._arm.put_in_force(now_ns, Command(start_ns, plan))
         self._way, self._paced_by = way._replace(command=command), self.person
         return command
 
@@ -349,7 +349,7 @@ class Motions:
         """Send a brake, but none that leaves the position limits."""
         if brake.outside:
             return None
-        return self._arm.send(now_ns, Command(start_ns, brake))
+        return self._arm.put_in_force(now_ns, Command(start_ns, brake))
 
     def yield_to(self, now_ns: int, target: NDArray[np.float64], phase: float) -> Command | None:
         """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
@@ -360,7 +360,7 @@ class Motions:
             return None
         done, still = np.full_like(plan.phase, phase), np.zeros_like(plan.phase)
         plan = replace(plan, kind="yield", phase=done, phase_rate=still)
-        return self._arm.send(now_ns, Command(start_ns, plan))
+        return self._arm.put_in_force(now_ns, Command(start_ns, plan))
 
     def go_ahead(
         self, now_ns: int, start_ns: int, start: JointReference, target: NDArray[np.float64]

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recursive conditioning of every hypothesis over task, duration and phase; pruning."""
 
-from intent_recognition.filtering.bank import FilterBank, SwitchedBelief
-from intent_recognition.filtering.deviation import Deviations, Step, condition_on
+from intent_recognition.filtering.conditioning import Step, condition_on
+from intent_recognition.filtering.deviation_history import Deviations
+from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import (
     N_SCALES,
     SCALE_SPAN,
@@ -11,10 +12,10 @@ from intent_recognition.filtering.hypotheses import (
     fixed_hypotheses,
     make_hypotheses,
 )
-from intent_recognition.filtering.movement import MovementFilter, make_memory
+from intent_recognition.filtering.movement_filter import MovementFilter, make_memory
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switching import NEGLIGIBLE, SwitchedHypotheses
+from intent_recognition.filtering.switching import NEGLIGIBLE, SwitchedBelief, SwitchedHypotheses
 from intent_recognition.filtering.task_prediction import TaskPrediction, deviations_at
 
 __all__ = [

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.filtering.deviation import Step
+from intent_recognition.filtering.conditioning import Step
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.promp import TaskLibrary, deviation_transition, reference_phase
 from intent_recognition.signals import Observation

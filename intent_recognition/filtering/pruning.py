@@ -22,7 +22,8 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.deviation import DeviationHistory, condition_on
+from intent_recognition.filtering.conditioning import condition_on
+from intent_recognition.filtering.deviation_history import DeviationHistory
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
 from intent_recognition.filtering.running_bank import Block, RunningBank
 from intent_recognition.gaussian import cholesky, student_log_density

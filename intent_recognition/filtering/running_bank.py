@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
-from intent_recognition.filtering.deviation import Step, condition_on
+from intent_recognition.filtering.conditioning import Step, condition_on
 from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
 
 BLOCK_SIZE = 512

@@ -8,11 +8,11 @@ Here they are filtered, judged, and given up when they explain too little.
 
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import CourseWeights, SwitchedBelief
 from intent_recognition.filtering.births import (
     DELAYS,
     FADINGS,
@@ -24,6 +24,7 @@ from intent_recognition.filtering.births import (
     log_staying,
     shares,
 )
+from intent_recognition.filtering.filtered_weights import CourseWeights
 from intent_recognition.filtering.hypotheses import N_SCALES, Hypotheses, make_hypotheses
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.running_bank import RunningBank
@@ -65,6 +66,34 @@ _BORN = np.dtype(
     ]
 )
 """What is known of a born hypothesis beside its state."""
+
+
+class SwitchedBelief(NamedTuple):
+    """What born hypotheses make of a movement's task and timing; zero where there are none.
+
+    Attributes:
+        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
+        staying: log probability with which a task of the onset passed nothing on.
+        duration_s: expected duration given the task, (K + 1,).
+        task: number of the task of each hypothesis, (n,).
+        weight: their probabilities given the task, (n,).
+        begin_s: when the course of each began, after onset, (n,).
+        course_s: how long it takes, (n,).
+    """
+
+    log_joint: NDArray[np.float64]
+    staying: float
+    duration_s: NDArray[np.float64]
+    task: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    begin_s: NDArray[np.float64]
+    course_s: NDArray[np.float64]
+
+    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
+        """Expected phase given the task, so long after onset, (K + 1,)."""
+        phase = np.minimum(np.maximum((elapsed_s - self.begin_s) / self.course_s, 0.0), 1.0)
+        expected = np.bincount(self.task, self.weight * phase, len(self.log_joint))
+        return expected.astype(np.float64)
 
 
 class SwitchedHypotheses:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import CourseWeights, FilterBank
-from intent_recognition.filtering.deviation import Deviations
+from intent_recognition.filtering.deviation_history import Deviations
+from intent_recognition.filtering.filtered_weights import CourseWeights, FilterBank
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import (
     ControlGrid,

@@ -24,8 +24,8 @@ Item = TypeVar("Item")
 class _Subscribed:
     """One topic: its subscription, and the function that takes its messages."""
 
-    def __init__(self, use: Callable[[object], None], raw: bool):
-        self.use, self.raw = use, raw
+    def __init__(self, callback: Callable[[object], None], raw: bool):
+        self.callback, self.raw = callback, raw
         self.subscription: Subscription | None = None
         self.behind = False
 
@@ -53,7 +53,7 @@ class Backlog:
         node: Node,
         kind: type,
         topic: str,
-        use: Callable[[object], None],
+        callback: Callable[[object], None],
         qos: QoSProfile,
         *,
         raw: bool = False,
@@ -64,14 +64,14 @@ class Backlog:
             node: subscribes.
             kind: of the messages.
             topic: its name.
-            use: takes each message that is used.
+            callback: takes each message that is used.
             qos: of the subscription.
             raw: whether it takes bytes, of messages with a header.
         """
-        source = _Subscribed(use, raw)
-        callback = partial(self._on_message, len(self._sources))
+        source = _Subscribed(callback, raw)
+        arrival = partial(self._on_message, len(self._sources))
         self._sources.append(source)
-        source.subscription = node.create_subscription(kind, topic, callback, qos, raw=raw)
+        source.subscription = node.create_subscription(kind, topic, arrival, qos, raw=raw)
         return source.subscription
 
     @property
@@ -98,7 +98,7 @@ class Backlog:
         ]
         for source, one in used[0] if len(used) == 1 else merge(*used, key=_time_ns):
             if source.subscription is not None:  # what came before may have closed it
-                source.use(one)
+                source.callback(one)
 
     def _thinned(self, source: _Subscribed, waiting: list[object]) -> list[object]:
         too_many = len(waiting) > MAX_WAITING

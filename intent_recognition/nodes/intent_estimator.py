@@ -120,7 +120,9 @@ class IntentEstimatorNode(ManagedNode):
         self.create_subscription(
             DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
         )
-        self._inputs = ObservationInput(self, self._diagnostics, self._use, self._use_context)
+        self._inputs = ObservationInput(
+            self, self._diagnostics, self._observe, self._observe_context
+        )
         self._watchdog = steady_timer(self, CHECK_PERIOD_S, self._check_stream)
         self._last_ns: dict[Hashable, int] = {}
         self._left_overs = LeftOvers({})
@@ -225,7 +227,7 @@ class IntentEstimatorNode(ManagedNode):
         if self._configured:
             self._estimator.expect(self._step)
 
-    def _use(self, observation: Observation, topic: str) -> bool:
+    def _observe(self, observation: Observation, topic: str) -> bool:
         """Take an observation; False if it cannot be used."""
         stream = (observation.group, observation.derivative)
         if not self._accepts(stream, observation, topic, self._estimator.reason_to_reject):
@@ -234,7 +236,7 @@ class IntentEstimatorNode(ManagedNode):
         self._publish(self._estimator.update(observation), observation)
         return True
 
-    def _use_context(self, observation: Observation, topic: str) -> bool:
+    def _observe_context(self, observation: Observation, topic: str) -> bool:
         """Take a sample of the scene; False if it cannot be used."""
         stream = ("context", observation.group)
         return self._accepts(stream, observation, topic, self._estimator.update_context)
@@ -258,6 +260,7 @@ class IntentEstimatorNode(ManagedNode):
         return True
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
+        """Publish the prediction before the tasks: who decides on them needs its certain end."""
         if estimate.moving:
             self._publish_prediction(estimate, observation)
         self._tasks.publish(

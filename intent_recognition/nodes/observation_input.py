@@ -52,8 +52,8 @@ class ObservationInput:
     Args:
         node: owner of the subscriptions.
         diagnostics: counts messages that cannot be read, under `missing_dof` or `malformed`.
-        use: takes an observation and the name of its topic; returns False if it was refused.
-        use_context: the same for samples of the scene.
+        observe: takes an observation and the name of its topic; returns False if it was refused.
+        observe_context: the same for samples of the scene.
 
     Attributes:
         frame: frame of the last position.
@@ -63,12 +63,12 @@ class ObservationInput:
         self,
         node: Node,
         diagnostics: Diagnostics,
-        use: Callable[[Observation, str], bool],
-        use_context: Callable[[Observation, str], bool],
+        observe: Callable[[Observation, str], bool],
+        observe_context: Callable[[Observation, str], bool],
     ):
         self.frame = "world"
         self._node, self._diagnostics = node, diagnostics
-        self._use, self._use_context = use, use_context
+        self._observe, self._observe_context = observe, observe_context
         self._backlog = Backlog(partial(diagnostics.count, "dropped_behind"))
         self._kinds: dict[str, type] = {}
         self.learned_in({})
@@ -98,12 +98,12 @@ class ObservationInput:
             entry = readers[0].entry
             raw = is_raw_pose(topic, entry.type)
             kind = Odometry if raw else self._kinds[entry.type]
-            use = partial(self._on_odometry if raw else self._on_message, readers)
+            callback = partial(self._on_odometry if raw else self._on_message, readers)
             name = human_topic(entry) if raw else topic
-            source = self._backlog.subscribe(self._node, kind, name, use, INPUT, raw=raw)
+            source = self._backlog.subscribe(self._node, kind, name, callback, INPUT, raw=raw)
             self._diagnostics.watch(source, name)
             if any(reader.entry.context for reader in readers):  # it may have been said before
-                self._backlog.subscribe(self._node, kind, name, use, qos.LATCHED, raw=raw)
+                self._backlog.subscribe(self._node, kind, name, callback, qos.LATCHED, raw=raw)
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -174,8 +174,8 @@ class ObservationInput:
             except MessageError as error:
                 self._diagnostics.reject("missing_dof", str(error))
                 continue
-            take = self._use_context if reader.entry.context else self._use
-            if observation is not None and take(observation, topic):
+            observe = self._observe_context if reader.entry.context else self._observe
+            if observation is not None and observe(observation, topic):
                 used = True
                 if len(observation.values) < len(reader.entry.names):
                     self._diagnostics.tick(f"{topic}, in part")

@@ -151,15 +151,16 @@ class PrimitiveActivation(ManagedNode):
         if not self.active:
             return
         start_s = time.perf_counter()
-        prediction, activation = self._read_prediction(message), self.activation
+        prediction = self._accept_prediction(message)
+        activation = self.activation
         if prediction is None or activation is None:
             return
         activation.take_prediction(self._now_ns(), prediction)
         if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
 
-    def _read_prediction(self, message: JointTrajectory) -> PredictedInteraction | None:
-        """The prediction, or None if it is rejected; fixes the joints if they are not yet."""
+    def _accept_prediction(self, message: JointTrajectory) -> PredictedInteraction | None:
+        """The prediction, or None if it is rejected; the first one determines the joints."""
         names = tuple(message.joint_names)
         label, of_hand = message.header.frame_id, is_hand(names)
         try:

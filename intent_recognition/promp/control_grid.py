@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controlled agent's trajectory at phases that never change, without its weights.
 
-`prediction.rollout` of `prediction.controlled_weights` forms the covariance of all controlled
+`rollout` of `controlled_weights` forms the covariance of all controlled
 weights (Q N = 140 of them, usually) to read the variance of T Q values off it. What maps observed
 weights to those values depends on the task alone and is kept here, so that a prediction costs two
 products of matrices. The outcome is the same.

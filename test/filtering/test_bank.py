@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, t
 from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import (
     DURATION_FREEDOM,
     fixed_hypotheses,

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
 from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.observation_model import SPACING
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation

@@ -6,7 +6,7 @@ import pytest
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.hypotheses import Hypotheses, fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration

@@ -7,7 +7,7 @@ from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.signals.observation import Observation
 

@@ -12,7 +12,7 @@ from simulation import START_NS, make_library, simulate
 from intent_recognition.errors import ShapeError
 from intent_recognition.filtering import pruning, running_bank
 from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter, make_memory
+from intent_recognition.filtering.movement_filter import MovementFilter, make_memory
 from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.promp.phase_deviation import PhaseDeviation
 from intent_recognition.recognition.posterior import task_posterior

@@ -9,7 +9,7 @@ from plain import mixture_at, run_bank
 from simulation import START_NS, make_library, minimum_jerk, nearly_known, simulate
 
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.task_prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.control_grid import ControlGrid

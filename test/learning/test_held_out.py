@@ -8,7 +8,7 @@ import pytest
 from simulation import make_library
 
 from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,

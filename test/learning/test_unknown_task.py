@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from simulation import make_library, simulate
 
 from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.learning import unknown_task
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of

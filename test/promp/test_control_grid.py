@@ -9,7 +9,7 @@ from plain import observed_weights
 from simulation import make_library, simulate
 
 from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import rollout

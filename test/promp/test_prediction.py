@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from plain import mixture_at, observed_weights, run_bank, start_bank
 from simulation import START_NS, draw_weights, make_library, simulate
 
-from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std

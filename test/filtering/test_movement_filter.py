@@ -8,7 +8,7 @@ from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.signals.observation import Observation, every_second, merge
 from intent_recognition.signals.signal import Signal
 

@@ -12,9 +12,10 @@ from scipy.stats import multivariate_normal, multivariate_t
 from simulation import START_NS, make_library, minimum_jerk, nearly_known
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.filtering.deviation import DeviationHistory, Step, condition_on
+from intent_recognition.filtering.conditioning import Step, condition_on
+from intent_recognition.filtering.deviation_history import DeviationHistory
 from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.gaussian.batch import GaussianBatch, make_state
 from intent_recognition.gaussian.normal import Gaussian, condition

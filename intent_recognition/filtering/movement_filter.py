@@ -8,12 +8,12 @@ both agents' trajectories are read off the same bank.
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank import FilterBank, SwitchedBelief
+from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.pruning import PrunedBank
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switching import SwitchedHypotheses
+from intent_recognition.filtering.switching import SwitchedBelief, SwitchedHypotheses
 from intent_recognition.filtering.task_prediction import TaskPrediction
 from intent_recognition.promp import (
     ControlGrid,
