@@ -157,5 +157,12 @@ def test_graph_names_every_recognition_node_and_topic():
         assert topic in topics
 
 
+def test_the_way_of_a_pose_leads_through_functions_there_are():
+    way = table((ROOT / "CONTRIBUTING.md").read_text(), "The way of a pose")
+    for file, functions, _ in way:
+        source = (ROOT / "intent_recognition" / code(file)[0]).read_text()
+        assert all(f"def {name}(" in source for name in code(functions)), file
+
+
 def test_nothing_is_left_to_fill_in():
     assert not re.search(r"TODO|FIXME|DEMO_EXCERPT", "".join(TEXTS.values()))
