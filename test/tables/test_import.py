@@ -2,6 +2,7 @@
 """`intent import`: what a table holds is in the bags, to the last bit, and gaps are gaps."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, DofError
+from intent_recognition.signals import LABEL
 from intent_recognition.tables import ImportMap, import_demonstrations, load_map
 from intent_recognition.tables.import_map import SINCE_S
 
@@ -155,6 +157,23 @@ def test_several_files_make_one_recording(values, tmp_path):
         if not hasattr(one, "samples")
     ]
     assert left_out == ["arm_12.csv: missing file: {day}/wrist_{no}.csv of the same recording"]
+
+
+def test_a_file_name_is_divided_at_its_last_separator(values, tmp_path):
+    (tmp_path / "set").mkdir()
+    write_csv(tmp_path / "set/fetch_box_0.csv", values)
+    content = {key: value for key, value in MAP.items() if key != "task"}
+    for pattern in ("{task}_{number}.csv", "fetch_{task}_{number}.csv"):
+        (found,) = imported(tmp_path / "set", tmp_path, content | {"files": pattern})
+        task = "box" if pattern.startswith("fetch") else "fetch_box"
+        assert (found.name, found.task, found.metadata["number"]) == (f"{task}_0", task, "0")
+        shutil.rmtree(tmp_path / "bags")
+
+
+def test_a_label_that_names_no_task_is_told_the_rule(values, tmp_path):
+    mapping = ImportMap.from_dict(MAP | {"task": "a/b"})
+    (found,) = import_demonstrations(write_csv(tmp_path / "reach.csv", values), mapping)
+    assert f"expected {LABEL}, got 'a/b'. Give it another under labels" in str(found)
 
 
 def test_units_are_converted_with_one_rounding(values, tmp_path):
