@@ -145,6 +145,15 @@ def test_folder_with_broken_bags_uses_the_rest(tmp_path):
     assert [str(r).startswith(str(tmp_path)) for r in rejections] == [True] * 6
 
 
+def test_a_bag_cut_before_the_first_message_of_a_topic_is_damaged(tmp_path):
+    bag = write_bag(tmp_path / "cut")
+    file = bag / "cut_0.mcap"
+    file.write_bytes(file.read_bytes()[:4000])
+    _, (rejection,) = read(bag, DOFS)
+    assert rejection.topic and not rejection.stamp_ns
+    assert rejection.reason.startswith("damaged: truncated") and "no message" in rejection.reason
+
+
 BAD_LABELS = ("bad/label", "x" * 300, "a\x1b[2J", "-rf", "none")
 
 
