@@ -7,12 +7,20 @@ AnError = TypeVar("AnError", bound="IntentError")
 
 
 class IntentError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose.
+
+    Attributes:
+        cure: last sentence of the message, what the caller can do; empty where it has none.
+    """
+
+    cure: str = ""
 
     @classmethod
     def about(cls: type[AnError], argument: str, expected: str, got: object, cure: str) -> AnError:
         """The error with the message of `describe`, from its four parts."""
-        return cls(describe(argument, expected, got, cure))
+        error = cls(describe(argument, expected, got, cure))
+        error.cure = cure
+        return error
 
 
 class ArgumentError(IntentError, ValueError):

@@ -10,9 +10,10 @@ from rich.table import Table
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
-from intent_recognition.cli.rejections import print_left_out
+from intent_recognition.cli.recordings import DOFS
+from intent_recognition.cli.rejections import nothing_of, print_left_out
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.errors import ResourceBusyError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import (
     ImportedDemonstration,
@@ -20,8 +21,6 @@ from intent_recognition.tables import (
     load_map,
     write_demonstration,
 )
-
-DOFS = "dofs.yaml"
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -76,9 +75,7 @@ def run(args: argparse.Namespace) -> int:
             count += 1
             _add_row(table, found)
     if not count:
-        reasons = "; ".join(str(one) for one in left_out[:3]) or "no demonstration"
-        cure = "Correct the map."
-        raise BagError.about(str(args.source), "demonstrations", reasons, cure)
+        raise nothing_of(str(args.source), "demonstrations", left_out, "Correct the map.")
     _write_dofs(args.output / DOFS, mapping.dofs)
     console.print(table)
     print_left_out(console, left_out)

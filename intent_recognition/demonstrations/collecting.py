@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping
 
-from intent_recognition.bags import BagMessage, BagReader
+from intent_recognition.bags import RECOVER, BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import (
     TopicSamples,
     clean_columns,
@@ -33,7 +33,7 @@ def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
             reason = f"{lost}empty: the bag has no message on this topic"
         else:
             continue
-        return Rejection(str(reader.path), f"/{topic}", 0, reason)
+        return Rejection(str(reader.path), f"/{topic}", 0, reason, RECOVER if lost else "")
     return None
 
 
@@ -55,9 +55,9 @@ def collect(
             messages[relative_topic(message.topic)].append(message)
             last_ns = message.log_time_ns
     except MessageError as error:
-        damage = Rejection(str(reader.path), "", last_ns, f"wrong schema: {error}")
+        damage = Rejection.of(str(reader.path), error, "wrong schema", last_ns)
     except BagError as error:
-        damage = Rejection(str(reader.path), "", last_ns, f"damaged: {error}")
+        damage = Rejection.of(str(reader.path), error, "damaged", last_ns)
     samples = {}
     for stream, entry in dofs.streams.items():
         recorded = messages[entry.topic]

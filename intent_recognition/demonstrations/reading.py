@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.bags import BagReader
+from intent_recognition.bags import RECOVER, BagReader
 from intent_recognition.demonstrations.cleaning import (
     MISSING_DOF,
     TopicSamples,
@@ -19,7 +19,7 @@ from intent_recognition.demonstrations.collecting import collect, missing_topic
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import joint_indices, reference_of
-from intent_recognition.demonstrations.folders import NO_BAG, Paths, as_paths, find_bags
+from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags, no_bag
 from intent_recognition.demonstrations.hand_poses import as_hands, read_by_joints
 from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.paths import ElementAbsentError, follow, parse_path
@@ -35,10 +35,7 @@ from intent_recognition.tracking import JUMP
 
 LEAST_SAMPLES = 2
 """Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
-UNFINISHED = (
-    "unfinished: the recording was not closed, its end may be missing; "
-    "`intent recover` makes a whole bag of what is there"
-)
+UNFINISHED = "unfinished: the recording was not closed, its end may be missing"
 
 
 def read_demonstrations(
@@ -87,7 +84,7 @@ def iter_demonstrations(
     for path in as_paths(paths):
         bags = find_bags(path)
         if not bags:
-            yield Rejection(str(path), "", 0, NO_BAG)
+            yield no_bag(path)
         for bag in bags:
             yield from _read_bag(bag, dofs, extrinsics)
 
@@ -132,9 +129,9 @@ def _read_bag(
         dofs, arms = read_by_joints(reader, asked)
         problem = missing_topic(reader, dofs)
         if problem is None and marker is None and not reader.is_finished and not reader.damage:
-            problem = Rejection(str(path), "", reader.end_ns, UNFINISHED)
+            problem = Rejection(str(path), "", reader.end_ns, UNFINISHED, RECOVER)
     except BagError as error:
-        yield Rejection(str(path), "", 0, str(error))
+        yield Rejection.of(str(path), error)
         return
     if problem is not None:
         yield problem

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, one_line
+from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import (
@@ -88,7 +88,7 @@ def import_demonstrations(
                     taken.add(found.name)
                 yield found
         except BagError as error:
-            yield Rejection(recording.name, "", 0, one_line(error))
+            yield Rejection.of(recording.name, error)
 
 
 def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:

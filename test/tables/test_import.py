@@ -217,7 +217,7 @@ def test_times_that_do_not_increase_are_dropped_and_counted(values, tmp_path):
 def wrong(tmp_path, values, **changes) -> str:
     write_csv(tmp_path / "a.csv", values)
     (found,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(MAP | changes))
-    return found.reason
+    return str(found)
 
 
 def test_a_wrong_map_names_the_columns_that_are_there(values, tmp_path):
@@ -258,6 +258,17 @@ def test_nothing_of_a_stranger_leaves_the_folder(values, tmp_path):
     assert "a name for a folder" in reason
 
 
+def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
+    (tmp_path / "set").mkdir()
+    for number in range(5):
+        (tmp_path / f"set/a_{number}.csv").write_text("t,x,y\n")
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(MAP), encoding="utf-8")
+    paths = [str(tmp_path / name) for name in ("set", "map.yaml", "bags")]
+    assert main(["import", paths[0], "--map", paths[1], "--output", paths[2]]) == 1
+    said = capsys.readouterr().err
+    assert said.count("Correct the names in the map.") == 1 and "and 2 more. Correct" in said
+
+
 def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match=r"\.npz, \.parquet"):
@@ -275,7 +286,7 @@ def test_a_missing_library_is_one_line_with_its_cure(module, package, tmp_path, 
     suffix = {"pyarrow": "parquet"}.get(package, package)
     (tmp_path / f"a.{suffix}").write_bytes(b"PAR1")
     (left_out,) = import_demonstrations(tmp_path / f"a.{suffix}", ImportMap.from_dict(MAP))
-    assert left_out.reason.endswith(f"got none. Install it: pip install {package}.")
+    assert str(left_out).endswith(f"got none. Install it: pip install {package}.")
 
 
 def test_c3d_markers_with_rate_unit_and_gaps_of_the_file(rng, tmp_path):
