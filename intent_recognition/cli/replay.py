@@ -3,11 +3,12 @@
 
 import argparse
 from collections import Counter
+from itertools import pairwise
 
 from rich.console import Console
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import boxed_table, progress_bar
+from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -83,16 +84,29 @@ def run(args: argparse.Namespace) -> int:
 
 
 def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None:
-    """About twenty lines of the posterior over time."""
+    """About twenty lines of the posterior over time, and when which task became active."""
     labels = (*library.labels, NONE)
     titles = (f">{column}" for column in ("time [s]", *labels, "phase", "active"))
-    table = boxed_table(f"{len(rows)} observations", *titles)
-    for row in rows[:: max(1, len(rows) // PRINTED_ROWS)]:
+    step = max(1, len(rows) // PRINTED_ROWS)
+    shown = f", one in {step} of them shown (all with --json)" if step > 1 else ""
+    table = boxed_table(f"{len(rows)} observations{shown}", *titles)
+    for row in rows[::step]:
         best = max(row["probabilities"], key=row["probabilities"].get)
         table.add_row(
-            f"{(row['stamp'] - rows[0]['stamp']) * 1e-9:.2f}",
+            _since(rows, row),
             *(f"{row['probabilities'][label]:.2f}" for label in labels),
             f"{row['phase'][best]:.2f}",
             row["active_task"] or "-",
         )
     console.print(table)
+    begun = [
+        f"{row['active_task']} after {_since(rows, row)} s"
+        for before, row in pairwise([{"active_task": ""}, *rows])
+        if row["active_task"] not in ("", before["active_task"])
+    ]
+    say(console, f"became active: {', '.join(begun) or 'no task'}")
+
+
+def _since(rows: list[dict], row: dict) -> str:
+    """Seconds since the first observation."""
+    return f"{(row['stamp'] - rows[0]['stamp']) * 1e-9:.2f}"
