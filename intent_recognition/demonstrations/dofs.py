@@ -160,7 +160,8 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
     try:
         text = read_text(source)
     except (OSError, UntrustedError) as error:
-        raise _error(str(source), "a readable DOF file", error) from error
+        cure = f"Check the path; {DEFAULT} of this package is an example."
+        raise _error(str(source), "a readable DOF file", error, cure) from error
     try:
         content = load_yaml(text)
     except UntrustedError as error:
