@@ -86,6 +86,14 @@ def test_wrong_use_is_exit_code_two(argv, capsys):
     assert capsys.readouterr().err.startswith("usage: intent")
 
 
+def test_a_misspelt_command_is_told_the_nearest(capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["inspekt", "bags"])
+    assert ended.value.code == 2 and "did you mean 'inspect'?" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        cli.main(["--version"])
+
+
 def test_a_missing_file_is_told_without_the_number_of_the_system(tmp_path, capsys):
     missing, output = str(tmp_path / "none.yaml"), str(tmp_path / "out")
     for argv, cure in (
