@@ -259,7 +259,7 @@ def _check(args: argparse.Namespace) -> None:
     for option, usual in (("pour", "empty"), ("pair", None)):
         if getattr(args, option) != usual:
             cure = "Add --scenario pouring."
-            expected = "the scenario that pours beside it"
+            expected = "--scenario pouring with it"
             raise ArgumentError.about(f"--{option}", expected, args.scenario, cure)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
@@ -285,7 +285,7 @@ def _check(args: argparse.Namespace) -> None:
                 probe.bind(("127.0.0.1", args.port))
             except OSError as error:
                 cure = "Choose another --port, or end the program that has it."
-                raise ResourceBusyError.about("--port", "a free one", args.port, cure) from error
+                raise ResourceBusyError.about("--port", "a free port", args.port, cure) from error
 
 
 def _check_model(path: Path, scene: Scene) -> None:

@@ -180,7 +180,7 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
         return Path(folder) if protocol == "holdout" and folder else None
     if args.protocol is not None:
         raise ArgumentError.about(
-            "--test", "no --protocol beside it", args.protocol, "Leave one of them out."
+            "--test", "no --protocol with it", args.protocol, "Leave one of them out."
         )
     return args.test
 

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     console = console_beside(args.json)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."
-        raise ArgumentError.about("--dofs", "no --model beside it", args.model, cure)
+        raise ArgumentError.about("--dofs", "no --model with it", args.model, cure)
     with busy(console, "segmenting"):
         if args.model:
             model = load_model(args.model)

@@ -263,7 +263,7 @@ def _check_orientation(entry: DofEntry, item: Mapping, place: str) -> None:
     """Four fields of one quaternion, in radians; nothing of it in other entries."""
     if "orientation" not in item:
         if entry.reference:
-            raise _error(f"{place}: reference", "orientation: quaternion beside it", "none")
+            raise _error(f"{place}: reference", "orientation: quaternion with it", "none")
         return
     if entry.orientation != QUATERNION:
         raise _error(f"{place}: orientation", QUATERNION, entry.orientation)
