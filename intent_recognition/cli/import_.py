@@ -27,7 +27,7 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "import",
-        help="make bags of CSV, NPZ, Parquet, LeRobot data sets or C3D",
+        help="make bags from CSV, NPZ, Parquet, C3D or LeRobot data sets",
         description="Write each demonstration of a file, a folder of files or a LeRobot data set"
         " as a bag, and a DOF file beside them. The map says which columns are which degrees of"
         " freedom, where times come from, and where a demonstration begins and ends:"
@@ -46,7 +46,9 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "source", type=a_path, metavar="SOURCE", help="a file, a folder of files, or a data set"
     )
-    parser.add_argument("--map", type=a_path, required=True, metavar="MAP.yaml", help="the map")
+    parser.add_argument(
+        "--map", type=a_path, required=True, metavar="MAP.yaml", help="map of the columns"
+    )
     parser.add_argument(
         "--output", type=a_path, required=True, metavar="BAGS", help="folder of the new bags"
     )

@@ -45,10 +45,10 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "inspect",
-        help="what is in a recording or a model, how tasks have done",
+        help="show what is in a recording or model, and how tasks have done",
         description="Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of"
         " a folder, or in a model (tasks, degrees of freedom, timing, noise, where it came from);"
-        " of a folder of tasks, how each has done since each of its changes. The exit code"
+        " of a library of tasks, how each task has done since each of its changes. The exit code"
         " is 1 if a bag is damaged.",
         **examples(
             ("one line per recording", "intent inspect bags/toolbox/test"),
@@ -56,7 +56,7 @@ def add_parser(subparsers: Subparsers) -> None:
                 "one recording: topics, rates, gaps, outliers",
                 "intent inspect demos/give_bracket_00",
             ),
-            ("a folder of tasks: what changed, and how executions went", "intent inspect tasks"),
+            ("a library of tasks: what changed, and how executions went", "intent inspect tasks"),
             ("a model, for a script", "intent inspect bracket.npz --json"),
         ),
     )
@@ -65,13 +65,13 @@ def add_parser(subparsers: Subparsers) -> None:
         type=a_path,
         nargs="+",
         metavar="BAG|MODEL|TASKS",
-        help="bags, folders, models",
+        help="a bag, a folder of bags, a model, or a library of tasks; any number",
     )
     parser.add_argument(
         "--dofs",
         type=a_path,
         metavar="F",
-        help="DOF file: check the streams it names (default: all tracked bodies and joint_states)",
+        help="DOF file whose streams are checked (default: all tracked bodies and joint_states)",
     )
     add_json_option(parser, "what is in it")
     parser.set_defaults(run=run)

@@ -29,8 +29,9 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "replay",
-        help="run the online estimator over a recording",
-        description="Print the task posterior over time, as the nodes would publish it.",
+        help="show how the tasks are recognised during a recording",
+        description="Run the online estimator over a recording and print the probabilities of the"
+        " tasks over time, as the nodes would publish them, and when a task became active.",
         **examples(
             (
                 "the posterior over time, and when the robot would have acted",
@@ -44,7 +45,11 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
-        "--model", type=a_path, required=True, metavar="M.npz", help="written by `intent train`"
+        "--model",
+        type=a_path,
+        required=True,
+        metavar="M.npz",
+        help="model that `intent train` wrote",
     )
     add_json_option(parser, "every observation")
     parser.set_defaults(run=run)

@@ -37,6 +37,13 @@ def test_every_option_explains_itself():
             assert action.help, (command, action.dest)
 
 
+def test_the_actions_of_a_command_are_listed(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["via", "--help"])
+    printed = capsys.readouterr().out
+    assert all(f"\n    {action} " in printed for action in ("add", "list", "remove"))
+
+
 def test_the_parser_lists_every_command(capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(["--help"])
