@@ -7,12 +7,20 @@ AnError = TypeVar("AnError", bound="IntentError")
 
 
 class IntentError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose.
+
+    Attributes:
+        cure: last sentence of the message, what the caller can do; empty where it has none.
+    """
+
+    cure: str = ""
 
     @classmethod
     def about(cls: type[AnError], argument: str, expected: str, got: object, cure: str) -> AnError:
         """The error with the message of `describe`, from its four parts."""
-        return cls(describe(argument, expected, got, cure))
+        error = cls(describe(argument, expected, got, cure))
+        error.cure = cure
+        return error
 
 
 class ArgumentError(IntentError, ValueError):
@@ -68,7 +76,7 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
         got: what came instead.
         cure: what the caller can do about it, as a sentence.
     """
-    came = "\n".join(map(printable, str(got)[:LONGEST_GOT].split("\n")))
+    came = "\n".join(map(printable, _words(got, argument)[:LONGEST_GOT].split("\n")))
     return f"{argument}: expected {expected}, got {came.removesuffix('.')}. {cure}"
 
 
@@ -85,7 +93,16 @@ def check_type(argument: str, value: object, expected: type, cure: str) -> None:
 
 def one_line(error: BaseException) -> str:
     """The message of an error on one printable line; the name of its class if it has none."""
-    return printable(" ".join(str(error).split())) or type(error).__name__
+    return printable(" ".join(_words(error).split())) or type(error).__name__
+
+
+def _words(got: object, argument: str = "") -> str:
+    """What came; of an error of the system its path, unless the argument says it, and reason."""
+    if not (isinstance(got, OSError) and got.strerror):
+        return str(got)
+    reason = got.strerror[0].lower() + got.strerror[1:]
+    known = got.filename is None or str(got.filename) in argument
+    return reason if known else f"{got.filename}: {reason}"
 
 
 def printable(text: str) -> str:

@@ -18,7 +18,7 @@ from intent_recognition.bags.cdr.template import SerializedTemplate
 from intent_recognition.bags.copying import BagPart, copy_message, cut_bag
 from intent_recognition.bags.definitions import message_class
 from intent_recognition.bags.mcap.scan import Damage
-from intent_recognition.bags.messages import BagMessage
+from intent_recognition.bags.messages import RECOVER, BagMessage
 from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
 from intent_recognition.bags.qos_profiles import qos_policy, rosbag2_profile
 from intent_recognition.bags.reader import BagReader, RawMessage, decode
@@ -32,6 +32,7 @@ __all__ = [
     "LITTLE_ENDIAN",
     "NANOSECONDS",
     "POSE",
+    "RECOVER",
     "BagMessage",
     "BagPart",
     "BagReader",

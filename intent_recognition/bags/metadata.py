@@ -120,7 +120,8 @@ def read_metadata(folder: Path) -> BagMetadata:
     except UntrustedError as error:
         raise _error(path, "YAML", error) from error
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise _error(path, "the keys of a rosbag2 bag", repr(error)) from error
+        got = f"none named {error}" if isinstance(error, KeyError) else f"others: {error}"
+        raise _error(path, "the keys of a rosbag2 bag, with their values", got) from error
 
 
 def _to_dict(metadata: BagMetadata) -> dict[str, object]:

@@ -59,7 +59,7 @@ class BagReader:
         self._files = [McapFile(f, tolerant=tolerant, damage=self.damage) for f in files]
         self.is_finished = all(file.scan.is_finished for file in self._files)
         if not self.is_finished:
-            self.notes.append("the recording was not closed; up to a second may be missing")
+            self.notes.append("the recording was not closed; its end may be missing")
 
     @property
     def custom_data(self) -> dict[str, str]:

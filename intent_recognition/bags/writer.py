@@ -24,7 +24,7 @@ from intent_recognition.bags.metadata import (
     dump_yaml,
     write_metadata,
 )
-from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.errors import BagError, ResourceBusyError, one_line
 
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
@@ -300,7 +300,7 @@ class BagWriter:
         except OSError as error:
             self.closed = True
             self._stream.close()
-            lost = f"{error}; the last {self._pending} messages did not fit"
+            lost = f"{one_line(error)}; the last {self._pending} messages did not fit"
             raise DiskFullError.about(
                 str(self.path), "room on the disk", lost, "Free space, record again."
             ) from error

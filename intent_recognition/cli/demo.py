@@ -52,7 +52,7 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "demo",
-        help="the whole chain, with a simulated coworker and arm",
+        help="run the whole system with a simulated coworker and arm",
         description="Train on the shipped bags, start the nodes as separate processes, and let a"
         " simulated coworker assemble a toolbox with the arm's help. Needs ROS 2.",
         **examples(
@@ -91,8 +91,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "--scenario",
         choices=SCENARIOS,
         default="toolbox",
-        help="what to do (default: toolbox); assembly: learned from two people, the arm is in the"
-        " second one's place; pouring: the arm pours with containers it was not"
+        help="toolbox (default): hand over parts; assembly: learned from two people, the arm takes"
+        " the place of the second one; pouring: the arm pours with containers it was not"
         " taught with, --interactions times (default: 2)",
     )
     session.add_argument(
@@ -119,7 +119,8 @@ def add_parser(subparsers: Subparsers) -> None:
         type=number(int, 1),
         default=0,
         metavar="N",
-        help=f"how many (default: the list as it is; {DEFAULT_INTERACTIONS} when habit or random)",
+        help=f"number of interactions (default: those of the list; {DEFAULT_INTERACTIONS} with"
+        " habit or random)",
     )
     session.add_argument(
         "--changes",
@@ -133,27 +134,28 @@ def add_parser(subparsers: Subparsers) -> None:
         default="lwr",
         metavar="ARM",
         help="lwr (default), panda, iiwa, xarm, or the path of a URDF; the others do with their"
-        " hands what the LWR was taught. Several with commas: one after the other, and one report",
+        " hands what the LWR was taught. Several, separated by commas, run in turn, with"
+        " one report",
     )
     session.add_argument(
-        "--seed", type=number(int, 0), default=1, help="of the session (default: 1)"
+        "--seed", type=number(int, 0), default=1, help="random seed of the session (default: 1)"
     )
     session.add_argument(
         "--sequences",
         type=a_path,
         metavar="F",
-        help="YAML of tasks one after the other, some of which begin by themselves",
+        help="YAML file of sequences of tasks, in which the arm may begin a step by itself",
     )
     session.add_argument(
         "--params",
         type=a_path,
         metavar="F",
-        help="parameters of nodes, a YAML file as ROS 2 takes it, laid over the demo's own",
+        help="ROS 2 parameter file (YAML), which overrides the parameters that the demo sets",
     )
     session.add_argument(
         "--no-anticipation",
         action="store_true",
-        help="expect every task alike: no transition prior, no pre-trigger",
+        help="expect every task alike: do not use the usual order of tasks, nor go ahead",
     )
     shown.add_argument(
         "--dashboard",
@@ -164,21 +166,21 @@ def add_parser(subparsers: Subparsers) -> None:
         "--port",
         type=number(int, 1, LAST_PORT),
         default=DEFAULT_PORT,
-        help="of the page (default: %(default)s)",
+        help="port of the page (default: %(default)s)",
     )
-    shown.add_argument("--headless", action="store_true", help="no window of the physics")
+    shown.add_argument("--headless", action="store_true", help="no window of the simulation")
     session.add_argument(
         "--rate",
         type=number(float, *RATES),
         metavar="X",
-        help="simulated time per real time, through /clock (default: "
+        help="speed of simulated time, published on /clock; 1 is real time (default: "
         f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
     )
     session.add_argument(
         "--model",
         type=a_path,
         metavar="M.npz",
-        help="use this model (pouring: skill); no training",
+        help="use this model (pouring: this skill) instead of training one",
     )
     written.add_argument(
         "--output",
@@ -259,7 +261,7 @@ def _check(args: argparse.Namespace) -> None:
     for option, usual in (("pour", "empty"), ("pair", None)):
         if getattr(args, option) != usual:
             cure = "Add --scenario pouring."
-            expected = "the scenario that pours beside it"
+            expected = "--scenario pouring with it"
             raise ArgumentError.about(f"--{option}", expected, args.scenario, cure)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
@@ -285,7 +287,7 @@ def _check(args: argparse.Namespace) -> None:
                 probe.bind(("127.0.0.1", args.port))
             except OSError as error:
                 cure = "Choose another --port, or end the program that has it."
-                raise ResourceBusyError.about("--port", "a free one", args.port, cure) from error
+                raise ResourceBusyError.about("--port", "a free port", args.port, cure) from error
 
 
 def _check_model(path: Path, scene: Scene) -> None:

@@ -98,7 +98,8 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, option) != default:
             name = f"--{option.replace('_', '-')}"
             cure = "Leave it out, or choose another --scenario."
-            raise ArgumentError.about(name, "none with pouring", getattr(args, option), cure)
+            got = getattr(args, option)
+            raise ArgumentError.about(name, "no such option with --scenario pouring", got, cure)
     amount_to_leave(args.pour, 1.0, 1.0)
 
 
@@ -176,7 +177,9 @@ def _follow(
     )
     if not observer.active:
         cure = "See the log of warped_primitive."
-        raise IntentError.about("pour", "one that can be done", observer.refused, cure)
+        raise IntentError.about(
+            "pour", "a pour that the learned constraints allow", observer.refused, cure
+        )
     watch.until(lambda: not observer.active, POUR_DEADLINE_S, "the pour's end")
     watch.for_seconds(LAST_WAIT_S / args.rate)
     timer.cancel()

@@ -100,7 +100,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
 
     if args.changes:
         cure = "Choose the scenario toolbox."
-        raise ArgumentError.about("--changes", "0 in the assembly", args.changes, cure)
+        raise ArgumentError.about("--changes", "0 with --scenario assembly", args.changes, cure)
     session = plan_live(args.seed, args.task_list, args.interactions or 0, SessionTiming())
     places_m = np.array([one.assistant[-1][1].goal_m for one in session.interactions])
     arm = _arm(args.arm, REST_M)

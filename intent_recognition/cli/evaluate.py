@@ -66,22 +66,23 @@ def add_parser(subparsers: Subparsers) -> None:
     scored.add_argument(
         "--protocol",
         metavar="|".join(PROTOCOLS),
-        help="leave one recording out; K folds by index modulo K; leave one group out, by a key of"
-        " custom_data; train on the first share F (0.7 without it) of each task's recordings, by"
-        " name; or test on a folder (default: loo)",
+        help="loo (default): leave one recording out at a time; kfold:K: K folds, by index modulo"
+        " K; logo:KEY: leave one group out at a time, by a key of custom_data; temporal:F: train on"
+        " the first share F (0.7 if not given) of each task's recordings, by name; holdout:FOLDER:"
+        " train on BAG and test on FOLDER",
     )
     scored.add_argument(
         "--test",
         type=a_path,
         metavar="FOLDER",
-        help="train on BAG and test on this folder, as --protocol holdout:FOLDER does",
+        help="the same as --protocol holdout:FOLDER",
     )
     scored.add_argument(
         "--start-posture",
         choices=("on", "off", "both"),
         default="off",
-        help="condition trajectories on where the controlled agent starts; both: without, and"
-        " with it in tables of their own (default: off)",
+        help="whether predictions use the posture in which the controlled agent starts; both: print"
+        " tables without and with it (default: off)",
     )
     scored.add_argument(
         "--unknown-tasks",
@@ -180,7 +181,7 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
         return Path(folder) if protocol == "holdout" and folder else None
     if args.protocol is not None:
         raise ArgumentError.about(
-            "--test", "no --protocol beside it", args.protocol, "Leave one of them out."
+            "--test", "no --protocol with it", args.protocol, "Leave one of them out."
         )
     return args.test
 

@@ -35,7 +35,7 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "experiments",
-        help="the papers' results again, beside the papers' own",
+        help="reproduce the results of the papers, beside the published ones",
         description="Run the experiments of the papers on recordings of the simulation, print what"
         " came out beside the paper's figure, and write one report that opens without network.",
         **examples(
@@ -48,7 +48,10 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     names = parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="which (default: all; --list shows them)"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="experiment to run (default: all; --list shows them)",
     )
     offer(names, tuple(entry.name for entry in EXPERIMENTS))
     parser.add_argument(
@@ -59,7 +62,7 @@ def add_parser(subparsers: Subparsers) -> None:
         help="folder of report.html, numbers.json and figures/ (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=number(int, 0), default=1, help="of all variation (default: 1)"
+        "--seed", type=number(int, 0), default=1, help="seed of all random variation (default: 1)"
     )
     parser.add_argument(
         "--seeds",
@@ -70,15 +73,15 @@ def add_parser(subparsers: Subparsers) -> None:
         " shipped ones and N - 1 made anew, minutes each (default: %(default)s; docs/experiments.md"
         " shows ten)",
     )
-    parser.add_argument("--quick", action="store_true", help="a fast subset of each, for a look")
+    parser.add_argument("--quick", action="store_true", help="run a fast subset of each experiment")
     parser.add_argument(
         "--bags",
         type=a_path,
         metavar="DIR",
-        help="folder of recordings (default: the shipped)",
+        help="folder of recordings (default: the shipped ones)",
     )
     parser.add_argument(
-        "--jobs", type=number(int, 1), default=2, help="processes (default: %(default)s)"
+        "--jobs", type=number(int, 1), default=2, help="number of processes (default: %(default)s)"
     )
     parser.add_argument("--list", action="store_true", help="show the names and stop")
     add_json_option(parser, "the numbers")

@@ -32,13 +32,21 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     parser.add_argument(
-        "bags", nargs="+", type=a_path, metavar="BAG", help="a bag, a folder of bags, or a session"
+        "bags",
+        nargs="+",
+        type=a_path,
+        metavar="BAG",
+        help="a bag, a folder of bags, or a session bag; any number",
     )
     parser.add_argument(
         "--dofs", type=a_path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
     )
     parser.add_argument(
-        "--output", type=a_path, required=True, metavar="FILE", help="a .csv or .parquet file"
+        "--output",
+        type=a_path,
+        required=True,
+        metavar="FILE",
+        help="table to write: .csv or .parquet",
     )
     parser.set_defaults(run=run)
 

@@ -10,7 +10,7 @@ GROUPS = {
     "from recordings to a model": ("inspect", "segment", "train", "evaluate", "replay"),
     "record and play": ("record", "play", "recover"),
     "files of others": ("import", "export"),
-    "teach while the graph runs": ("teach", "keep", "undo"),
+    "teach while the nodes run": ("teach", "keep", "undo"),
     "compose skills": ("via",),
     "practise": ("improve",),
     "measure objects": ("warp",),
@@ -34,6 +34,9 @@ class Formatter(argparse.HelpFormatter):
         self, action: argparse.Action
     ) -> Generator[argparse.Action, None, None]:
         if not isinstance(action, argparse._SubParsersAction):
+            yield from super()._iter_indented_subactions(action)
+            return
+        if not action.choices.keys() & set(COMMANDS):  # the actions of a command
             yield from super()._iter_indented_subactions(action)
             return
         by_name = {choice.dest: choice for choice in super()._iter_indented_subactions(action)}

@@ -10,9 +10,10 @@ from rich.table import Table
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
-from intent_recognition.cli.rejections import print_left_out
+from intent_recognition.cli.recordings import DOFS
+from intent_recognition.cli.rejections import nothing_of, print_left_out
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.errors import ResourceBusyError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import (
     ImportedDemonstration,
@@ -21,14 +22,12 @@ from intent_recognition.tables import (
     write_demonstration,
 )
 
-DOFS = "dofs.yaml"
-
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "import",
-        help="make bags of CSV, NPZ, Parquet, LeRobot data sets or C3D",
+        help="make bags from CSV, NPZ, Parquet, C3D or LeRobot data sets",
         description="Write each demonstration of a file, a folder of files or a LeRobot data set"
         " as a bag, and a DOF file beside them. The map says which columns are which degrees of"
         " freedom, where times come from, and where a demonstration begins and ends:"
@@ -47,7 +46,9 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "source", type=a_path, metavar="SOURCE", help="a file, a folder of files, or a data set"
     )
-    parser.add_argument("--map", type=a_path, required=True, metavar="MAP.yaml", help="the map")
+    parser.add_argument(
+        "--map", type=a_path, required=True, metavar="MAP.yaml", help="map of the columns"
+    )
     parser.add_argument(
         "--output", type=a_path, required=True, metavar="BAGS", help="folder of the new bags"
     )
@@ -76,9 +77,7 @@ def run(args: argparse.Namespace) -> int:
             count += 1
             _add_row(table, found)
     if not count:
-        reasons = "; ".join(str(one) for one in left_out[:3]) or "no demonstration"
-        cure = "Correct the map."
-        raise BagError.about(str(args.source), "demonstrations", reasons, cure)
+        raise nothing_of(str(args.source), "demonstrations", left_out, "Correct the map.")
     _write_dofs(args.output / DOFS, mapping.dofs)
     console.print(table)
     print_left_out(console, left_out)

@@ -39,11 +39,12 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "improve",
-        help="let the robot practise a task until it costs less",
-        description="Let the robot practise pouring, or a task of a library: it tries paths within"
-        " two standard deviations of what was demonstrated and within the arm's limits, each is"
-        " logged as a bag and costs what --cost says. End it with Ctrl-C and give the same command"
-        " to go on. Nothing is replaced before --accept.",
+        help="let the robot practise a task to lower its cost",
+        description="Let the robot practise in simulation. Each rollout tries a path within two"
+        " standard deviations of the demonstrations and within the limits of the arm; it is logged"
+        " as a bag and gets a cost, lower is better. Ctrl-C ends practice, and the same command"
+        " goes on with it. The skill in use changes only with --accept"
+        " (docs/tutorials/practise.md).",
         **examples(
             (
                 "practise to pour from demonstrations that fall short, 40 pours in simulation",
@@ -58,32 +59,37 @@ def add_parser(subparsers: Subparsers) -> None:
             ("take over what it has come to", "intent improve pouring --short 0.9 --accept"),
         ),
     )
-    parser.add_argument("task", metavar="TASK", help="pouring, or the label of a task")
+    parser.add_argument(
+        "task", metavar="TASK", help="`pouring`, or the label of a task in --library"
+    )
     parser.add_argument(
         "--cost",
         metavar="FILE|NAME",
-        help="spilled, level (pouring), distance, time (a task), thumbs, or a Python file with one"
-        " function of a rollout (default: spilled, distance)",
+        help="what to lower: `spilled` (default) or `level` for pouring, `distance` (default) or"
+        " `time` for a task, `thumbs` (you judge each rollout), or a Python file with one function"
+        " from a rollout to a number",
     )
     parser.add_argument(
         "--rollouts",
         type=number(int, 1),
         default=ROLLOUTS,
         metavar="N",
-        help="in all, those of before included (default: %(default)s)",
+        help="number of rollouts in all, earlier ones included (default: %(default)s)",
     )
-    parser.add_argument("--seed", type=number(int, 0), default=1, help="(default: %(default)s)")
+    seed = "random seed of practice (default: %(default)s)"
+    parser.add_argument("--seed", type=number(int, 0), default=1, help=seed)
     action = parser.add_mutually_exclusive_group()
     action.add_argument(
         "--accept",
         action="store_true",
-        help=f"take over what practice has come to: pouring as {SKILL}, a task in its library",
+        help="use the result of practice: a task changes in its library, pouring is written as"
+        f" {SKILL} into --output",
     )
     action.add_argument("--undo", action="store_true", help="take the last --accept back")
     add_json_option(parser, "costs and outcomes")
-    _add_task_options(parser.add_argument_group("a task of a library"))
+    _add_task_options(parser.add_argument_group("for a task of a library"))
     add_library_options(parser, None)
-    _add_pouring_options(parser.add_argument_group("pouring"))
+    _add_pouring_options(parser.add_argument_group("for pouring"))
     parser.set_defaults(run=run)
 
 
@@ -92,33 +98,37 @@ def _add_task_options(group: argparse._ArgumentGroup) -> None:
         "--beside",
         type=number(float),
         **XYZ,
-        help="where the robot's hand must be, from where the person's comes to rest, in m along"
-        " the axes of the arm's base (default: where the demonstrations had it)",
+        help="where the robot's hand should end, seen from where the person's hand comes to rest"
+        " [m], along the axes of the arm's base (default: as in the demonstrations)",
     )
     group.add_argument(
         "--moved",
         type=number(float),
         default=(0.0, 0.0, 0.0),
         **XYZ,
-        help="and how far from there, likewise",
+        help="move that place by so much [m] (default: 0 0 0)",
     )
     group.add_argument(
         "--robot",
         type=a_path,
         metavar="URDF",
-        help="the arm whose joints were taught, where that is not the LWR",
+        help="URDF of the arm that was taught (default: the LWR)",
     )
 
 
 def _add_pouring_options(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--cup", default="mug", help="container in the hand (%(default)s)")
-    group.add_argument("--into", default="tumbler", help="the other one (%(default)s)")
+    group.add_argument(
+        "--cup", default="mug", help="container in the robot's hand (default: %(default)s)"
+    )
+    group.add_argument(
+        "--into", default="tumbler", help="container to pour into (default: %(default)s)"
+    )
     group.add_argument(
         "--wanted",
         type=number(int, 1, 40),
         default=40,
         metavar="N",
-        help="balls wanted in the other one, of 40 (default: %(default)s)",
+        help="balls, of 40, that should end in it (default: %(default)s)",
     )
     group.add_argument(
         "--start",
@@ -131,8 +141,8 @@ def _add_pouring_options(group: argparse._ArgumentGroup) -> None:
         type=number(float, 0.0, 2.0),
         default=0.0,
         metavar="RADII",
-        help="move the demonstrations on average so many radii of the opening too short, to have"
-        " something to practise (default: %(default)s)",
+        help="spoil the demonstrations, to have something to practise: move them away from the"
+        " container to pour into, on average by so many of its radii (default: %(default)s)",
     )
     group.add_argument(
         "--output",

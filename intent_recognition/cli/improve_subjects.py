@@ -133,7 +133,7 @@ class TaskOfFolder:
     def __init__(self, args: argparse.Namespace, console: Console) -> None:
         if args.output is not None:
             cure = "Leave --output out: practice of a task is kept in its library."
-            raise ArgumentError.about("--output", "nothing with a task", args.output, cure)
+            raise ArgumentError.about("--output", "the task pouring", args.task, cure)
         self._args, self._console = args, console
 
     @cached_property
@@ -182,7 +182,9 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
     present = path / "model.npz"
     if not present.exists() and args.model is None:
         cure = "Name the folder with --library, or a model to begin one with --model."
-        raise ModelError.about(str(path), "a folder of tasks with a model", "none", cure)
+        raise ModelError.about(
+            str(path), "a folder of tasks with a model", "no model.npz in it", cure
+        )
     model = present if present.exists() else args.model
     load_trained(model)  # one that holds no statistics is refused before anything is made
     folder = TaskFolder(path, load_model(model).dofs, now)
@@ -218,7 +220,9 @@ def _skill(args: argparse.Namespace) -> "PouringSkill":
     if args.start is not None and args.start.is_file():
         if args.short:
             cure = "Give a folder of demonstrations to --start, or leave --short out."
-            raise ArgumentError.about("--short", "demonstrations to move", args.start, cure)
+            raise ArgumentError.about(
+                "--start", "a folder of demonstrations with --short", args.start, cure
+            )
         return load_pouring_skill(args.start)
     bags = args.start or share_path("bags/pouring/train")
     if args.short:

@@ -45,17 +45,18 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "inspect",
-        help="what is in a recording or a model, how tasks have done",
+        help="show what is in a recording or model, and how tasks have done",
         description="Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of"
         " a folder, or in a model (tasks, degrees of freedom, timing, noise, where it came from);"
-        " of a folder of tasks, how each has done since each of its changes.",
+        " of a library of tasks, how each task has done since each of its changes. The exit code"
+        " is 1 if a bag is damaged.",
         **examples(
             ("one line per recording", "intent inspect bags/toolbox/test"),
             (
                 "one recording: topics, rates, gaps, outliers",
                 "intent inspect demos/give_bracket_00",
             ),
-            ("a folder of tasks: what changed, and how executions went", "intent inspect tasks"),
+            ("a library of tasks: what changed, and how executions went", "intent inspect tasks"),
             ("a model, for a script", "intent inspect bracket.npz --json"),
         ),
     )
@@ -64,13 +65,13 @@ def add_parser(subparsers: Subparsers) -> None:
         type=a_path,
         nargs="+",
         metavar="BAG|MODEL|TASKS",
-        help="bags, folders, models",
+        help="a bag, a folder of bags, a model, or a library of tasks; any number",
     )
     parser.add_argument(
         "--dofs",
         type=a_path,
         metavar="F",
-        help="DOF file: check the streams it names (default: all tracked bodies and joint_states)",
+        help="DOF file whose streams are checked (default: all tracked bodies and joint_states)",
     )
     add_json_option(parser, "what is in it")
     parser.set_defaults(run=run)
@@ -105,7 +106,8 @@ def run(args: argparse.Namespace) -> int:
     failed = False
     is_one = len(bags) == 1 and bags == sources
     if is_one:
-        content.append(_inspect_one(console, bags[0], dofs))
+        one, failed = _inspect_one(console, bags[0], dofs)
+        content.append(one)
     elif bags:
         root = Path(os.path.commonpath(sources))
         root = root.parent if root in bags else root
@@ -123,20 +125,21 @@ def _bags_of(source: Path) -> list[Path]:
     return bags
 
 
-def _inspect_one(console: Console, path: Path, dofs: DofSpec | None) -> object:
-    """Print one recording, and return it for JSON."""
+def _inspect_one(console: Console, path: Path, dofs: DofSpec | None) -> tuple[object, bool]:
+    """Print one recording; its JSON object, and whether it is damaged."""
     with busy(Console(stderr=True), "reading"):
         summary = inspect_bag(path)
         faults = _stream_faults([(path, summary)], path.parent, dofs)
     print_bag(console, summary)
     _print_faults(console, faults)
-    return bag_json(summary) | {"streams": [f.reason for f in faults[path]]}
+    streams = {"streams": [f.reason for f in faults[path]]}
+    return bag_json(summary) | streams, bool(summary.damage)
 
 
 def _inspect_several(
     console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None
 ) -> tuple[list[object], bool]:
-    """One line and JSON object per bag, an unreadable one too; whether there is such a one."""
+    """One line and JSON object per bag, an unreadable one too; whether one is damaged."""
     found: list[tuple[Path, BagSummary | BagError]] = []
     stderr = Console(stderr=True)
     for bag in track(
@@ -155,7 +158,7 @@ def _inspect_several(
         else {"path": str(bag), "error": str(got)}
         for bag, got in found
     ]
-    return listed, any(isinstance(got, BagError) for _, got in found)
+    return listed, any(isinstance(got, BagError) or got.damage for _, got in found)
 
 
 def _stream_faults(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.bags import Damage
+from intent_recognition.bags import RECOVER, Damage
 from intent_recognition.cli.console import escape, plain_table, print_facts
 from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
@@ -59,6 +59,8 @@ def print_bag(console: Console, summary: BagSummary) -> None:
     _print_session(console, summary)
     for damage in summary.damage:
         console.print(escape(damage_line(damage)), style="red")
+    if summary.damage:
+        console.print(RECOVER, style="red")
     for note in summary.notes:
         console.print(f"note: {escape(note)}", style="yellow")
 
@@ -90,6 +92,8 @@ def print_folder(
     console.print(table)
     counts = ", ".join(f"{task} {count}" for task, count in sorted(tasks.items()))
     console.print(f"{len(found)} bags: {escape(counts)}")
+    if any(isinstance(got, BagSummary) and got.damage for _, got in found):
+        console.print(RECOVER, style="red")
 
 
 def problems(topic: TopicSummary) -> str:

@@ -11,11 +11,11 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "keep",
-        help="keep the last correction by hand: its task moves",
-        description="Keep the last execution that a person corrected by hand as a demonstration:"
-        " the robot's part of the task moves there, a running estimator loads the"
-        " model, and other tasks stay as they are. `intent undo` takes it back. Executions are"
-        " recorded by a running task_teacher.",
+        help="learn from the last execution that a person corrected by hand",
+        description="Learn from the last execution of a task in which a person pushed or guided the"
+        " arm: from now on the robot moves as corrected. A running estimator loads the new model,"
+        " and other tasks stay as they are. `intent undo` takes the change back. A running"
+        " task_teacher must have recorded the execution (docs/correcting.md). Needs ROS 2.",
         **examples(
             ("keep the last correction", "intent keep --library tasks"),
         ),

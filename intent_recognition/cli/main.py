@@ -9,6 +9,7 @@ import keyword
 import os
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 
 from intent_recognition import __version__
 from intent_recognition.cli.completion import add_completion_option
@@ -48,7 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     _print_whatever_comes()
     words = list(sys.argv[1:] if argv is None else argv)
     known = words[0] in COMMANDS if words else False
-    args = make_parser(words[:1] if known else COMMANDS).parse_args(words)
+    parser = make_parser(words[:1] if known else COMMANDS)
+    if words and not known and (near := get_close_matches(words[0], COMMANDS, 1)):
+        parser.error(f"expected a command, got {words[0]!r}: did you mean {near[0]!r}?")
+    args = parser.parse_args(words)
     raise_interrupts()
     try:
         code = int(args.run(args) or 0)

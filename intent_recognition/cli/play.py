@@ -46,7 +46,7 @@ def add_parser(subparsers: Subparsers) -> None:
         type=number(float, 0),
         default=1.0,
         metavar="R",
-        help="speed; 0 = as fast as possible (default: 1)",
+        help="speed; 1 is the recorded one, 0 as fast as possible (default: 1)",
     )
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument(

@@ -11,7 +11,8 @@ from rich.console import Console
 from intent_recognition import __version__
 from intent_recognition.cli.console import progress_bar
 from intent_recognition.cli.options import a_path, number
-from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
+from intent_recognition.cli.rejections import nothing_of
+from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations, load_dofs
 from intent_recognition.errors import BagError
 from intent_recognition.learning import SEGMENTATIONS, Preprocessing, TrainingSettings
 from intent_recognition.model import FRAMES, Frames, FromBags, Run, accumulate_bags, list_bags
@@ -20,8 +21,8 @@ from intent_recognition.signals import Demonstration, Rejection
 DEFAULTS = TrainingSettings()
 MOST_BASIS = 200
 """Basis functions that can be asked for; covariances grow with the square. Convention."""
-MOST_KINDS = 3
-"""Kinds of reasons that a message tells when nothing could be read. Convention."""
+DOFS = "dofs.yaml"
+"""Name of the DOF file that `intent import` writes beside its bags."""
 
 
 def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) -> None:
@@ -80,7 +81,7 @@ def read_all(
                 console_path = found.path
             bar.update(task, advance=1, description=f"reading {Path(console_path).name}")
     if not demonstrations:
-        raise nothing_read(rejections)
+        raise nothing_read(paths, dofs, rejections)
     return demonstrations, rejections
 
 
@@ -110,24 +111,20 @@ def accumulate_all(
             progress=lambda n_bags: bar.update(task, advance=n_bags),
         )
     if not found.accumulated.n_used and not found.accumulated.n_rejected:
-        raise nothing_read(found.rejections)
+        raise nothing_read(paths, dofs if preprocessing is None else None, found.rejections)
     return found
 
 
-def nothing_read(rejections: Sequence[Rejection]) -> BagError:
-    """The error that no recording could be read."""
-    alike: dict[tuple[str, str], list[Rejection]] = {}
-    for one in rejections:
-        alike.setdefault((one.topic, one.reason), []).append(one)
-    kinds = list(alike.values())[:MOST_KINDS]
-    others = [f", and {len(kind) - 1} alike" if len(kind) > 1 else "" for kind in kinds]
-    reasons = "; ".join(f"{kind[0]}{more}" for kind, more in zip(kinds, others, strict=True))
-    return BagError.about(
-        "BAG",
-        "recordings with the topics of the DOF file",
-        reasons or "nothing found",
-        "Check path and DOFs.",
-    )
+def nothing_read(
+    paths: Sequence[Path], dofs: DofSpec | None, rejections: Sequence[Rejection]
+) -> BagError:
+    """The error that no recording could be read with these DOFs; None are those of a model."""
+    cure = "Check path and DOFs."
+    if dofs == load_dofs():
+        near = [folder / DOFS for path in paths for folder in (path, path.parent)]
+        own = next((f"--dofs {path}" for path in near if path.is_file()), "another with --dofs")
+        cure = f"The shipped DOF file was used: give {own}."
+    return nothing_of("BAG", "recordings with the topics of the DOF file", rejections, cure)
 
 
 def provenance_of(bags: list[str], frames: Frames) -> dict[str, object]:

@@ -3,12 +3,17 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from rich.console import Console
 
 from intent_recognition.cli.console import say
+from intent_recognition.errors import BagError
 from intent_recognition.model import Frames, FromBags, mixed_frames
-from intent_recognition.signals import Demonstration, stream_doubts
+from intent_recognition.signals import Demonstration, Rejection, stream_doubts
+
+MOST_KINDS = 3
+"""Kinds of reasons that a message tells when nothing could be read. Convention."""
 
 
 def print_left_out(
@@ -25,6 +30,29 @@ def print_left_out(
     if n_left_out is not None and n_left_out > len(lines):
         lines.append(f"left out {n_left_out - len(lines)} more")
     _print_lines(console, lines)
+
+
+def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure: str) -> BagError:
+    """The error that all was left out: a line for each kind of reason, and each cure once.
+
+    Args:
+        argument: what was to be read.
+        expected: what should have been in it.
+        left_out: all that was found instead.
+        cure: what helps against reasons that say none themselves.
+    """
+    alike: dict[tuple[str, str], list[Rejection]] = {}
+    for one in left_out:
+        alike.setdefault((one.topic, one.reason), []).append(one)
+    kinds = list(alike.values())
+    lines = [
+        f"{replace(kind[0], cure='')}" + (f", and {len(kind) - 1} alike" if kind[1:] else "")
+        for kind in kinds[:MOST_KINDS]
+    ]
+    if more := sum(map(len, kinds[MOST_KINDS:])):
+        lines.append(f"and {more} more")
+    cures = dict.fromkeys(one.cure or cure for one in left_out) or [cure]
+    return BagError.about(argument, expected, "; ".join(lines) or "none", " ".join(cures))
 
 
 def print_doubtful(console: Console, doubtful: Sequence[object]) -> None:

@@ -3,11 +3,12 @@
 
 import argparse
 from collections import Counter
+from itertools import pairwise
 
 from rich.console import Console
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import boxed_table, progress_bar
+from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -28,8 +29,9 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "replay",
-        help="run the online estimator over a recording",
-        description="Print the task posterior over time, as the nodes would publish it.",
+        help="show how the tasks are recognised during a recording",
+        description="Run the online estimator over a recording and print the probabilities of the"
+        " tasks over time, as the nodes would publish them, and when a task became active.",
         **examples(
             (
                 "the posterior over time, and when the robot would have acted",
@@ -43,7 +45,11 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
-        "--model", type=a_path, required=True, metavar="M.npz", help="written by `intent train`"
+        "--model",
+        type=a_path,
+        required=True,
+        metavar="M.npz",
+        help="model that `intent train` wrote",
     )
     add_json_option(parser, "every observation")
     parser.set_defaults(run=run)
@@ -83,16 +89,29 @@ def run(args: argparse.Namespace) -> int:
 
 
 def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None:
-    """About twenty lines of the posterior over time."""
+    """About twenty lines of the posterior over time, and when which task became active."""
     labels = (*library.labels, NONE)
     titles = (f">{column}" for column in ("time [s]", *labels, "phase", "active"))
-    table = boxed_table(f"{len(rows)} observations", *titles)
-    for row in rows[:: max(1, len(rows) // PRINTED_ROWS)]:
+    step = max(1, len(rows) // PRINTED_ROWS)
+    shown = f", one in {step} of them shown (all with --json)" if step > 1 else ""
+    table = boxed_table(f"{len(rows)} observations{shown}", *titles)
+    for row in rows[::step]:
         best = max(row["probabilities"], key=row["probabilities"].get)
         table.add_row(
-            f"{(row['stamp'] - rows[0]['stamp']) * 1e-9:.2f}",
+            _since(rows, row),
             *(f"{row['probabilities'][label]:.2f}" for label in labels),
             f"{row['phase'][best]:.2f}",
             row["active_task"] or "-",
         )
     console.print(table)
+    begun = [
+        f"{row['active_task']} after {_since(rows, row)} s"
+        for before, row in pairwise([{"active_task": ""}, *rows])
+        if row["active_task"] not in ("", before["active_task"])
+    ]
+    say(console, f"became active: {', '.join(begun) or 'no task'}")
+
+
+def _since(rows: list[dict], row: dict) -> str:
+    """Seconds since the first observation."""
+    return f"{(row['stamp'] - rows[0]['stamp']) * 1e-9:.2f}"

@@ -31,9 +31,9 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "segment",
         help="cut a session into demonstrations",
-        description="Find the interactions of a session, which holds several, and write each as"
-        " a bag of its own: labelled by a model, or without labels from motion alone. Markers in"
-        " the session are not used.",
+        description="Find the interactions in a recording of several, and write each as a bag of"
+        " its own: with --model labelled by the tasks of the model, otherwise cut by the motion of"
+        " both agents and without labels. Markers in the session are not used.",
         **examples(
             (
                 "cut at the rests of both agents, then find out which tasks there are",
@@ -46,17 +46,23 @@ def add_parser(subparsers: Subparsers) -> None:
             ),
         ),
     )
-    parser.add_argument("session", type=a_path, metavar="SESSION", help="bag folder or .mcap file")
+    parser.add_argument(
+        "session", type=a_path, metavar="SESSION", help="one bag, or its .mcap file"
+    )
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--model", type=a_path, metavar="M.npz", help="label by this model")
     how.add_argument(
-        "--unlabelled", action="store_true", help="propose from motion alone (without --model)"
+        "--model", type=a_path, metavar="M.npz", help="model that finds and labels the tasks"
+    )
+    how.add_argument(
+        "--unlabelled",
+        action="store_true",
+        help="cut by motion alone (the default without --model)",
     )
     parser.add_argument(
         "--dofs",
         type=a_path,
         metavar="F",
-        help="DOF file without a model (default: shipped one)",
+        help="DOF file, where no model is given (default: the shipped config/dofs.yaml)",
     )
     parser.add_argument(
         "--output",
@@ -80,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     console = console_beside(args.json)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."
-        raise ArgumentError.about("--dofs", "no --model beside it", args.model, cure)
+        raise ArgumentError.about("--dofs", "no --model with it", args.model, cure)
     with busy(console, "segmenting"):
         if args.model:
             model = load_model(args.model)

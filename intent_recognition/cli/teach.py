@@ -42,8 +42,8 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "teach",
-        help="record a task while the graph runs, learn it, use it",
-        description="Record demonstrations of a task while the graph runs. Each is learned as soon"
+        help="record a task, learn it and use it at once",
+        description="Record demonstrations of a task while the nodes run. Each is learned as soon"
         " as its recording ends, and a running estimator uses it at once. Needs ROS 2.",
         **examples(
             (
@@ -56,20 +56,20 @@ def add_parser(subparsers: Subparsers) -> None:
             ),
         ),
     )
-    parser.add_argument("task", metavar="TASK", help="label of what is shown")
+    parser.add_argument("task", metavar="TASK", help="label of the task")
     add_library_options(parser)
     parser.add_argument(
         "--seconds",
         type=number(float, 0.1),
         metavar="S",
-        help="record so long instead of waiting for Enter",
+        help="length of each recording [s]; without it Enter begins and ends one",
     )
     parser.add_argument(
         "--count",
         type=number(int, 0),
         default=0,
         metavar="N",
-        help="demonstrations (default: until q)",
+        help="number of demonstrations (default: until q is entered)",
     )
     parser.set_defaults(run=run)
 
@@ -83,13 +83,20 @@ def add_library_options(
         type=a_path,
         default=default,
         metavar="DIR",
-        help=f"folder of recordings, model and history (default: {DEFAULT_LIBRARY})",
+        help="library of tasks: a folder of recordings, model and history (default:"
+        f" {DEFAULT_LIBRARY})",
     )
     parser.add_argument(
-        "--model", type=a_path, metavar="M.npz", help="model that a new library begins with"
+        "--model",
+        type=a_path,
+        metavar="M.npz",
+        help="where the library is new: the model to begin with",
     )
     parser.add_argument(
-        "--dofs", type=a_path, metavar="F", help="DOF file of a new library without a model"
+        "--dofs",
+        type=a_path,
+        metavar="F",
+        help="where the library is new and no model is given: its DOF file",
     )
     add_node_options(parser)
 

@@ -49,7 +49,7 @@ def check_adding(args: argparse.Namespace) -> None:
     """
     if args.choose_again and args.add is None:
         cure = "Leave it out: training anew always chooses."
-        raise ArgumentError.about("--choose-again", "--add beside it", "no model", cure)
+        raise ArgumentError.about("--choose-again", "--add with it", "none", cure)
 
 
 def add_to_model(

@@ -17,10 +17,10 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "undo",
-        help="take the last demonstration or correction of a library back",
-        description="Take the last demonstration that `intent teach` learned, or correction that"
-        " `intent keep` kept, back: the model before"
-        " it returns, a running estimator loads it, and the recording is kept in `undone`.",
+        help="undo the last change that teach or keep made",
+        description="Take back the last change of a library: a demonstration that `intent teach`"
+        " learned, or a correction that `intent keep` kept. The model before it returns, a running"
+        " estimator loads it, and the recording moves to the folder `undone`. Needs ROS 2.",
         **examples(
             ("take the last demonstration back", "intent undo --library tasks"),
         ),

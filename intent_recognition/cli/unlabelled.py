@@ -55,7 +55,7 @@ def n_components(args: argparse.Namespace) -> int | None:
         raise ArgumentError.about("--components", "`auto` or a number", text, "Try auto.")
     if text != "auto" and not args.unlabelled:
         raise ArgumentError.about(
-            "--components", "--unlabelled beside it", "labels", "Add --unlabelled."
+            "--components", "--unlabelled with it", "none", "Add --unlabelled."
         )
     return None if text == "auto" else int(text)
 
@@ -70,9 +70,9 @@ def check_alone(args: argparse.Namespace) -> None:
     for option, given in clashes.items():
         if given:
             raise ArgumentError.about(
-                "--unlabelled",
-                "all recordings at once",
                 option,
+                "labelled recordings",
+                "--unlabelled, which reads all recordings at once",
                 f"Leave {option} out, or label the recordings.",
             )
 

@@ -23,9 +23,10 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "via",
-        help="where the robot shall pass on its way, while the graph runs",
-        description="Add, list and remove via points of a running estimator: the robot passes"
-        " through them in each movement until they are removed. Needs ROS 2.",
+        help="make the robot pass through given points on its way",
+        description="Add, list or remove via points: places or joint values through which the robot"
+        " passes in each movement until they are removed. A running estimator holds them. Needs"
+        " ROS 2. `intent via ACTION --help` explains an action.",
         **examples(
             (
                 "over the bottle, in the middle of the way",
@@ -43,37 +44,49 @@ def add_parser(subparsers: Subparsers) -> None:
     actions = parser.add_subparsers(
         title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
     )
-    add = actions.add_parser("add", help="add a point, or replace the one of its name")
-    add.add_argument("name", metavar="NAME", help="by which it is removed")
+    more = "add a point, or replace the one of the same name"
+    add = actions.add_parser("add", help=more, description=f"{more.capitalize()}.")
+    add.add_argument("name", metavar="NAME", help="name of the point")
     where = add.add_mutually_exclusive_group(required=True)
     where.add_argument(
-        "--hand", type=number(float, -1e3), **XYZ, help="of the hand in the world frame [m]"
+        "--hand",
+        type=number(float, -1e3),
+        **XYZ,
+        help="where: place of the hand in the world frame [m]",
     )
     where.add_argument(
         "--dof",
         action="append",
         type=_dof,
         metavar="NAME=VALUE",
-        help="of a controlled DOF, in its unit; may be repeated",
+        help="where: value of a controlled DOF, in its unit; may be repeated",
     )
     when = add.add_mutually_exclusive_group(required=True)
     when.add_argument(
-        "--phase", type=number(float, 0.0, 1.0), metavar="P", help="share of the way; 1 is the end"
+        "--phase",
+        type=number(float, 0.0, 1.0),
+        metavar="P",
+        help="when: share of the movement, 1 is its end",
     )
     when.add_argument(
-        "--time", type=number(float, 0.0), metavar="S", help="after onset, at the usual pace [s]"
+        "--time",
+        type=number(float, 0.0),
+        metavar="S",
+        help="when: time after the onset, at the usual pace [s]",
     )
-    add.add_argument("--task", default="", help="label (default: all tasks)")
+    add.add_argument("--task", default="", help="task that it is for (default: all tasks)")
     add.add_argument(
         "--std",
         type=number(float, 0.0),
         default=USUAL_STD,
-        help="how exactly [m or rad] (default: %(default)s)",
+        help="how exactly: standard deviation in the unit of the value (default: %(default)s)",
     )
-    listed = actions.add_parser("list", help="print those in force")
-    remove = actions.add_parser("remove", help="remove points")
-    remove.add_argument("names", nargs="*", metavar="NAME", help="which")
-    remove.add_argument("--all", action="store_true", help="all of them")
+    more = "print the points in force"
+    listed = actions.add_parser("list", help=more, description=f"{more.capitalize()}.")
+    more = "remove points, by name or all"
+    remove = actions.add_parser("remove", help=more, description=f"{more.capitalize()}.")
+    remove.add_argument("names", nargs="*", metavar="NAME", help="names of the points")
+    remove.add_argument("--all", action="store_true", help="remove all points")
     for action in (add, listed, remove):
         add_node_options(action)
     add.set_defaults(change=_add)

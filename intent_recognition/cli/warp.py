@@ -51,7 +51,7 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "warp",
-        help="measure a container with the help of an annotated one",
+        help="measure a container by warping an annotated one onto it",
         description="Warp an annotated object onto a mesh or a cloud, and print its parameters"
         " (opening, volume, height, lip, tilt) and the grasp annotated on the source, all in the"
         " target's own coordinates. The shipped mug is one annotated object; docs/warping.md"
@@ -67,7 +67,9 @@ def add_parser(subparsers: Subparsers) -> None:
         "source", metavar="SOURCE", help="annotated object: a file, or `mug`"
     )
     offer(source, Path)
-    parser.add_argument("target", type=a_path, metavar="TARGET", help="mesh or cloud")
+    parser.add_argument(
+        "target", type=a_path, metavar="TARGET", help="file of a mesh or point cloud"
+    )
     add_json_option(parser, "the parameters")
     parser.add_argument(
         "--report",
@@ -81,7 +83,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "--mapping",
         choices=("label", "point"),
         default="label",
-        help="label the target's points, or move the source's (default: %(default)s)",
+        help="label: carry the source's labels over to the target's points; point: move the"
+        " source's points onto the target (default: %(default)s)",
     )
     parser.add_argument(
         "--neighbours",
@@ -94,15 +97,17 @@ def add_parser(subparsers: Subparsers) -> None:
         "--points",
         type=number(int, 1),
         default=N_POINTS,
-        help="points taken of the target (default: %(default)s)",
+        help="number of points used of the target (default: %(default)s)",
     )
     parser.add_argument(
         "--scale",
         type=number(float, *SCALES),
         default=1.0,
-        help="factor to metres; 0.001 for millimetres",
+        help="factor from the target's unit to metres, such as 0.001 for millimetres",
     )
-    parser.add_argument("--toward", type=number(float), **XYZ, help="the other container [m]")
+    parser.add_argument(
+        "--toward", type=number(float), **XYZ, help="place of the other container [m]"
+    )
     parser.add_argument(
         "--viewpoint",
         type=number(float),

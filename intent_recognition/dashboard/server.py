@@ -34,7 +34,7 @@ from intent_recognition.dashboard.admission import (
     response_headers,
     script_sources,
 )
-from intent_recognition.errors import ResourceBusyError
+from intent_recognition.errors import ResourceBusyError, one_line
 
 MOST_CLIENTS = 8
 """Browsers that have the page open at once. Convention."""
@@ -99,7 +99,7 @@ def _check_free(host: str, port: int) -> None:
         except OSError as error:
             cure = "Choose another port or host."
             raise ResourceBusyError.about(
-                "host, port", "an address that is free", f"{host}:{port}, {error}", cure
+                "host, port", "an address that is free", f"{host}:{port}, {one_line(error)}", cure
             ) from error
 
 

@@ -19,7 +19,7 @@ from intent_recognition.demonstrations.fields import (
     reference_of,
     stamp_of,
 )
-from intent_recognition.demonstrations.folders import find_bags
+from intent_recognition.demonstrations.folders import find_bags, no_bag
 from intent_recognition.demonstrations.hand_poses import (
     HAND_LINK,
     JOINTS_TOPIC,
@@ -82,6 +82,7 @@ __all__ = [
     "iter_observations",
     "iter_samples",
     "load_dofs",
+    "no_bag",
     "numbers_of",
     "observation_readers",
     "orientation_beside",

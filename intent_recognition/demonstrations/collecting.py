@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping
 
-from intent_recognition.bags import BagMessage, BagReader
+from intent_recognition.bags import RECOVER, BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import (
     TopicSamples,
     clean_columns,
@@ -20,17 +20,20 @@ from intent_recognition.signals import ORIENTATION_FIELDS, Rejection
 def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
     """Why a recording has not all topics with what the DOFs need; None where it has."""
     recorded = {relative_topic(name): info for name, info in reader.topics.items()}
+    lost = "" if reader.is_finished else "unfinished: the recording was not closed; "
+    if reader.damage:
+        lost = f"damaged: {reader.damage[0].reason}; "
     for topic, kind in dofs.topics.items():
         if topic not in recorded:
             has = ", ".join(sorted(recorded)) or "nothing"
-            reason = f"missing topic: the bag has {has}"
+            reason = f"{lost}missing topic: the bag has {has}"
         elif recorded[topic].type != kind:
             reason = f"wrong schema: expected {kind}, recorded as {recorded[topic].type}"
         elif recorded[topic].message_count == 0:
-            reason = "empty: no message was recorded on this topic"
+            reason = f"{lost}empty: the bag has no message on this topic"
         else:
             continue
-        return Rejection(str(reader.path), f"/{topic}", reader.start_ns, reason)
+        return Rejection(str(reader.path), f"/{topic}", 0, reason, RECOVER if lost else "")
     return None
 
 
@@ -52,9 +55,9 @@ def collect(
             messages[relative_topic(message.topic)].append(message)
             last_ns = message.log_time_ns
     except MessageError as error:
-        damage = Rejection(str(reader.path), "", last_ns, f"wrong schema: {error}")
+        damage = Rejection.of(str(reader.path), error, "wrong schema", last_ns)
     except BagError as error:
-        damage = Rejection(str(reader.path), "", last_ns, f"damaged: {error}")
+        damage = Rejection.of(str(reader.path), error, "damaged", last_ns)
     samples = {}
     for stream, entry in dofs.streams.items():
         recorded = messages[entry.topic]

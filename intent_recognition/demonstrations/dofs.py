@@ -160,7 +160,8 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
     try:
         text = read_text(source)
     except (OSError, UntrustedError) as error:
-        raise _error(str(source), "a readable DOF file", error) from error
+        cure = f"Check the path; {DEFAULT} of this package is an example."
+        raise _error(str(source), "a readable DOF file", error, cure) from error
     try:
         content = load_yaml(text)
     except UntrustedError as error:
@@ -262,7 +263,7 @@ def _check_orientation(entry: DofEntry, item: Mapping, place: str) -> None:
     """Four fields of one quaternion, in radians; nothing of it in other entries."""
     if "orientation" not in item:
         if entry.reference:
-            raise _error(f"{place}: reference", "orientation: quaternion beside it", "none")
+            raise _error(f"{place}: reference", "orientation: quaternion with it", "none")
         return
     if entry.orientation != QUATERNION:
         raise _error(f"{place}: orientation", QUATERNION, entry.orientation)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from intent_recognition.bags import FILE_NAME
 from intent_recognition.errors import BagError
+from intent_recognition.signals import Rejection
 
-NO_BAG = "there is no bag in this folder"
 Paths = str | Path | Iterable[str | Path]
 
 
@@ -38,6 +38,11 @@ def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
         if folder.resolve() not in inside
         for bag in find_bags(folder, inside)
     ]
+
+
+def no_bag(folder: Path) -> Rejection:
+    """Of a folder without bags."""
+    return Rejection(str(folder), "", 0, "there is no bag in this folder", "Check the path.")
 
 
 def _is_bag(folder: Path) -> bool:

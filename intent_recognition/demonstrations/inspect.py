@@ -77,8 +77,8 @@ class BagSummary:
         path: of the bag.
         task: its label, None without.
         custom_data: all labels.
-        start_ns: log time of the first message.
-        end_ns: log time of the last message.
+        start_ns: log time of the first message that can be read.
+        end_ns: log time of the last.
         topics: one summary each, in the order recorded.
         demonstrations: of a session bag, in order; empty for others.
         unfinished: demonstrations of a session whose end is missing or whose label is none.
@@ -117,19 +117,23 @@ def inspect_bag(path: str | Path) -> BagSummary:
     reader = BagReader(path, tolerant=True)
     topics: list[TopicSummary] = []
     markers: list[BagMessage] = []
+    times_ns: list[int] = []
     marker = find_marker_topic(reader)
     for info in reader.topics.values():
         messages, undecodable = _decoded(reader, info)
         topics.append(_summarise(info, messages, undecodable))
+        times_ns += [message.log_time_ns for message in messages]
         if info.name.lstrip("/") == marker:
             markers = messages
+    if not (reader.damage and times_ns):  # headers of damaged chunks tell of what is lost
+        times_ns = [reader.start_ns, reader.end_ns]
     parts = list(split_session(markers, {}, str(path))) if markers else []
     return BagSummary(
         path=str(path),
         task=task_of(reader),
         custom_data=reader.custom_data,
-        start_ns=reader.start_ns,
-        end_ns=reader.end_ns,
+        start_ns=min(times_ns),
+        end_ns=max(times_ns),
         topics=tuple(topics),
         demonstrations=tuple(p for p in parts if isinstance(p, SessionPart)),
         unfinished=tuple(p for p in parts if isinstance(p, Rejection)),

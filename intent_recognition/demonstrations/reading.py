@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demonstrations from bags, folders of bags and session bags."""
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.bags import BagReader
+from intent_recognition.bags import RECOVER, BagReader
 from intent_recognition.demonstrations.cleaning import (
     MISSING_DOF,
     TopicSamples,
     context_of,
+    signal_of,
     signals_of,
 )
 from intent_recognition.demonstrations.collecting import collect, missing_topic
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import joint_indices, reference_of
-from intent_recognition.demonstrations.folders import NO_BAG, Paths, as_paths, find_bags
+from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags, no_bag
 from intent_recognition.demonstrations.hand_poses import as_hands, read_by_joints
 from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.paths import ElementAbsentError, follow, parse_path
@@ -35,10 +35,7 @@ from intent_recognition.tracking import JUMP
 
 LEAST_SAMPLES = 2
 """Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
-UNFINISHED = (
-    "unfinished: the recording was not closed, its end may be missing; "
-    "`intent recover` makes a whole bag of what is there"
-)
+UNFINISHED = "unfinished: the recording was not closed, its end may be missing"
 
 
 def read_demonstrations(
@@ -87,7 +84,7 @@ def iter_demonstrations(
     for path in as_paths(paths):
         bags = find_bags(path)
         if not bags:
-            yield Rejection(str(path), "", 0, NO_BAG)
+            yield no_bag(path)
         for bag in bags:
             yield from _read_bag(bag, dofs, extrinsics)
 
@@ -132,9 +129,9 @@ def _read_bag(
         dofs, arms = read_by_joints(reader, asked)
         problem = missing_topic(reader, dofs)
         if problem is None and marker is None and not reader.is_finished and not reader.damage:
-            problem = Rejection(str(path), "", reader.end_ns, UNFINISHED)
+            problem = Rejection(str(path), "", reader.end_ns, UNFINISHED, RECOVER)
     except BagError as error:
-        yield Rejection(str(path), "", 0, str(error))
+        yield Rejection.of(str(path), error)
         return
     if problem is not None:
         yield problem
@@ -171,13 +168,11 @@ def _demonstration(
     """The demonstration in a whole bag, or in a part of a session."""
     if part is None:
         observed, controlled, rejected = signals_of(dofs, samples)
-        start_ns = reader.start_ns
     else:
         observed, controlled, rejected = signals_of(
             dofs, samples, part.start_ns, part.end_ns, count_topics=part.index == 0
         )
-        start_ns = part.start_ns
-    problem = _too_short(reader, dofs, samples, (*observed, *controlled), rejected, start_ns)
+    problem = _too_short(reader, dofs, samples, (*observed, *controlled), part)
     if problem is not None:
         return problem
     metadata = reader.custom_data
@@ -191,7 +186,8 @@ def _demonstration(
         start_ns = int(min(signal.stamps_ns[0] for signal in observed))
         end_ns = int(max(signal.stamps_ns[-1] for signal in observed))
     else:
-        name, task, end_ns = f"{folder}#{part.index:03d}", part.task, part.end_ns
+        name, task = f"{folder}#{part.index:03d}", part.task
+        start_ns, end_ns = part.start_ns, part.end_ns
     context = context_of(dofs, samples, start_ns, end_ns)
     for entry, signal in zip(dofs.context, context, strict=True):
         if not signal.stamps_ns.size:
@@ -222,22 +218,27 @@ def _too_short(
     dofs: DofSpec,
     samples: Mapping[str, TopicSamples],
     signals: Sequence[Signal],
-    rejected: Counter[str],
-    start_ns: int,
+    part: SessionPart | None,
 ) -> Rejection | None:
+    start_ns, end_ns = (part.start_ns, part.end_ns) if part else (None, None)
+    at_ns = 0 if part is None else part.start_ns
     for entry, signal in zip((*dofs.observed, *dofs.controlled), signals, strict=True):
         if signal.stamps_ns.size < LEAST_SAMPLES:
+            rejected = signal_of(entry, samples[entry.stream], start_ns, end_ns)[1]
+            n_inside = signal.stamps_ns.size + rejected.total()
+            if part is None or part.index == 0:  # as `signals_of` counts
+                rejected.update(samples[entry.stream].rejected)
             dropped = ", ".join(f"{n} {reason}" for reason, n in sorted(rejected.items()) if n)
             reason = f"empty: {signal.stamps_ns.size} usable samples ({dropped or 'none dropped'})"
             if rejected[MISSING_DOF] and (absent := _absent(reader, entry)):
                 return Rejection(str(reader.path), f"/{entry.topic}", 0, absent)
             if rejected[JUMP] > LEAST_SAMPLES:
                 reason += "; likely millimetres for metres"
-            elif samples[entry.stream].stamps_ns.size >= LEAST_SAMPLES > signal.stamps_ns.size:
+            elif samples[entry.stream].stamps_ns.size >= LEAST_SAMPLES > n_inside:
                 reason += "; the topic has others, before or after: likely two clocks"
-            return Rejection(str(reader.path), f"/{entry.topic}", int(start_ns), reason)
+            return Rejection(str(reader.path), f"/{entry.topic}", at_ns, reason)
     if not np.any([s.stamps_ns[-1] > s.stamps_ns[0] for s in signals]):
-        return Rejection(str(reader.path), "", int(start_ns), "empty: the recording has no length")
+        return Rejection(str(reader.path), "", at_ns, "empty: the recording has no length")
     return None
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from intent_recognition.bags import BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import TopicSamples
 from intent_recognition.demonstrations.dofs import relative_topic
-from intent_recognition.demonstrations.folders import NO_BAG, find_bags
+from intent_recognition.demonstrations.folders import find_bags, no_bag
 from intent_recognition.demonstrations.labels import check_label, label_problem
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
@@ -174,12 +174,12 @@ def read_task_sequences(
     for path in map(Path, paths):
         bags = find_bags(path)
         if not bags:
-            rejections.append(Rejection(str(path), "", 0, NO_BAG))
+            rejections.append(no_bag(path))
         for bag in bags:
             try:
                 found = list(task_sequences(BagReader(bag), forget_after_s))
             except BagError as error:
-                rejections.append(Rejection(str(bag), "", 0, str(error)))
+                rejections.append(Rejection.of(str(bag), error))
                 continue
             sequences += found
             if not found:

@@ -45,7 +45,8 @@ def read_urdf(source: str | Path) -> str:
         return read_text(Path(source), 10 * MOST_TEXT)
     except (OSError, ValueError) as error:
         cure = "Give the path of a URDF, or its text."
-        raise ArgumentError(describe("robot", "a URDF", f"{source}: {error}", cure)) from error
+        got = error if isinstance(error, OSError) else f"{source}: {error}"
+        raise ArgumentError(describe("robot", "a URDF", got, cure)) from error
 
 
 def parse_xml(text: str) -> ET.Element:

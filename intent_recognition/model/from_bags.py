@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
+from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations, no_bag
 from intent_recognition.learning import (
     BATCH,
     NAMES_KEPT,
@@ -117,7 +117,7 @@ def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
         found = find_bags(Path(path))
         bags += [bag.absolute() for bag in found]
         if not found:
-            empty.append(Rejection(str(path), "", 0, "there is no bag in this folder"))
+            empty.append(no_bag(Path(path)))
     return bags, empty
 
 

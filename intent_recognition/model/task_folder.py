@@ -144,7 +144,9 @@ class TaskFolder:
         with self._locked():
             if self.model_path.exists():
                 cure = "Choose a new folder, or leave the model out."
-                raise ResourceBusyError.about("model", "a folder without one", self.path, cure)
+                raise ResourceBusyError.about(
+                    "model", "a folder without a model", self.model_path, cure
+                )
             loaded, trained = load_trained(model)
             self.dofs = check_dofs(loaded, self.dofs, "the DOFs asked for")
             self._keep(START, "", "", trained)
@@ -198,8 +200,8 @@ class TaskFolder:
         with self._locked():
             if not since or self.present_model() != since:
                 cure = "Practise again, with the present model."
-                got = f"{self.present_model() or 'none'} after practice with {since or 'none'}"
-                raise ModelError.about("model", "the one that was practised", got, cure)
+                got = f"{self.present_model() or 'none'}, after practice with {since or 'none'}"
+                raise ModelError.about("model", "the model that was practised", got, cure)
             _, trained = load_trained(self.model_path)
             changed = change_rule(trained, task, change)
             return self._keep(IMPROVE, task, self._relative(practice), changed)

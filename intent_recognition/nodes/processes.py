@@ -159,7 +159,7 @@ class NodeProcesses:
             lines = self.log_file(name).read_text(encoding="utf-8", errors="replace").splitlines()
             raise IntentError.about(
                 f"node {name}",
-                "to run until the end",
+                "a process that runs until the end",
                 f"exit code {code}: {' | '.join(lines[-LOG_LINES:]) or 'no output'}",
                 f"See {self.log_file(name)}.",
             )

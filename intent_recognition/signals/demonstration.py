@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
 from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import Signal
 
@@ -230,14 +230,24 @@ class Rejection:
         topic: the topic at fault, "" when it is the whole bag.
         stamp_ns: when in the recording, 0 when unknown.
         reason: one sentence.
+        cure: what helps against it, a sentence; empty where the reason says enough.
     """
 
     path: str
     topic: str
     stamp_ns: int
     reason: str
+    cure: str = ""
+
+    @classmethod
+    def of(cls, path: str, error: IntentError, kind: str = "", stamp_ns: int = 0) -> "Rejection":
+        """The rejection for which an error is the reason, without the path that both name."""
+        reason = one_line(error).removesuffix(error.cure).removesuffix(". ")
+        reason = reason.removeprefix(f"{path}: ").removeprefix(f"{path}/")
+        return cls(path, "", stamp_ns, f"{kind}: {reason}" if kind else reason, error.cure)
 
     def __str__(self) -> str:
         topic = f" topic {self.topic}" if self.topic else ""
         time = f" at {self.stamp_ns} ns" if self.stamp_ns else ""
-        return f"{self.path}{topic}{time}: {self.reason}"
+        cure = f". {self.cure}" if self.cure else ""
+        return f"{self.path}{topic}{time}: {self.reason}{cure}"

@@ -25,6 +25,7 @@ LARGEST = 1e12
 """Of seconds and rates. Convention: seconds since 1970 are 2e9."""
 SLOWEST = 1e-6
 """Rate [Hz]. Convention: a sample in twelve days."""
+EXAMPLES = "docs/import.md has examples."
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
@@ -189,7 +190,10 @@ def load_map(path: str | Path) -> ImportMap:
     source = Path(path)
     try:
         content = load_yaml(read_text(source))
-    except (OSError, UntrustedError) as error:
+    except OSError as error:
+        cure = f"Check the path. {EXAMPLES}"
+        raise DofError.about(str(source), "a map in YAML", error, cure) from error
+    except UntrustedError as error:
         raise _error(str(source), "a map in YAML", error) from error
     return ImportMap.from_dict(content, str(source))
 
@@ -301,4 +305,4 @@ def _count(value: object, least: int, place: str) -> int:
 
 
 def _error(argument: str, expected: str, got: object) -> DofError:
-    return DofError.about(argument, expected, got, "docs/import.md has examples.")
+    return DofError.about(argument, expected, got, EXAMPLES)

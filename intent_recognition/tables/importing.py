@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, one_line
+from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import (
@@ -88,7 +88,7 @@ def import_demonstrations(
                     taken.add(found.name)
                 yield found
         except BagError as error:
-            yield Rejection(recording.name, "", 0, one_line(error))
+            yield Rejection.of(recording.name, error)
 
 
 def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
@@ -100,7 +100,8 @@ def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
             yield _Recording(name.replace("/", "_"), {"": path})
         return
     groups: dict[tuple[str, ...], dict[str, Path]] = {}
-    fields = sorted(set(PLACEHOLDER.findall(next(iter(mapping.files.values())))))
+    named_in = dict.fromkeys(PLACEHOLDER.findall(next(iter(mapping.files.values()))))
+    fields = sorted(named_in, key=lambda name: name != "task")  # the task first
     for name, pattern in mapping.files.items():
         expression = _expression(pattern)
         for path in paths:
@@ -123,14 +124,14 @@ def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
 
 
 def _expression(pattern: str) -> re.Pattern[str]:
-    """A pattern of file names as a regular expression."""
+    """A pattern of file names as a regular expression; earlier placeholders take most."""
     seen: set[str] = set()
     parts = []
     for k, part in enumerate(PLACEHOLDER.split(pattern)):
         if k % 2 == 0:
             parts.append(re.escape(part))
         else:
-            parts.append(f"(?P={part})" if part in seen else f"(?P<{part}>[^/]+?)")
+            parts.append(f"(?P={part})" if part in seen else f"(?P<{part}>[^/]+)")
             seen.add(part)
     return re.compile("".join(parts))
 
@@ -153,7 +154,7 @@ def _demonstrations(
         origin = {"imported_from": ", ".join(p.name for p in recording.paths.values())}
         custom = {**labels, **origin, **{k: text for k, text in texts_.items() if text}}
         if task:
-            _check_task(task)
+            check_label(task, "Give it another under labels in the map.")
             custom["task"] = task
         parts = [_samples(row, pick, mapping.every) for row, pick in zip(rows, picks, strict=True)]
         empty = [s.entry.topic for s, _ in parts if not np.any(np.isfinite(s.values))]
@@ -265,14 +266,6 @@ def _text_at(text: Text, data: Mapping[str, Values], row: int) -> str:
         return text.fixed
     values = data[text.column]
     return text_of(values[row if values.size > 1 else 0])
-
-
-def _check_task(task: str) -> None:
-    try:
-        check_label(task)
-    except BagError as error:
-        cure = "Give it another under labels in the map."
-        raise BagError.about("task", "a label that can name a folder", task, cure) from error
 
 
 def _check_name(name: str) -> None:

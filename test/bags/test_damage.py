@@ -141,6 +141,15 @@ def test_nothing_to_save_and_nothing_overwritten(whole, tmp_path, damaged):
         recover(whole[0], whole[0])
 
 
+def test_what_came_in_place_of_a_bag_is_told_in_words(whole, damaged):
+    path = damaged(content(whole)[:4000])
+    with pytest.raises(BagError, match=r"expected a whole recording, got a damaged one \(trunc"):
+        list(BagReader(path).raw_messages())
+    (path / "metadata.yaml").write_text("rosbag2_bagfile_information: {version: 9}")
+    with pytest.raises(BagError, match="got none named 'relative_file_paths'"):
+        BagReader(path)
+
+
 def test_bag_without_metadata_reads_with_a_note(whole, damaged):
     path = damaged(content(whole))
     (path / "metadata.yaml").unlink()

@@ -145,7 +145,10 @@ def test_killed_it_leaves_no_orphan(running_demo):
         (("--model", "/nowhere.npz"), "/nowhere.npz: expected a model file"),
         (("--output", "/dev/null/out"), "--output: expected a folder that can be made"),
         (("--dashboard", "--port", "0"), "--port: expected 1 to 65535, got 0"),
-        (("--scenario", "assembly", "--changes", "1"), "--changes: expected 0 in the assembly"),
+        (
+            ("--scenario", "assembly", "--changes", "1"),
+            "--changes: expected 0 with --scenario assembly",
+        ),
         (("--arm", "lwr,panda"), "--arm: expected one arm with --model"),
         (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
     ],
@@ -178,7 +181,7 @@ def test_a_port_in_use_is_told_before_the_training(run):
         port = str(taken.getsockname()[1])
         code, printed, errors = run("--dashboard", "--port", port)
     assert code == 1
-    assert errors.strip().startswith(f"intent demo: --port: expected a free one, got {port}")
+    assert errors.strip().startswith(f"intent demo: --port: expected a free port, got {port}")
     assert not printed
 
 

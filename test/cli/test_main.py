@@ -37,6 +37,13 @@ def test_every_option_explains_itself():
             assert action.help, (command, action.dest)
 
 
+def test_the_actions_of_a_command_are_listed(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["via", "--help"])
+    printed = capsys.readouterr().out
+    assert all(f"\n    {action} " in printed for action in ("add", "list", "remove"))
+
+
 def test_the_parser_lists_every_command(capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(["--help"])
@@ -86,6 +93,26 @@ def test_wrong_use_is_exit_code_two(argv, capsys):
     assert capsys.readouterr().err.startswith("usage: intent")
 
 
+def test_a_misspelt_command_is_told_the_nearest(capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["inspekt", "bags"])
+    assert ended.value.code == 2 and "did you mean 'inspect'?" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        cli.main(["--version"])
+
+
+def test_a_missing_file_is_told_without_the_number_of_the_system(tmp_path, capsys):
+    missing, output = str(tmp_path / "none.yaml"), str(tmp_path / "out")
+    for argv, cure in (
+        (["evaluate", str(tmp_path), "--dofs", missing], "Check the path; config/dofs.yaml"),
+        (["import", str(tmp_path), "--map", missing, "--output", output], "Check the path."),
+    ):
+        assert cli.main(argv) == 1
+        said = capsys.readouterr().err
+        assert f"{missing}: expected" in said and "got no such file or directory. " in said
+        assert "Errno" not in said and cure in said
+
+
 @pytest.mark.parametrize(
     "argv",
     [
@@ -108,6 +135,13 @@ def failing(error):
         raise error
 
     return run
+
+
+def test_an_error_of_the_system_is_told_by_its_path(monkeypatch, capsys):
+    denied = PermissionError(13, "Permission denied", "/etc/locked")
+    monkeypatch.setattr("intent_recognition.cli.replay.run", failing(denied))
+    assert cli.main(["replay", "a", "--model", "b"]) == 1
+    assert capsys.readouterr().err.startswith("intent replay: /etc/locked: permission denied. Che")
 
 
 def test_only_errors_of_this_package_are_caught(monkeypatch, capsys):

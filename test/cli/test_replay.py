@@ -140,6 +140,11 @@ def test_what_cannot_be_read_is_refused(run_command, replay, model, bag, tmp_pat
 
 
 @pytest.mark.slow
-def test_a_table_needs_no_json(run_command, model, bag):
-    code, text = run_command("replay", bag, "--model", model)
-    assert code == 0 and "observations" in text
+def test_a_table_says_that_it_is_a_sample_and_when_a_task_became_active(replay, bag):
+    _, text, rows = replay(bag)
+    step = len(rows) // 20
+    words = " ".join(text.split())
+    assert f"{len(rows)} observations, one in {step} of them shown" in words
+    first = next(row for row in rows if row["active_task"])
+    after_s = (first["stamp"] - rows[0]["stamp"]) * 1e-9
+    assert f"became active: task_1 after {after_s:.2f} s" in words

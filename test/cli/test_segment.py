@@ -38,4 +38,4 @@ def test_a_table_and_a_file(repository, tmp_path, capsys):
 def test_a_dof_file_beside_a_model_is_refused_not_passed_over(tmp_path, capsys):
     words = ["segment", "session", "--model", "m.npz", "--dofs", "d.yaml", "--output"]
     assert main([*words, str(tmp_path / "new")]) == 1
-    assert "--dofs: expected no --model beside it, got m.npz" in capsys.readouterr().err
+    assert "--dofs: expected no --model with it, got m.npz" in capsys.readouterr().err

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from bag_builder import POSE, START_NS, pose, write_bag
 from cli.recorded import DOFS, PER_TASK, spoil, write_all
 from model_builder import GLOVE, make_dofs
 
 from intent_recognition import __version__
+from intent_recognition.bags import BagWriter
 from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
 from intent_recognition.learning import Hyperparameters, TrainingSettings
 from intent_recognition.model.file import load_model
@@ -105,6 +107,31 @@ def test_dofs_the_bags_do_not_have_are_refused(train, recorded):
         train(recorded / "bags", dofs="glove.yaml")
     with pytest.raises(DofError, match=r"no\.yaml"):
         train(recorded / "bags", dofs="no.yaml")
+
+
+def test_each_cure_is_said_once_where_no_bag_can_be_read(train, tmp_path):
+    for number in range(5):
+        file = write_bag(tmp_path / f"cut_{number}") / f"cut_{number}_0.mcap"
+        file.write_bytes(file.read_bytes()[: 9000 + number])
+    with pytest.raises(BagError) as caught:
+        train(tmp_path)
+    message = str(caught.value)
+    assert message.count("intent recover") == 1 and message.endswith("with `intent recover`.")
+    assert message.count("damaged") == 3 and "; and 2 more." in message
+    assert "DOF" not in message.partition("got")[2]
+
+
+def test_a_forgotten_dof_file_is_named(run_command, tmp_path):
+    with BagWriter(tmp_path / "demos" / "one", {"task": "give"}) as writer:
+        writer.write_message("mocap/glove/pose", POSE, pose(0), START_NS)
+    arguments = ("--output", tmp_path / "model.npz")
+    with pytest.raises(BagError, match="shipped DOF file was used: give another with --dofs"):
+        run_command("train", tmp_path / "demos", *arguments)
+    (tmp_path / "demos" / "dofs.yaml").write_text("")
+    for path in (tmp_path / "demos", tmp_path / "demos" / "one"):
+        with pytest.raises(BagError, match=r"give --dofs .*demos/dofs.yaml") as caught:
+            run_command("train", path, *arguments)
+        assert " ns:" not in str(caught.value)
 
 
 def test_an_output_that_cannot_be_written_is_refused_before_the_work(run_command, tmp_path):

@@ -99,7 +99,7 @@ def test_options_that_contradict_the_model_are_refused(train, first, recorded, t
 
 @pytest.mark.parametrize("beside", [(), ("--unlabelled",)])
 def test_choosing_again_without_a_model_to_add_to_is_refused(run_command, tmp_path, beside):
-    with pytest.raises(ArgumentError, match="--choose-again: expected --add beside it"):
+    with pytest.raises(ArgumentError, match="--choose-again: expected --add with it"):
         run_command("train", tmp_path, "--output", tmp_path / "m.npz", "--choose-again", *beside)
 
 

@@ -98,5 +98,5 @@ def test_the_page_does_not_start_with_a_mistake_and_says_it_in_one_line(tmp_path
 def test_a_name_that_is_not_shipped_says_which_are():
     with pytest.raises(ArgumentError, match="one of toolbox, got kitchen"):
         load_scene("kitchen")
-    with pytest.raises(ArgumentError, match="No such file"):
+    with pytest.raises(ArgumentError, match="no such file"):
         load_scene("no/such.yaml")

@@ -88,6 +88,19 @@ def test_bad_joint_states_are_dropped_and_counted(tmp_path):
     }
 
 
+def test_a_topic_that_is_left_empty_has_its_own_counts(tmp_path):
+    poses = [pose(i, stamp_ns=0) for i in range(30)]
+    states = [joints(i, positions=[float("nan")] * 7) for i in range(30)]
+    _, (rejection,) = read(write(tmp_path / "demo", poses, states), DOFS)
+    assert rejection.topic == "/mocap/wrist/pose" and not rejection.stamp_ns
+    assert rejection.reason == "empty: 0 usable samples (30 zero_stamp)"
+    _, (rejection,) = read(write(tmp_path / "arm", [pose(0), *poses[1:]], states), DOFS)
+    assert rejection.reason == "empty: 1 usable samples (29 zero_stamp)"
+    _, (rejection,) = read(write(tmp_path / "both", [pose(i) for i in range(30)], states), DOFS)
+    assert rejection.topic == "/joint_states"
+    assert rejection.reason == "empty: 0 usable samples (30 not_finite)"  # not two clocks
+
+
 def test_extrinsics_put_poses_into_the_world(tmp_path):
     bag = write(tmp_path / "demo", [pose(i, frame_id="tracker") for i in range(20)])
     turned = {"tracker": (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 0.0]))}
@@ -132,6 +145,15 @@ def test_folder_with_broken_bags_uses_the_rest(tmp_path):
     assert [str(r).startswith(str(tmp_path)) for r in rejections] == [True] * 6
 
 
+def test_a_bag_cut_before_the_first_message_of_a_topic_is_damaged(tmp_path):
+    bag = write_bag(tmp_path / "cut")
+    file = bag / "cut_0.mcap"
+    file.write_bytes(file.read_bytes()[:4000])
+    _, (rejection,) = read(bag, DOFS)
+    assert rejection.topic and not rejection.stamp_ns
+    assert rejection.reason.startswith("damaged: truncated") and "no message" in rejection.reason
+
+
 BAD_LABELS = ("bad/label", "x" * 300, "a\x1b[2J", "-rf", "none")
 
 
@@ -164,7 +186,7 @@ def test_killed_recording_is_left_out_with_the_cure(tmp_path):
         writer.write_message("joint_states", JOINTS, joints(i), START_NS + i)
     writer.flush()
     demonstrations, (rejection,) = read(tmp_path, DOFS)
-    assert not demonstrations and "intent recover" in rejection.reason
+    assert not demonstrations and "intent recover" in str(rejection)
     writer.close()
 
 

@@ -176,7 +176,7 @@ def test_what_cannot_be_practised_is_refused_by_name(trained, library):
         TaskPractice(replace(trained, library=other), DOFS, TASK)
     with pytest.raises(ArgumentError, match="tracked position"):
         TaskPractice(trained, make_dofs(GLOVE), TASK)
-    with pytest.raises(ModelError, match="the one that was practised"):
+    with pytest.raises(ModelError, match="the model that was practised"):
         library.improve(TASK, library.path, RuleChange(np.zeros((1, 1)), np.zeros(1)), "models/9")
 
 

@@ -18,6 +18,7 @@ from intent_recognition.bags.metadata import TopicInfo
 from intent_recognition.bags.qos_profiles import rosbag2_profile
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
+from intent_recognition.errors import BagError
 from intent_recognition.nodes import bag_player
 from intent_recognition.nodes.bag_player import BagPlayer, shift_stamp
 from intent_recognition.nodes.qos import LATCHED, SENSOR, recorded_profile
@@ -234,6 +235,8 @@ def test_shifting_a_stamp_changes_nothing_else(order):
     moved = shift_stamp(bytes(data), lambda ns: ns + 5)
     assert shift_stamp(moved, lambda ns: ns - 5) == bytes(data)
     assert moved[12:] == data[12:] and moved[:8] == data[:8]
+    with pytest.raises(BagError, match="expected a stamp between 1901 and 2038"):
+        shift_stamp(bytes(data), lambda ns: 2**63)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 """`intent import`: what a table holds is in the bags, to the last bit, and gaps are gaps."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, DofError
+from intent_recognition.signals import LABEL
 from intent_recognition.tables import ImportMap, import_demonstrations, load_map
 from intent_recognition.tables.import_map import SINCE_S
 
@@ -157,6 +159,23 @@ def test_several_files_make_one_recording(values, tmp_path):
     assert left_out == ["arm_12.csv: missing file: {day}/wrist_{no}.csv of the same recording"]
 
 
+def test_a_file_name_is_divided_at_its_last_separator(values, tmp_path):
+    (tmp_path / "set").mkdir()
+    write_csv(tmp_path / "set/fetch_box_0.csv", values)
+    content = {key: value for key, value in MAP.items() if key != "task"}
+    for pattern in ("{task}_{number}.csv", "fetch_{task}_{number}.csv"):
+        (found,) = imported(tmp_path / "set", tmp_path, content | {"files": pattern})
+        task = "box" if pattern.startswith("fetch") else "fetch_box"
+        assert (found.name, found.task, found.metadata["number"]) == (f"{task}_0", task, "0")
+        shutil.rmtree(tmp_path / "bags")
+
+
+def test_a_label_that_names_no_task_is_told_the_rule(values, tmp_path):
+    mapping = ImportMap.from_dict(MAP | {"task": "a/b"})
+    (found,) = import_demonstrations(write_csv(tmp_path / "reach.csv", values), mapping)
+    assert f"expected {LABEL}, got 'a/b'. Give it another under labels" in str(found)
+
+
 def test_units_are_converted_with_one_rounding(values, tmp_path):
     table = values | {axis: values[axis] * 1000 for axis in "xyz"}
     table |= {"q0": np.array([90.0] * 12)}
@@ -198,7 +217,7 @@ def test_times_that_do_not_increase_are_dropped_and_counted(values, tmp_path):
 def wrong(tmp_path, values, **changes) -> str:
     write_csv(tmp_path / "a.csv", values)
     (found,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(MAP | changes))
-    return found.reason
+    return str(found)
 
 
 def test_a_wrong_map_names_the_columns_that_are_there(values, tmp_path):
@@ -239,6 +258,17 @@ def test_nothing_of_a_stranger_leaves_the_folder(values, tmp_path):
     assert "a name for a folder" in reason
 
 
+def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
+    (tmp_path / "set").mkdir()
+    for number in range(5):
+        (tmp_path / f"set/a_{number}.csv").write_text("t,x,y\n")
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(MAP), encoding="utf-8")
+    paths = [str(tmp_path / name) for name in ("set", "map.yaml", "bags")]
+    assert main(["import", paths[0], "--map", paths[1], "--output", paths[2]]) == 1
+    said = capsys.readouterr().err
+    assert said.count("Correct the names in the map.") == 1 and "and 2 more. Correct" in said
+
+
 def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match=r"\.npz, \.parquet"):
@@ -256,7 +286,7 @@ def test_a_missing_library_is_one_line_with_its_cure(module, package, tmp_path, 
     suffix = {"pyarrow": "parquet"}.get(package, package)
     (tmp_path / f"a.{suffix}").write_bytes(b"PAR1")
     (left_out,) = import_demonstrations(tmp_path / f"a.{suffix}", ImportMap.from_dict(MAP))
-    assert left_out.reason.endswith(f"got none. Install it: pip install {package}.")
+    assert str(left_out).endswith(f"got none. Install it: pip install {package}.")
 
 
 def test_c3d_markers_with_rate_unit_and_gaps_of_the_file(rng, tmp_path):

@@ -194,6 +194,5 @@ class McapFile:
         topics = ", ".join(sorted(c.topic for c in self.scan.channels.values())) or "unknown"
         until = f" to {damage.end_ns}" if damage.end_ns else ""
         place = f"{self.path}: topics {topics}: time {damage.start_ns}{until} ns"
-        return BagError.about(
-            f"{place}: byte {damage.offset}", "a whole recording", damage.reason, RECOVER
-        )
+        got = f"a damaged one ({damage.reason})"
+        return BagError.about(f"{place}: byte {damage.offset}", "a whole recording", got, RECOVER)
