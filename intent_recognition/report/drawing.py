@@ -177,10 +177,19 @@ def shared_legend(figure: "Figure", panels: Iterable["Axes"], n_columns: int) ->
     )
 
 
-def task_colours(labels: Iterable[str]) -> dict[str, str]:
-    """One colour per label, the same wherever the same labels are drawn; `none` is grey."""
+def task_colours(labels: Iterable[str], earlier: Mapping[str, str] | None = None) -> dict[str, str]:
+    """One colour per label, the same wherever the same labels are drawn; `none` is grey.
+
+    Args:
+        labels: of all tasks.
+        earlier: colours that tasks keep; the others get those that are left.
+    """
     tasks = sorted(set(labels) - {NONE, ""})
-    return {t: PALETTE[i % len(PALETTE)] for i, t in enumerate(tasks)} | {NONE: NONE_COLOUR}
+    colours = {task: earlier[task] for task in tasks if task in earlier} if earlier else {}
+    for task in tasks:
+        if task not in colours:
+            colours[task] = min(PALETTE, key=list(colours.values()).count)
+    return colours | {NONE: NONE_COLOUR}
 
 
 def task_markers(labels: Iterable[str]) -> dict[str, str]:

@@ -167,6 +167,15 @@ def test_colours_and_markers_depend_on_the_sorted_labels_alone(labels, random):
 
 
 @RELAXED
+@given(st.sets(st.sampled_from("abcdefgh"), min_size=1), st.sets(st.sampled_from("abcdefgh")))
+def test_known_tasks_keep_their_colours_and_no_two_have_the_same(labels, more):
+    earlier = task_colours(labels)
+    colours = task_colours(labels | more, earlier)
+    assert colours == colours | earlier
+    assert len(set(colours.values())) == len(labels | more) + 1
+
+
+@RELAXED
 @given(st.lists(st.tuples(st.sampled_from(TASKS), st.sampled_from((*TASKS, "none", "")))))
 def test_confusion_counts_every_pair(pairs):
     true, recognised = [t for t, _ in pairs], [r for _, r in pairs]
