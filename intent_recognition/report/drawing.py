@@ -29,6 +29,9 @@ PAPER_COLOUR = "#3d4856"
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7a5195", "#8c564b")
 """Okabe and Ito's colours, told apart with every common colour blindness; yellow is darkened."""
 
+PREDICTED_COLOUR = "#b3123f"
+"""Of what is predicted, where curves of tasks are not drawn: a crimson that no task has."""
+
 MARKERS = "os^Dv<>P"
 
 DASHED: "LineStyleType" = (0, (4, 2))

@@ -154,6 +154,30 @@ def test_nothing_measured_still_draws():
         assert to_svg(figure)
 
 
+def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
+    for figure in (wrist_figure(trace), joint_figure(trace)):
+        lines = {line.get_color() for axes in figure.axes for line in axes.lines}
+        assert len(lines) > 1 and not lines & set(PALETTE)
+    posterior = posterior_over_time_figure(trace, 2.0).axes[0].lines
+    assert [line.get_color() in PALETTE for line in posterior] == 3 * [True] + 3 * [False]
+
+
+def test_a_task_has_its_colour_where_the_others_did_not_happen(per_task):
+    one = {"plate": per_task["plate"]}
+    own = matplotlib.colors.to_rgba(task_colours(TASKS)["plate"])
+    for figure in (
+        figures.decision_share_figure(one, labels=TASKS),
+        figures.arrival_figure(one, TASKS),
+    ):
+        assert {bar.get_facecolor() for bar in figure.axes[0].patches} == {own}
+    for figure in (
+        figures.hand_error_figure(one, labels=TASKS),
+        figures.timing_figure(one, one, TASKS),
+    ):
+        (colour, *_) = figure.axes[0].collections[0].get_facecolor()
+        assert tuple(colour[:3]) == own[:3]
+
+
 @RELAXED
 @given(st.sets(st.sampled_from("abcdefgh"), min_size=1), st.randoms())
 def test_colours_and_markers_depend_on_the_sorted_labels_alone(labels, random):
