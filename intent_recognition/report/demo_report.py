@@ -186,7 +186,7 @@ def _figures_of_records(
     if decisions:
         movements = _per_task(decided, "movement_s")
         figure = figures_session.timing_figure(movements, decisions, labels)
-        caption = "Each decision over the duration of its movement; on the solid line it ends."
+        caption = "When each was decided: below the solid line, before the human's end."
         drawn.append(_figure(figure, caption))
     return (Row(tuple(drawn)),) if drawn else ()
 

@@ -21,6 +21,7 @@ from intent_recognition.report.drawing import (
     to_png,
     to_svg,
 )
+from intent_recognition.report.figures_calibration import regions_figure
 from intent_recognition.report.figures_evaluation import (
     coverage_figure,
     recognition_figure,
@@ -152,6 +153,15 @@ def test_nothing_measured_still_draws():
         figures.timing_figure(nothing, nothing),
     ):
         assert to_svg(figure)
+
+
+def test_a_curve_that_is_equal_does_not_hide_the_one_below():
+    both = {phase: (FRACTIONS, [0.5, 0.6, 0.8, 0.9]) for phase in ("known_phase", "unknown_phase")}
+    for figure in (recognition_figure(both, both), coverage_figure(both), regions_figure(both)):
+        for axes in figure.axes:
+            below, above = axes.lines[-2:]
+            assert below.get_linestyle() == "-" and below.get_markerfacecolor() != "none"
+            assert above.get_linestyle() == "--" and above.get_markerfacecolor() == "none"
 
 
 def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
