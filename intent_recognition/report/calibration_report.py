@@ -73,7 +73,7 @@ def confusion_section(result: Mapping) -> Section:
 
 
 def none_section(result: Mapping) -> Section:
-    """Recognition of movements of tasks that the library does not know."""
+    """Recognition of movements of unknown tasks, where it was scored, and what `none` costs."""
     none = result.get("none") or {}
     blocks: list[Block] = []
     if none.get("area") is not None:
@@ -87,7 +87,8 @@ def none_section(result: Mapping) -> Section:
     accuracy = by_phase(none.get("accuracy"))
     if accuracy:
         blocks.append(_accuracy_table(accuracy))
-    return Section("Movements of unknown tasks", tuple(blocks))
+    heading = "Movements of unknown tasks" if none.get("area") is not None else "The answer none"
+    return Section(heading, tuple(blocks))
 
 
 def _none_numbers(none: Mapping) -> KeyNumbers:
@@ -144,7 +145,7 @@ def _accuracy_table(accuracy: Mapping) -> Table:
         both = [table.get(fraction, {}) for table in accuracy.values()]
         shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
         rows.append([100 * float(fraction), *(100 * share for share in shares)])
-    return Table.of(columns, rows, "What the alternative none costs: accuracy on known tasks")
+    return Table.of(columns, rows, "Accuracy on known tasks, without the answer none and with it")
 
 
 def by_phase(content: Mapping | None) -> dict[str, Mapping]:

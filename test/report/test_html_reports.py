@@ -318,6 +318,9 @@ def test_optional_parts_are_shown(rng):
     assert ("a", "4", None, "50.0", "0.0") in cells and ("50", "75.0", "50.0") in cells
     headings = [section.heading for section in page.sections]
     assert "Prediction of the controlled agent, start posture known [rad]" in headings
+    assert "Movements of unknown tasks" in headings
+    content["none"] = {"accuracy": content["none"]["accuracy"]}
+    assert "The answer none" in [s.heading for s in evaluation_page(content, "t").sections]
 
 
 def test_no_pyplot():
