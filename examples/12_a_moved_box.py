@@ -64,12 +64,11 @@ for colour, (name, found) in zip(("C0", "C1"), errors.items(), strict=True):
     left.plot(*np.transpose(found), color=colour, label=name)
 left.set(xlabel="time [s]", ylabel="error of the predicted end [cm]", ylim=(0, None))
 left.legend()
-for colour, name, known in (("C0", "box known", library.given(box)), ("C1", "unknown", library)):
+for colour, name, known in zip(("C0", "C1"), errors, (library.given(box), library), strict=True):
     end = known.primitive(0).predict_controlled(2)
     mean, std = end.positions[-1], end.std[-1]
     right.errorbar(*mean[:2], 2 * std[1], 2 * std[0], "o", color=colour, label=name)
 right.plot(*hand[-1, :2], "x", color="black", label="where it was")
 right.set(xlabel="x [m]", ylabel="y [m]", title="the hand's end, before the movement")
 right.legend()
-figure.tight_layout()
 plt.show()

@@ -119,7 +119,7 @@ def _run_graph(
     with watched_graph(args, make_observer) as (observer, watch):
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)
-        console.print(f"the nodes found one another; {n_tasks} interactions begin")
+        console.print("the nodes found one another; the session begins")
         if args.dashboard:
             console.print(f"the page is at {_page(args)}")
         slowest = _follow(args, observer, progress, watch)

@@ -196,7 +196,9 @@ def learned_sequence(library: TaskLibrary) -> tuple[str, ...]:
 
 
 def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, tuple[Step, ...]]:
-    """Sequences of a YAML text, such as::
+    """Sequences of tasks, by name, read from a YAML text.
+
+    Such as::
 
         toolbox:
         - task: plate_handover

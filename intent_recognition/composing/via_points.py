@@ -60,7 +60,9 @@ class ViaPoint:
 
 
 def read_via_points(text: str) -> tuple[ViaPoint, ...]:
-    """Via points of a YAML list, such as::
+    """Via points, read from a YAML list.
+
+    Such as::
 
         - {name: bottle, task: plate_handover, phase: 0.6, hand: [0.4, 0.1, 0.3], std: 0.01}
         - {name: elbow, time: 2.5, dofs: {lwr_a4_joint: -1.2}}

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.composing import ViaPoint
+from intent_recognition.model import TO_UNDO
 
 PLOTTED_S = 20.0
 """Past of the task posterior that is plotted [s]. Convention."""
@@ -127,6 +128,11 @@ class CellState:
     def begun(self) -> str:
         """The task that the person does: the truth where it is published, else what is active."""
         return self.active if self.truth is None else self.truth
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether the teacher has a change to take back."""
+        return any(TO_UNDO in row.values for rows in self.skills.values() for row in rows)
 
     def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
         """A joint state, of all joints or some; names that keep changing are forgotten."""

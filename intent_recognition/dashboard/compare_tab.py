@@ -2,7 +2,7 @@
 """Two models side by side on one recording: their posteriors, and when each would act."""
 
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,7 @@ class CompareTab:
         server: the page.
         bags: recordings to choose from.
         models: model files to choose from, asked for anew each time.
-        labels: tasks that have a colour on the page already.
+        colours: of the tasks that have one on the page already.
     """
 
     def __init__(
@@ -46,9 +46,9 @@ class CompareTab:
         server: viser.ViserServer,
         bags: Sequence[Path],
         models: Callable[[], Sequence[Path]],
-        labels: Callable[[], Iterable[str]],
+        colours: Callable[[], Mapping[str, str]],
     ):
-        self._gui, self._labels = server.gui, labels
+        self._gui, self._colours = server.gui, colours
         self._bags, self._find = names_of(bags), models
         self._models = names_of(models())
         self._hint = self._gui.add_html(self._about())
@@ -108,7 +108,8 @@ class CompareTab:
     def _draw(self, found: Sequence[tuple]) -> None:
         """One diagram for each model, in the same colours and over the same time."""
         labels = {label for _, columns, _ in found for label in columns}
-        colours = task_colours(labels | set(self._labels()))
+        taken = self._colours()
+        colours = task_colours(labels | taken.keys(), taken)
         last_s = max(float(times[-1]) for times, _, _ in found)
         while self._plots:
             self._plots.pop().remove()

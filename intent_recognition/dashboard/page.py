@@ -92,7 +92,8 @@ class DashboardPage:
         self._message_until_s = -1.0
         self._panel_at_s = self._slow_at_s = -1.0
         self._colours: dict[str, str] = {}
-        self._labels: frozenset[str] = frozenset()
+        self._of_model: dict[str, str] = {}
+        self._seen: tuple[str, ...] = ()
         self._taught = ""
         self._admission = Admission(host, port, new_token(), names)
         self._server = serve_page(
@@ -130,7 +131,7 @@ class DashboardPage:
                 self._server, bags, play, stop, commands, do, self.show_message
             )
         with tabs.add_tab("Compare"):
-            self._compare = CompareTab(self._server, bags, models, lambda: self._labels)
+            self._compare = CompareTab(self._server, bags, models, lambda: self._colours)
         with tabs.add_tab("Nodes"):
             self._nodes = gui.add_html("")
 
@@ -194,12 +195,13 @@ class DashboardPage:
             self.show_message(False, one_line(error))
 
     def _choose_colours(self) -> None:
-        """One colour per task, the same as in the reports."""
+        """One colour per task, the same as in the reports; a task of the model keeps it."""
         labels = self._state.posterior.labels if self._state.posterior is not None else ()
-        seen = frozenset({*labels, self._state.truth or "", self._state.active}) - {""}
-        if seen != self._labels:
-            self._labels = seen
-            self._colours = task_colours(seen)
+        seen = (*labels, self._state.truth or "", self._state.active)
+        if seen != self._seen:
+            self._seen = seen
+            self._of_model = task_colours(labels, self._of_model)
+            self._colours = task_colours(seen, self._of_model)
 
     def _update_slowly(self, now_s: float, problem: str) -> None:
         self._commands.give_up_lost()

@@ -117,7 +117,7 @@ class TeachTab:
         set_label(self._record, "Stop" if stops else RECORD)
         self._learn.disabled = session.busy or not teacher or not session.recorded
         set_label(self._learn, f"Learn ({session.recorded})" if session.recorded else "Learn")
-        self._undo.disabled = session.busy or not teacher
+        self._undo.disabled = session.busy or not teacher or not state.can_undo
         self._reach.disabled = not taken or session.busy
         for field in (self._task, self._record, self._learn, self._undo):
             field.visible = teacher

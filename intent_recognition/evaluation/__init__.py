@@ -19,6 +19,7 @@ from intent_recognition.evaluation.session_log import SessionLog
 from intent_recognition.evaluation.session_summary import (
     CM_PER_M,
     CONDITIONS,
+    FIXED_PLACE,
     PAPER_HAND_ERROR,
     PAPER_RECOGNISED,
     DemoSummary,
@@ -33,6 +34,7 @@ from intent_recognition.evaluation.traces import Trace, usable
 __all__ = [
     "CM_PER_M",
     "CONDITIONS",
+    "FIXED_PLACE",
     "GRID",
     "PAPER_HAND_ERROR",
     "PAPER_RECOGNISED",

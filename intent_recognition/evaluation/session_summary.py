@@ -12,7 +12,10 @@ CM_PER_M = 100.0
 MISSES_ALLOWED = 1 / 40
 
 TASKS_APART = frozenset({"screw_handover"})
-"""Tasks whose place does not depend on the human: their hand error says nothing of prediction."""
+"""Tasks in which the hand goes to the same place whatever the human does: their hand error says
+nothing of prediction and is left out of the overall one."""
+FIXED_PLACE = "not in the overall hand error: its place is fixed"
+"""What is remarked of them."""
 
 CONDITIONS = (
     "Conditions differ: the paper's hand errors are forward kinematics of trajectories predicted "
@@ -210,7 +213,7 @@ def summary_line(summary: DemoSummary) -> str:
         if task in PAPER_HAND_ERROR:
             remarks.append(f"paper {PAPER_HAND_ERROR[task]}")
         if task in summary.tasks_apart:
-            remarks.append("apart: its place does not depend on the human")
+            remarks.append(FIXED_PLACE)
         parts.append(f"{task} {error}" + (f" ({'; '.join(remarks)})" if remarks else ""))
     if summary.median_decision_share is not None:
         parts.append(f"median decision at {100 * summary.median_decision_share:.0f} %")

@@ -122,11 +122,11 @@ def fit_gaussian_mixture(
     n_starts: int = 10,
     variance_floor: float | None = None,
 ) -> GaussianMixture:
-    """Fit a mixture by expectation maximisation (Ewerton et al. 2015, Eq. 7-10, Algorithm 1).
+    """Fit a mixture by expectation maximisation.
 
-    EM runs from `n_starts` starts of k-means, all in one batch; the likeliest fit is kept. Use
-    `learn_mixture` to find the tasks in demonstrations: it regularises the components and chooses
-    their number.
+    Ewerton et al. 2015, Eq. 7-10, Algorithm 1. EM runs from `n_starts` starts of k-means, all in
+    one batch; the likeliest fit is kept. Use `learn_mixture` to find the tasks in demonstrations:
+    it regularises the components and chooses their number.
 
     Args:
         points: (n, d).

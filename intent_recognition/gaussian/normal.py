@@ -83,9 +83,10 @@ def condition(
     observation: NDArray[np.float64],
     noise_covariance: NDArray[np.float64],
 ) -> tuple[Gaussian, float]:
-    """Condition on y = H w + noise (Maeda et al. 2014, Eq. 6; prior covariance in the gain).
+    """Condition on y = H w + noise.
 
-    An unobserved quantity has no row in H.
+    Maeda et al. 2014, Eq. 6, with the prior covariance in the gain. An unobserved quantity has no
+    row in H.
 
     Args:
         prior: distribution of w (d,).

@@ -23,7 +23,7 @@ from intent_recognition.model.frames import (
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.practised import PractisedTask, undo_practice
-from intent_recognition.model.skills import SKILL_COLUMNS, SkillPeriod, skill_history
+from intent_recognition.model.skills import SKILL_COLUMNS, TO_UNDO, SkillPeriod, skill_history
 from intent_recognition.model.task_folder import (
     PRACTICE,
     WAIT,
@@ -32,6 +32,7 @@ from intent_recognition.model.task_folder import (
     is_task_folder,
     now,
     read_history,
+    undoable,
 )
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "SKILL_COLUMNS",
     "SPILLED",
     "THUMBS",
+    "TO_UNDO",
     "UP",
     "WAIT",
     "Change",
@@ -71,5 +73,6 @@ __all__ = [
     "save_pouring_skill",
     "skill_history",
     "undo_practice",
+    "undoable",
     "with_frames",
 ]

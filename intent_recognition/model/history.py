@@ -57,6 +57,12 @@ def standing(changes: Sequence[Change]) -> list[Change]:
     return kept
 
 
+def undoable(changes: Sequence[Change]) -> Change | None:
+    """The change that an undo takes back: the last that stands, unless it is what came first."""
+    last = standing(changes)[-1:]
+    return last[0] if last and last[0].action != START else None
+
+
 def history_lines(path: Path) -> list[tuple[str, Change | None]]:
     """Lines of the history, each with its change; None for what is not whole."""
     try:

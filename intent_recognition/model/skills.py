@@ -17,6 +17,8 @@ from intent_recognition.model.executions import (
 from intent_recognition.model.history import IMPROVE, LEARN, START, UNDO, WAIT, Change
 
 SKILL_COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
+TO_UNDO = "to undo"
+"""Key on `teach/skills` of the change that an undo takes back."""
 
 
 class SkillPeriod(NamedTuple):

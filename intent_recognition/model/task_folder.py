@@ -69,6 +69,7 @@ from intent_recognition.model.history import (
     history_lines,
     read_history,
     standing,
+    undoable,
 )
 from intent_recognition.model.recordings import check_usable, is_correction, is_finished
 
@@ -213,11 +214,12 @@ class TaskFolder:
             ModelError: there is nothing to take back.
         """
         with self._locked():
-            kept = standing(self.history())
-            if not kept or kept[-1].action not in (LEARN, WAIT, KEEP, IMPROVE):
+            history = self.history()
+            last = undoable(history)
+            if last is None:
                 cure = "Only changes made in this folder can be taken back."
                 raise ModelError.about("undo", "a change to take back", "none", cure)
-            last, before = kept[-1], kept[-2] if len(kept) > 1 else None
+            before = next(iter(standing(history)[-2:-1]), None)
             if before is not None and before.model and not (self.path / before.model).is_file():
                 cure = "Put it back, or go on with the present model."
                 raise ModelError.about(before.model, "the model before", "none", cure)

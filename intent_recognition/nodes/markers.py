@@ -78,13 +78,13 @@ class MarkerBuilder:
     """
 
     def __init__(self, labels: Sequence[str]):
-        self.set_labels(labels)
+        self._colours = task_colours(labels)
         self._observed: list[NDArray[np.float64]] = []
         self._last_ns = 0
 
     def set_labels(self, labels: Sequence[str]) -> None:
-        """Go on with other tasks."""
-        self._colours = task_colours(labels)
+        """Go on with other tasks; those that stay keep their colours."""
+        self._colours = task_colours(labels, self._colours)
 
     def forget(self) -> None:
         """Begin a new path."""

@@ -26,6 +26,7 @@ from intent_recognition.model import (
     PRACTICE,
     SKILL_COLUMNS,
     THUMBS,
+    TO_UNDO,
     WAIT,
     Change,
     Executions,
@@ -33,6 +34,7 @@ from intent_recognition.model import (
     load_model,
     now,
     skill_history,
+    undoable,
 )
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
@@ -357,13 +359,16 @@ class TaskTeacher(TopicRecorder):
 
     def _publish_skills(self) -> None:
         """How each task has done since each of its last changes."""
-        skills = skill_history(self.folder.history(), self.executions.executions.all())
+        history = self.folder.history()
+        last, skills = undoable(history), skill_history(history, self.executions.executions.all())
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         for label, periods in skills.items():
             for one in periods[-MOST_PERIODS:]:
                 numbers = zip(SKILL_COLUMNS, one.texts(), strict=True)
                 values = {"since": one.since, "demonstrations": str(one.n_demonstrations)}
+                if last is not None and (label, one.since) == (last.task, last.time):
+                    values[TO_UNDO] = "yes"
                 rows = key_values(values | dict(numbers))
                 message.status.append(DiagnosticStatus(name=label, message=one.what, values=rows))
         self._skills.publish(message)

@@ -25,9 +25,10 @@ def recognize_task(
     onset_s: float | None = None,
     duration_s: float | None = None,
 ) -> Estimate:
-    """Task probabilities of one movement, or of its first part (Maeda et al. 2014, Eq. 9-11).
+    """Task probabilities of one movement, or of its first part.
 
-    `IntentEstimator` does the same over a stream, and finds the onset by itself.
+    Maeda et al. 2014, Eq. 9-11. `IntentEstimator` does the same over a stream, and finds the onset
+    by itself.
 
     Args:
         library: the learned tasks.

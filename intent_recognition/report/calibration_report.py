@@ -26,11 +26,12 @@ from intent_recognition.report.html import (
 
 SHOWN_FRACTIONS = ("0.2", "0.5")
 UNKNOWN_EXPLANATION = (
-    "Every task is left out in turn, and a library of the others sees its movements with unknown"
-    " progress, as the nodes would. The ROC compares the highest odds that one task holds against"
-    " all else, for as many consecutive observations as the decision asks for; known movements were"
-    " left out of training one by one or by folds. Recognised means: by the default decision, but"
-    " for its demand of a certain end; held back: recognised, and the end never certain enough."
+    "Each task is left out in turn, and a library of the others sees its movements with unknown"
+    " progress, as the nodes would. Known movements are seen by libraries learned without them. A"
+    " movement reaches a threshold when the odds of one task against all else stay above it for as"
+    " many consecutive observations as the decision asks for. Recognised: the default decision"
+    " would act on it if the end were certain. Held back: recognised, but the end never is certain"
+    " enough."
 )
 
 
@@ -72,20 +73,22 @@ def confusion_section(result: Mapping) -> Section:
 
 
 def none_section(result: Mapping) -> Section:
-    """Recognition of movements of tasks that the library does not know."""
+    """Recognition of movements of unknown tasks, where it was scored, and what `none` costs."""
     none = result.get("none") or {}
     blocks: list[Block] = []
     if none.get("area") is not None:
         blocks.append(_none_numbers(none))
         curve = none["roc"]
         figure = roc_figure(curve["unknown"], curve["known"], none["area"])
-        blocks.append(Figure(to_svg(figure), "Known against unknown movements."))
+        caption = "Each point is a threshold: how many known and unknown movements reach it."
+        blocks.append(Figure(to_svg(figure), caption))
         blocks.append(_left_out_table(none["left_out"]))
         blocks.append(Text(UNKNOWN_EXPLANATION, small=True))
     accuracy = by_phase(none.get("accuracy"))
     if accuracy:
         blocks.append(_accuracy_table(accuracy))
-    return Section("Movements of unknown tasks", tuple(blocks))
+    heading = "Movements of unknown tasks" if none.get("area") is not None else "The answer none"
+    return Section(heading, tuple(blocks))
 
 
 def _none_numbers(none: Mapping) -> KeyNumbers:
@@ -142,7 +145,7 @@ def _accuracy_table(accuracy: Mapping) -> Table:
         both = [table.get(fraction, {}) for table in accuracy.values()]
         shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
         rows.append([100 * float(fraction), *(100 * share for share in shares)])
-    return Table.of(columns, rows, "Cost of none: accuracy on known tasks")
+    return Table.of(columns, rows, "Accuracy on known tasks, without the answer none and with it")
 
 
 def by_phase(content: Mapping | None) -> dict[str, Mapping]:

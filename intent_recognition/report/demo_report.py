@@ -10,6 +10,7 @@ import numpy as np
 from intent_recognition.evaluation import (
     CM_PER_M,
     CONDITIONS,
+    FIXED_PLACE,
     PAPER_HAND_ERROR,
     PAPER_RECOGNISED,
     DemoSummary,
@@ -84,17 +85,19 @@ def demo_page(
 ) -> ReportPage:
     """The report's content; arguments as of `write_demo_report`."""
     by_index = {trace["index"]: usable(trace) for trace in traces}
+    labels = [label for trace in by_index.values() for label in trace.get("labels", ())]
     unchanged = [record for record in records if not record.changed_from]
     sections = [
         Section("Result", (_key_numbers(summary), Text(CONDITIONS, small=True))),
-        Section("Accuracy and timing", _figures_of_records(unchanged, summary)),
+        Section("Accuracy and timing", _figures_of_records(unchanged, summary, labels)),
         Section("Recognition", _figures_of_posteriors(unchanged, by_index)),
         *_details(records, by_index),
         Section("All interactions", (_table(records, summary),)),
         Section("Settings", _settings(settings)),
     ]
+    count = f"{len(records)} interaction{'' if len(records) == 1 else 's'},"
     subtitle = (
-        f"{len(records)} interactions, recognised from the motion of the wrist alone; everything is"
+        f"{count} recognised from the motion of the wrist alone; everything is"
         " measured on the ROS 2 topics, and the true task is used for scoring only."
     )
     return ReportPage(TITLE, subtitle, tuple(sections), summary_line(summary))
@@ -131,7 +134,7 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
                 _hand_error(error),
                 _hand_error(paper) if paper else "",
                 _meets(error, paper),
-                "apart: its place does not depend on the human" if apart else f"n = {error.n}",
+                f"n = {error.n}; {FIXED_PLACE}" if apart else f"n = {error.n}",
             )
         )
     numbers.append(
@@ -153,7 +156,7 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
 
 
 def _figures_of_records(
-    records: Sequence[InteractionRecord], summary: DemoSummary
+    records: Sequence[InteractionRecord], summary: DemoSummary, labels: Sequence[str]
 ) -> tuple[Block, ...]:
     errors_m, shares, arrivals = (
         _per_task(records, name) for name in ("hand_error_m", "decision_share", "arrival_s")
@@ -167,22 +170,24 @@ def _figures_of_records(
             if e.mean_cm is not None and e.two_std_cm is not None
         }
         figure = figures_session.hand_error_figure(
-            errors_cm, paper, dict.fromkeys(summary.tasks_apart, "(place is fixed)")
+            errors_cm, paper, dict.fromkeys(summary.tasks_apart, "(place is fixed)"), labels
         )
         drawn.append(
             _figure(figure, "Measured hand to the place the demonstrator's rule gives, in cm.")
         )
     if shares:
-        figure = figures_session.decision_share_figure(shares)
+        figure = figures_session.decision_share_figure(shares, labels=labels)
         drawn.append(_figure(figure, "How early: 100 % is the end of the human's movement."))
     if arrivals:
-        figure = figures_session.arrival_figure(arrivals)
+        figure = figures_session.arrival_figure(arrivals, labels)
         drawn.append(_figure(figure, "Zero is the end of the human's movement."))
     decided = [r for r in records if r.decision_time_s is not None]
     decisions = _per_task(decided, "decision_time_s")
     if decisions:
-        figure = figures_session.timing_figure(_per_task(decided, "movement_s"), decisions)
-        drawn.append(_figure(figure, "Slow movements and quick ones: below the line is before it."))
+        movements = _per_task(decided, "movement_s")
+        figure = figures_session.timing_figure(movements, decisions, labels)
+        caption = "When each was decided: below the solid line, before the human's end."
+        drawn.append(_figure(figure, caption))
     return (Row(tuple(drawn)),) if drawn else ()
 
 
@@ -251,7 +256,9 @@ def _details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
             typical = sorted(measured, key=lambda r: r.hand_error_m or 0.0)[
                 (len(measured) - 1) // 2
             ]
-            chosen[typical.index] = (f"Typical: {readable(task)}", typical)
+            name = readable(task)
+            heading = f"Typical: {name}" if len(measured) > 1 else name.capitalize()
+            chosen[typical.index] = (heading, typical)
     missed = [r for r in records if not r.right and r.index in by_index]
     for record in missed[:MISSES_SHOWN]:
         chosen[record.index] = (f"Missed: {readable(record.task)}", record)
@@ -337,6 +344,9 @@ def _figure(figure: "Drawing", caption: str) -> Figure:
 
 
 def _hand_error(error: HandError) -> str:
+    """As `3.2 +- 2.6 cm`, or what is known of it."""
+    if error.two_std_cm is None:
+        return _absent(error.mean_cm, lambda x: f"{x:.1f} cm")
     return str(error).replace("+-", PLUS_MINUS)
 
 
@@ -345,12 +355,13 @@ def _absent(value: float | None, form: Callable[[float], str]) -> str:
 
 
 def _meets(error: HandError, paper: HandError | None) -> bool | None:
-    """Whether an error is no larger than the paper's; None where one of them is unknown."""
-    if paper is None or paper.mean_cm is None or error.mean_cm is None:
+    """Whether an error is no larger than the paper's; None where one of them is no mean of many."""
+    if paper is None or paper.mean_cm is None or error.mean_cm is None or error.n < 2:
         return None
     return error.mean_cm <= paper.mean_cm
 
 
 def _who(summary: DemoSummary) -> str:
     tasks = [readable(t) for t in summary.hand_error_by_task if t not in summary.tasks_apart]
-    return f"{' and '.join(tasks)} together, n = {summary.hand_error.n}"
+    together = f"{' and '.join(tasks)} together, " if len(tasks) > 1 else ""
+    return f"{together}n = {summary.hand_error.n}"

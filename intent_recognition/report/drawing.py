@@ -29,6 +29,9 @@ PAPER_COLOUR = "#3d4856"
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7a5195", "#8c564b")
 """Okabe and Ito's colours, told apart with every common colour blindness; yellow is darkened."""
 
+PREDICTED_COLOUR = "#b3123f"
+"""Of what is predicted, where curves of tasks are not drawn: a crimson that no task has."""
+
 MARKERS = "os^Dv<>P"
 
 DASHED: "LineStyleType" = (0, (4, 2))
@@ -177,10 +180,19 @@ def shared_legend(figure: "Figure", panels: Iterable["Axes"], n_columns: int) ->
     )
 
 
-def task_colours(labels: Iterable[str]) -> dict[str, str]:
-    """One colour per label, the same wherever the same labels are drawn; `none` is grey."""
+def task_colours(labels: Iterable[str], earlier: Mapping[str, str] | None = None) -> dict[str, str]:
+    """One colour per label, the same wherever the same labels are drawn; `none` is grey.
+
+    Args:
+        labels: of all tasks.
+        earlier: colours that tasks keep; the others get those that are left.
+    """
     tasks = sorted(set(labels) - {NONE, ""})
-    return {t: PALETTE[i % len(PALETTE)] for i, t in enumerate(tasks)} | {NONE: NONE_COLOUR}
+    colours = {task: earlier[task] for task in tasks if task in earlier} if earlier else {}
+    for task in tasks:
+        if task not in colours:
+            colours[task] = min(PALETTE, key=list(colours.values()).count)
+    return colours | {NONE: NONE_COLOUR}
 
 
 def task_markers(labels: Iterable[str]) -> dict[str, str]:

@@ -175,7 +175,7 @@ def _prediction(prediction: Mapping, unit: str, remark: str = "") -> Section:
     blocks: list[Block] = [
         Figure(
             to_svg(rmse_figure(panels, unit)),
-            "Solid: the library; dashed: baselines, which are given the true task.",
+            "Solid and dotted: the library; dashed: baselines, which are given the true task.",
         )
     ]
     for phase, table in phases.items():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import DASHED, INK, PALETTE, SOFT, new_axes, readable, styled
-from intent_recognition.report.figures_evaluation import PHASE_STYLES
+from intent_recognition.report.figures_evaluation import draw_phase
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,16 +24,7 @@ def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]
     figure, axes = new_axes(5.6, 3.7)
     axes.plot([0.4, 1], [0.4, 1], color=SOFT, linewidth=1.2, linestyle=DASHED)
     for phase, (should, does) in regions.items():
-        label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
-        axes.plot(
-            should,
-            does,
-            color=colour,
-            marker=marker,
-            label=label,
-            markersize=5.5,
-            markeredgecolor="white",
-        )
+        draw_phase(axes, phase, should, does)
     lowest = min((min(does) for _, does in regions.values()), default=0.5)
     axes.set_xlim(0.45, 1.02)
     axes.set_ylim(min(0.45, lowest - 0.03), 1.02)
@@ -88,7 +79,7 @@ def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) ->
     axes.fill_between(unknown, known, color=PALETTE[0], alpha=0.08, linewidth=0)
     axes.set_xlim(-0.02, 1.02)
     axes.set_ylim(-0.02, 1.03)
-    axes.set_xlabel("share of unknown movements that reach as much")
+    axes.set_xlabel("share of unknown movements")
     axes.set_ylabel("share of known movements")
     axes.legend(loc="lower right")
     return figure

@@ -2,7 +2,7 @@
 """Figures of an evaluation on recordings left out of training."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
 PHASE_NAMES = {"known_phase": "known phase", "unknown_phase": "unknown phase"}
-PHASE_STYLES = {
-    "known_phase": ("known phase", PALETTE[0], "o"),
-    "unknown_phase": ("unknown phase", PALETTE[1], "s"),
+PHASE_STYLES: dict[str, dict[str, Any]] = {
+    "known_phase": {"color": PALETTE[0], "marker": "o", "markeredgecolor": "white"},
+    "unknown_phase": {"color": PALETTE[1], "marker": "s", "ls": DASHED, "markerfacecolor": "none"},
 }
+"""How a kind of phase is drawn: the second one, which is often as good, does not hide the first."""
 RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
     "rmse": ("library, true task", PALETTE[0], "o", "-"),
-    "rmse_inferred_task": ("library, inferred task", PALETTE[5], "s", "-"),
+    "rmse_inferred_task": ("library, inferred task", PALETTE[5], "s", (0, (1, 1.5))),
     "rmse_future": ("library, part not yet seen", PALETTE[2], "^", "-"),
     "rmse_mean_of_task": ("mean of the task", PALETTE[1], "D", (0, (4, 1.6))),
     "rmse_nearest_neighbour": ("nearest neighbour", PALETTE[3], "v", (0, (4, 1.6))),
@@ -64,7 +65,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str) -> "Figure":
         for name, (fractions, values) in series.items():
             label, colour, marker, line = RMSE_STYLES[name]
             _line(axes, fractions, values, label, colour, marker, line)
-        axes.set_title(PHASE_STYLES[phase][0] if phase in PHASE_STYLES else phase)
+        axes.set_title(PHASE_NAMES.get(phase, phase))
         axes.set_xlabel("share of the movement observed [%]")
         axes.margins(y=0.12)
     grid[0].set_ylabel(f"RMSE [{unit}]")
@@ -132,10 +133,16 @@ def reliability_figure(
     return figure
 
 
+def draw_phase(axes: "Axes", phase: str, at: Values, values: Values) -> None:
+    """The curve of a kind of phase."""
+    style = PHASE_STYLES.get(phase, {"color": PALETTE[2], "marker": "^"})
+    axes.plot(at, values, label=PHASE_NAMES.get(phase, phase), markersize=5.5, **style)
+
+
 def _phases(axes: "Axes", series: Series) -> None:
     for phase, (fractions, values) in series.items():
-        label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
-        _line(axes, fractions, values, label, colour, marker, "-")
+        percent = 100 * np.asarray(fractions, dtype=float)
+        draw_phase(axes, phase, percent, np.asarray(values, dtype=float))
     axes.set(xlabel="share of the movement observed [%]", xlim=(0, 103))
 
 

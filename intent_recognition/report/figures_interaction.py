@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import (
     INK,
-    PALETTE,
+    PREDICTED_COLOUR,
     SOFT,
     fill_two_sigma,
     new_axes,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-OBSERVED, PREDICTED, TUBE = INK, PALETTE[1], "#fae3d3"
+OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
 MAX_POINTS = 400
 
 
@@ -151,7 +151,7 @@ def _tube(
 
 def _events(axes: "Axes", trace: Mapping) -> None:
     if trace.get("decision_s") is not None:
-        axes.axvline(trace["decision_s"], color=PALETTE[0], linewidth=1.2)
+        axes.axvline(trace["decision_s"], color=SOFT, linewidth=1.2)
     if trace.get("end_s") is not None:
         axes.axvline(trace["end_s"], color=SOFT, linewidth=1.2, linestyle=(0, (1, 1.5)))
 
@@ -171,7 +171,7 @@ def _legend(
             Patch(color=PREDICTED, alpha=0.2, linewidth=0, label="\N{PLUS-MINUS SIGN}2 std")
         )
     if trace.get("decision_s") is not None:
-        handles.append(Line2D([], [], color=PALETTE[0], linewidth=1.2, label="decision"))
+        handles.append(Line2D([], [], color=SOFT, linewidth=1.2, label="decision"))
     if trace.get("end_s") is not None:
         handles.append(
             Line2D([], [], color=SOFT, linewidth=1.2, linestyle=(0, (1, 1.5)), label="human's end")

@@ -34,6 +34,7 @@ def hand_error_figure(
     errors_cm: Mapping[str, Sequence[float]],
     paper_cm: Mapping[str, tuple[float, float]] | None = None,
     remarks: Mapping[str, str] | None = None,
+    labels: Sequence[str] = (),
 ) -> "Figure":
     """Every hand error as a dot, their mean +- two standard deviations, and the paper's beside.
 
@@ -41,9 +42,11 @@ def hand_error_figure(
         errors_cm: per task, (n,) distances in cm.
         paper_cm: per task, mean and two standard deviations in cm.
         remarks: per task, a word below its name.
+        labels: of all tasks, also those that did not happen: colours and markers depend on them.
     """
     paper_cm, remarks = paper_cm or {}, remarks or {}
-    colours, markers = task_colours(errors_cm), task_markers(errors_cm)
+    tasks = {*errors_cm, *labels}
+    colours, markers = task_colours(tasks), task_markers(tasks)
     figure, axes = new_axes(5.6, 3.7)
     for place, (task, listed) in enumerate(errors_cm.items()):
         values = np.asarray(listed, dtype=float)
@@ -51,8 +54,8 @@ def hand_error_figure(
         axes.scatter(
             x, values, s=22, color=colours[task], marker=markers[task], alpha=0.55, linewidths=0
         )
-        if values.size:
-            spread = 2 * values.std(ddof=1) if values.size > 1 else 0.0
+        if values.size > 1:
+            spread = 2 * values.std(ddof=1)
             _whisker(axes, place + 0.1, values.mean(), spread, colours[task], "ours")
         if task in paper_cm:
             _whisker(axes, place + 0.3, *paper_cm[task], PAPER_COLOUR, "paper", marker="D")
@@ -61,22 +64,27 @@ def hand_error_figure(
     axes.set(xlim=(-0.5, max(len(names), 1) - 0.4), ylim=(0.0, None))
     axes.grid(visible=False, axis="x")
     axes.set_ylabel("hand error [cm]")
-    figure.legend(handles=_mean_handles(bool(paper_cm)), loc="outside lower center", ncols=3)
+    several = any(len(listed) > 1 for listed in errors_cm.values())
+    handles = _mean_handles(several, bool(paper_cm))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 
 @styled
 def decision_share_figure(
-    shares: Mapping[str, Sequence[float]], bin_share: float = 0.05
+    shares: Mapping[str, Sequence[float]], bin_share: float = 0.05, labels: Sequence[str] = ()
 ) -> "Figure":
-    """Histogram per task of the share of the human's movement that had passed at the decision."""
+    """Histogram per task of the share of the human's movement that had passed at the decision.
+
+    Its colours depend on the labels too, as those of `hand_error_figure`.
+    """
     arrays = [np.asarray(values, dtype=float) for values in shares.values()]
     everything = np.concatenate(arrays) if arrays else np.empty(0)
     low = min(0.0, np.floor(everything.min(initial=0.0) / bin_share) * bin_share)
     high = max(1.0, np.ceil(everything.max(initial=1.0) / bin_share) * bin_share)
     edges = np.linspace(low, high, round((high - low) / bin_share) + 1)
     percent = {task: 100 * values for task, values in zip(shares, arrays, strict=True)}
-    figure, axes = _histogram(percent, 100 * edges)
+    figure, axes = _histogram(percent, 100 * edges, labels)
     if everything.size:
         _vertical(axes, 100 * np.median(everything), f"median {100 * np.median(everything):.0f} %")
     axes.axvline(100.0, color=INK, linewidth=1.0)
@@ -85,11 +93,16 @@ def decision_share_figure(
 
 
 @styled
-def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]) -> "Figure":
-    """Histogram per task of the robot's arrival, counted from the end of the human's movement."""
+def arrival_figure(
+    arrivals_s: Mapping[str, Sequence[float]], labels: Sequence[str] = ()
+) -> "Figure":
+    """Histogram per task of the robot's arrival, counted from the end of the human's movement.
+
+    Its colours depend on the labels too, as those of `hand_error_figure`.
+    """
     arrivals = {task: np.asarray(values, dtype=float) for task, values in arrivals_s.items()}
     everything = np.concatenate(list(arrivals.values())) if arrivals else np.zeros(1)
-    figure, axes = _histogram(arrivals, np.histogram_bin_edges(everything, bins=20))
+    figure, axes = _histogram(arrivals, np.histogram_bin_edges(everything, bins=20), labels)
     if everything.size:
         _vertical(axes, np.median(everything), f"median {np.median(everything):+.2f} s")
     axes.axvline(0.0, color=INK, linewidth=1.0)
@@ -99,10 +112,16 @@ def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]) -> "Figure":
 
 @styled
 def timing_figure(
-    movements_s: Mapping[str, Sequence[float]], decisions_s: Mapping[str, Sequence[float]]
+    movements_s: Mapping[str, Sequence[float]],
+    decisions_s: Mapping[str, Sequence[float]],
+    labels: Sequence[str] = (),
 ) -> "Figure":
-    """When it was decided, after onset, over how long the human's movement took, per task."""
-    colours, markers = task_colours(movements_s), task_markers(movements_s)
+    """When it was decided, after onset, over how long the human's movement took, per task.
+
+    Its colours and markers depend on the labels too, as those of `hand_error_figure`.
+    """
+    tasks = {*movements_s, *labels}
+    colours, markers = task_colours(tasks), task_markers(tasks)
     figure, axes = new_axes(5.6, 3.7)
     longest = max((max(v, default=0.0) for v in movements_s.values()), default=0.0) or 1.0
     for share, style in ((1.0, "-"), (0.5, DASHED)):
@@ -268,16 +287,16 @@ def _whisker(
     )
 
 
-def _mean_handles(with_paper: bool) -> list["Line2D"]:
+def _mean_handles(several: bool, with_paper: bool) -> list["Line2D"]:
     from matplotlib.lines import Line2D
 
     shared: dict[str, Any] = {"linestyle": "-", "markeredgecolor": "white", "markersize": 6.5}
     handles = [
-        Line2D([], [], color=SOFT, marker="o", linestyle="", alpha=0.55, label="one interaction"),
-        Line2D(
-            [], [], color=SOFT, marker="o", label="ours, mean \N{PLUS-MINUS SIGN} 2 std", **shared
-        ),
+        Line2D([], [], color=SOFT, marker="o", linestyle="", alpha=0.55, label="one interaction")
     ]
+    if several:
+        text = "ours, mean \N{PLUS-MINUS SIGN} 2 std"
+        handles.append(Line2D([], [], color=SOFT, marker="o", label=text, **shared))
     if with_paper:
         text = "paper, mean \N{PLUS-MINUS SIGN} 2 std"
         handles.append(Line2D([], [], color=PAPER_COLOUR, marker="D", label=text, **shared))
@@ -299,12 +318,12 @@ def _vertical(axes: "Axes", x: float, text: str) -> None:
 
 
 def _histogram(
-    values: Mapping[str, NDArray[np.float64]], edges: NDArray[np.float64]
+    values: Mapping[str, NDArray[np.float64]], edges: NDArray[np.float64], labels: Sequence[str]
 ) -> "tuple[Figure, Axes]":
     """How many interactions of each task lie between edges, tasks on top of each other."""
     from matplotlib.ticker import MaxNLocator
 
-    colours = task_colours(values)
+    colours = task_colours({*values, *labels})
     figure, axes = new_axes(5.6, 3.7)
     axes.hist(
         list(values.values()),

@@ -58,7 +58,7 @@ def running_demo(tmp_path, toolbox_model):
         text=True,
     )
     line = process.stdout.readline()
-    assert "interactions begin" in line, line + process.stderr.read()
+    assert "session begins" in line, line + process.stderr.read()
     nodes = children(process.pid)
     yield process, nodes
     if process.poll() is None:
@@ -96,9 +96,12 @@ def test_recognises_and_helps(tmp_path, toolbox_model):
         check=False,
     )
     assert result.returncode == 0, result.stdout + result.stderr
-    last = result.stdout.strip().splitlines()[-1]
-    assert last.startswith("summary: recognised 1/1, decided before the end 1/1, hand error ")
+    drawing, session, last = result.stdout.strip().splitlines()[-3:]
+    assert drawing == "drawing the report ..."
     numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
+    duration_s = numbers["settings"]["duration of the session [s, simulated]"]
+    assert session.startswith(f"session of {duration_s:.0f} s in simulated time, report: ")
+    assert last.startswith("summary: recognised 1/1, decided before the end 1/1, hand error ")
     (interaction,) = numbers["interactions"]
     assert interaction["recognised"] == interaction["task"] == "hold_screwdriver"
     assert interaction["hand_error_m"] < 0.06

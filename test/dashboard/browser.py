@@ -76,12 +76,19 @@ def _served(address: str) -> bool:
         return False
 
 
+LOST = ".mantine-Loader-root"
+"""The dots by which viser shows that it connects again. Until it has, it lets nothing be clicked: a
+click meets the nameless `<div>` behind the tabs. It gives each attempt one second and then drops
+it, so that on a busy machine none succeeds; the first one of a page has five."""
+
+
 class Visitor:
-    """Someone with the page open."""
+    """Someone with the page open, who opens it anew when it has lost its connection."""
 
     def __init__(self, page):
         self.page = page
         page.set_default_timeout(1000 * DEADLINE_S)
+        page.add_locator_handler(page.locator(LOST), lambda: page.reload())
         self.requests: list[str] = []
         page.on("request", lambda request: self.requests.append(request.url))
         self.console: list[str] = []

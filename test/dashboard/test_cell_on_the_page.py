@@ -13,6 +13,7 @@ from std_msgs.msg import String
 from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.server import WINDOW
 from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.report import task_colours
 from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.scenarios.toolbox.scene import HOME, arm_posture, stand_pose
 
@@ -65,6 +66,27 @@ def test_an_update_goes_out_in_one_transmission(fed, monkeypatch):
         fed.page.update()
         assert all(grouped)
         assert 10 < len(grouped) <= WINDOW
+
+
+def test_a_task_of_the_model_keeps_its_colour_when_others_are_taught_and_undone(fed):
+    def colours(labels, truth):
+        chances = np.full(len(labels), 1.0 / len(labels))
+        message = JointState(name=labels, position=chances, velocity=np.zeros(len(labels)))
+        fed.hear("/coworker/task", String(data=truth))
+        fed.hear("/intent/tasks", message)
+        return fed.page._colours
+
+    fed.hear("/coworker/task", String(data=PLATE))  # before any model
+    first = colours(["hold", PLATE, "none"], PLATE)
+    assert first == task_colours(["hold", PLATE])
+    shown = colours(["hold", PLATE, "none"], "apple")  # not taught yet
+    taught = colours(["apple", "hold", PLATE, "none"], "apple")
+    assert shown == taught == taught | first
+    more = colours(["all", "apple", "hold", PLATE, "none"], "")
+    assert more == more | taught and len(set(more.values())) == len(more)
+    assert colours(["all", "hold", PLATE, "none"], "") == {
+        task: colour for task, colour in more.items() if task != "apple"
+    }
 
 
 def test_all_of_the_scene_is_drawn_and_the_figure_comes_with_the_wrist(fed):

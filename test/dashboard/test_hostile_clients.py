@@ -20,9 +20,11 @@ from websockets.exceptions import InvalidStatus
 
 from intent_recognition.composing import ViaPoint, write_via_points
 from intent_recognition.dashboard import admission, server
+from intent_recognition.dashboard.cell import SkillRow
 from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.dashboard.teach_tab import BY_HAND
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
+from intent_recognition.model import TO_UNDO
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import trajectory_arrays
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
@@ -74,6 +76,7 @@ class Graph:
         harness.connect(self._joints, self._latched, self._via)
         self._joints.publish(JointState(name=list(JOINT_NAMES), position=[0.1] * 7))
         page = self.page
+        self.node.state.skills = {TASK: [SkillRow("learned 00", {TO_UNDO: "yes"})]}
         harness.spin_until(lambda: page._teach._record.visible and not page._skills._undo.disabled)
         harness.spin_until(lambda: self.node.state.joints)
 
@@ -268,6 +271,15 @@ def test_what_is_hidden_or_disabled_cannot_be_pressed_or_dragged(visit):
         await operator.close()
 
     visit.run(story)
+
+
+def test_what_is_not_there_cannot_be_undone(visit):
+    graph = visit().graph
+    page = graph.page
+    undo = (page._skills._undo, page._teach._undo)
+    assert not any(button.disabled for button in undo)
+    page._state.skills = {TASK: [SkillRow("begun", {})]}
+    graph.harness.spin_until(lambda: all(button.disabled for button in undo))
 
 
 def malformed(page):

@@ -154,7 +154,7 @@ def test_the_line_says_the_numbers_and_the_papers():
     )
     assert "hold_screwdriver 4.0 +- - cm (paper 2.1 +- 2.3 cm)" in line
     assert "plate_handover 2.0 +- - cm (paper 3.2 +- 2.6 cm)" in line
-    assert "screw_handover 50.0 +- - cm (apart" in line
+    assert "screw_handover 50.0 +- - cm (not in the overall hand error" in line
     assert "median decision at 30 %" in line
     assert summary.too_many_missed
 

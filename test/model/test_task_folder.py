@@ -20,6 +20,7 @@ from intent_recognition.errors import (
 from intent_recognition.learning import with_margins
 from intent_recognition.model.file import load_model, load_trained
 from intent_recognition.model.from_bags import accumulate_bags
+from intent_recognition.model.history import undoable
 from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, TaskFolder
 
 DOFS = make_dofs()
@@ -102,8 +103,9 @@ def test_undo_brings_the_model_before_back_and_keeps_the_recording(started, tmp_
 def test_undo_goes_back_as_far_as_there_are_recordings(started, tmp_path):
     folder = copy_of(started[0], tmp_path / "copy")
     for _ in range(6):
-        folder.undo()
-    assert not folder.model_path.exists()
+        last = undoable(folder.history())
+        assert folder.undo().bag == last.bag
+    assert not folder.model_path.exists() and undoable(folder.history()) is None
     with pytest.raises(ModelError, match="undo"):
         folder.undo()
     assert len(list((folder.path / "undone").glob("*/*"))) == 6
@@ -113,7 +115,7 @@ def test_undo_goes_back_as_far_as_there_are_recordings(started, tmp_path):
 def test_starts_from_a_model_trained_elsewhere_and_never_forgets_it(started, tmp_path):
     folder = folder_of(tmp_path / "new")
     folder.start_from(started[0].model_path)
-    assert folder.history()[0].action == START
+    assert folder.history()[0].action == START and undoable(folder.history()) is None
     with pytest.raises(ResourceBusyError, match="model"):
         folder.start_from(started[0].model_path)
     teach(folder, 2, 40)

@@ -42,7 +42,7 @@ from intent_recognition.nodes.conversions import (
     trajectory_arrays,
 )
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
-from intent_recognition.nodes.markers import colour
+from intent_recognition.nodes.markers import MarkerBuilder, colour
 from intent_recognition.promp import NONE
 from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
 from intent_recognition.report.drawing import task_colours
@@ -313,6 +313,16 @@ def test_markers_show_observed_and_predicted_path_tube_and_label(harness, wrist)
     ends = np.array([[p.x, p.y, p.z] for p in (predicted.points[0], predicted.points[-1])])
     distance = np.linalg.norm(corners[:, None] - ends, axis=-1).min(axis=0)
     assert np.all(distance > 0.0)
+
+
+def test_markers_keep_the_colour_of_a_task_when_another_is_learned():
+    builder = MarkerBuilder(["plate"])
+    builder.set_labels(["apple", "plate"])
+    path = np.zeros((2, 3))
+    _, plate, _, _ = builder.build(0, "world", "plate", 1.0, path, path).markers
+    _, apple, _, _ = builder.build(0, "world", "apple", 1.0, path, path).markers
+    assert plate.color == colour(task_colours(["plate"])["plate"])
+    assert apple.color != plate.color
 
 
 @pytest.mark.slow

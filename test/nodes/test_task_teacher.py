@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError, TrainingError
 from intent_recognition.learning import learn_with_report
-from intent_recognition.model import Executions, now
+from intent_recognition.model import TO_UNDO, Executions, now
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.task_folder import Change
 from intent_recognition.nodes import qos
@@ -29,6 +29,7 @@ from intent_recognition.nodes.conversions import (
     to_pose,
     to_stamp,
 )
+from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
@@ -290,6 +291,10 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     assert cell.call("undo").success
     told = [(row.name, row.message) for row in skills[-1].status if row.name == label]
     assert [text for _, text in told][-2:] == ["kept 0001", "took 0001_kept back"]
+    assert [any(TO_UNDO in values_of(row) for row in one.status) for one in skills[-2:]] == [
+        True,
+        False,
+    ]
 
 
 def test_a_corrected_execution_stays_one_when_its_task_begins_again_at_once(tmp_path):

@@ -21,6 +21,7 @@ from intent_recognition.report.drawing import (
     to_png,
     to_svg,
 )
+from intent_recognition.report.figures_calibration import regions_figure
 from intent_recognition.report.figures_evaluation import (
     coverage_figure,
     recognition_figure,
@@ -154,6 +155,39 @@ def test_nothing_measured_still_draws():
         assert to_svg(figure)
 
 
+def test_a_curve_that_is_equal_does_not_hide_the_one_below():
+    both = {phase: (FRACTIONS, [0.5, 0.6, 0.8, 0.9]) for phase in ("known_phase", "unknown_phase")}
+    for figure in (recognition_figure(both, both), coverage_figure(both), regions_figure(both)):
+        for axes in figure.axes:
+            below, above = axes.lines[-2:]
+            assert below.get_linestyle() == "-" and below.get_markerfacecolor() != "none"
+            assert above.get_linestyle() == "--" and above.get_markerfacecolor() == "none"
+
+
+def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
+    for figure in (wrist_figure(trace), joint_figure(trace)):
+        lines = {line.get_color() for axes in figure.axes for line in axes.lines}
+        assert len(lines) > 1 and not lines & set(PALETTE)
+    posterior = posterior_over_time_figure(trace, 2.0).axes[0].lines
+    assert [line.get_color() in PALETTE for line in posterior] == 3 * [True] + 3 * [False]
+
+
+def test_a_task_has_its_colour_where_the_others_did_not_happen(per_task):
+    one = {"plate": per_task["plate"]}
+    own = matplotlib.colors.to_rgba(task_colours(TASKS)["plate"])
+    for figure in (
+        figures.decision_share_figure(one, labels=TASKS),
+        figures.arrival_figure(one, TASKS),
+    ):
+        assert {bar.get_facecolor() for bar in figure.axes[0].patches} == {own}
+    for figure in (
+        figures.hand_error_figure(one, labels=TASKS),
+        figures.timing_figure(one, one, TASKS),
+    ):
+        (colour, *_) = figure.axes[0].collections[0].get_facecolor()
+        assert tuple(colour[:3]) == own[:3]
+
+
 @RELAXED
 @given(st.sets(st.sampled_from("abcdefgh"), min_size=1), st.randoms())
 def test_colours_and_markers_depend_on_the_sorted_labels_alone(labels, random):
@@ -164,6 +198,15 @@ def test_colours_and_markers_depend_on_the_sorted_labels_alone(labels, random):
     assert [colours[label] for label in sorted(labels)] == list(PALETTE[: len(labels)])
     assert colours["none"] == NONE_COLOUR
     assert len(set(task_markers(shuffled).values())) == len(labels) + 1
+
+
+@RELAXED
+@given(st.sets(st.sampled_from("abcdefgh"), min_size=1), st.sets(st.sampled_from("abcdefgh")))
+def test_known_tasks_keep_their_colours_and_no_two_have_the_same(labels, more):
+    earlier = task_colours(labels)
+    colours = task_colours(labels | more, earlier)
+    assert colours == colours | earlier
+    assert len(set(colours.values())) == len(labels | more) + 1
 
 
 @RELAXED

@@ -4,6 +4,7 @@
 import base64
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from intent_recognition.errors import ShapeError
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise, summary_line
 from intent_recognition.report import calibration_report, demo_report, evaluation_report
-from intent_recognition.report.demo_report import demo_page, write_demo_report
+from intent_recognition.report.demo_report import _key_numbers, demo_page, write_demo_report
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
     series,
@@ -121,6 +122,21 @@ def test_key_numbers_stand_beside_the_papers(session, bare_page):
     assert numbers["hand error, screw handover"].paper == ""
     assert bare_page.footer == summary_line(summary)
     assert "Conditions differ" in render(bare_page)
+
+
+@pytest.mark.slow
+def test_one_interaction_is_no_mean_and_not_typical(session, undrawn):
+    records, traces = session
+    plate = replace(records[0], task="plate_handover", recognised="plate_handover")
+    page = demo_page([replace(plate, hand_error_m=0.05)], summarise([plate]), traces[:1], {})
+    assert page.subtitle.startswith("1 interaction, ")
+    numbers = key_numbers(page)
+    assert numbers["hand error"].ours == numbers["hand error, plate handover"].ours == "1.1 cm"
+    assert numbers["hand error"].note == numbers["hand error, plate handover"].note == "n = 1"
+    late = summarise([replace(plate, hand_error_m=0.05)])
+    (card,) = [n for n in _key_numbers(late).numbers if n.label == "hand error, plate handover"]
+    assert (card.ours, card.good) == ("5.0 cm", None)
+    assert "Plate handover (interaction 1)" in [section.heading for section in page.sections]
 
 
 @pytest.mark.slow
@@ -302,6 +318,9 @@ def test_optional_parts_are_shown(rng):
     assert ("a", "4", None, "50.0", "0.0") in cells and ("50", "75.0", "50.0") in cells
     headings = [section.heading for section in page.sections]
     assert "Prediction of the controlled agent, start posture known [rad]" in headings
+    assert "Movements of unknown tasks" in headings
+    content["none"] = {"accuracy": content["none"]["accuracy"]}
+    assert "The answer none" in [s.heading for s in evaluation_page(content, "t").sections]
 
 
 def test_no_pyplot():
