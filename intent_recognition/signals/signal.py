@@ -14,6 +14,13 @@ POSE_FIELDS = (*POSITION_FIELDS, *ORIENTATION_FIELDS)
 """Names of the numbers of a pose, as a PoseStamped message has them, in the order in which arrays
 of poses hold them."""
 
+MIN_SAMPLES = 4
+"""Fewest samples of a DOF that weights are fitted to.
+
+Convention: three samples determine the curvature that ridge regression penalises, one more leaves a
+residual.
+"""
+
 
 @dataclass(frozen=True)
 class Signal:
