@@ -17,6 +17,8 @@ now, so that position and velocity are continuous where it does. The plan in for
 rest within the limits: when nothing better can be planned, it stays in force.
 """
 
+from __future__ import annotations
+
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace

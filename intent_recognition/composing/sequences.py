@@ -5,6 +5,8 @@ A sequence is a prior, not a cage. Its first step begins it when that task is re
 step begins when its condition holds, or when it is recognised. Another task leads out of it.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

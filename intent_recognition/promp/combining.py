@@ -6,6 +6,8 @@ Paraschos et al. 2018, "Using Probabilistic Movement Primitives in Robotics" (mo
 conditioning; combination and blending), on the joint primitive of both agents.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple

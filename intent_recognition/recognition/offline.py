@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Task and prediction from the arrays of a movement, whole or in part, without a stream."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One recorded demonstration, and the reason why a recording did not become one."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -74,7 +76,7 @@ class Demonstration:
         controlled_unit: str = "rad",
         context_unit: str = "m",
         name: str = "demonstration",
-    ) -> "Demonstration":
+    ) -> Demonstration:
         """A demonstration from arrays, one signal for each agent.
 
         Rows that are NaN throughout were not measured: they are left out, and nothing is put in

@@ -10,6 +10,8 @@ observation has the same coordinates under every hypothesis of the filter. It is
 demonstrations: turning the world turns it too, and v stays the same.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
