@@ -290,9 +290,10 @@ class ActivationParameters:
         )
 
     def _check_pretrigger(self) -> None:
-        if self._values["pretrigger_threshold"] > 0.0 and not self._values["model"]:
+        value = self._values["pretrigger_threshold"]
+        if value > 0.0 and not self._values["model"]:
             cure = "Set model, or leave pretrigger_threshold at 0."
-            raise ArgumentError.about("pretrigger_threshold", "0 without a model", "more", cure)
+            raise ArgumentError.about("pretrigger_threshold", "0 without a model", value, cure)
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
         """Limits from the parameters; those not given are the arm's, else the LWR's by joint name.
