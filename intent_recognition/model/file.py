@@ -41,6 +41,7 @@ from intent_recognition.signals import OnsetSettings
 from intent_recognition.untrusted import UntrustedError, check_archive, load_json
 
 FORMAT_VERSION = 3
+"""Of the file; others are not read."""
 NUMBERS = (
     "weight_mean",
     "weight_covariance",

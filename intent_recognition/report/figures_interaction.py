@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 OBSERVED, PREDICTED, TUBE = INK, PALETTE[1], "#fae3d3"
 MAX_POINTS = 400
+"""Points of a drawn curve. Convention: more are not seen."""
 
 
 @styled

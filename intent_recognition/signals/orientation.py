@@ -23,7 +23,7 @@ jumps to -v. Convention: 9 degrees away from that, beyond what a hand turns from
 LEAST_QUATERNION = 1e-6
 """Norm of a quaternion below which it means "not measured", as trackers send zeros. Convention."""
 SMALL_ANGLE_RAD = 1e-4
-"""Angle below which series replace quotients. Numerical safeguard: they agree to 1e-9 there."""
+"""Angle [rad] below which series replace quotients. Numerical safeguard: both agree to 1e-9."""
 
 
 def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
