@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -82,6 +83,15 @@ def test_every_class_documents_its_attributes(name):
     for field in fields:
         if not field.startswith("_"):
             assert re.search(rf"\b{field}\b", text), field
+
+
+@pytest.mark.parametrize("name", FUNCTIONS + CLASSES)
+def test_help_names_the_types_of_arrays_and_the_names_can_be_resolved(name):
+    thing = getattr(ir, name)
+    for own in (thing, *filter(inspect.isfunction, vars(thing).values())):
+        if own.__module__.startswith("intent_recognition"):  # else of dataclass or NamedTuple
+            assert "numpy" not in str(inspect.signature(own))
+            get_type_hints(own)
 
 
 @pytest.mark.parametrize("name", ERRORS)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings of the activation."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np

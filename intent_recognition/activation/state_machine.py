@@ -17,9 +17,10 @@ now, so that position and velocity are continuous where it does. The plan in for
 rest within the limits: when nothing better can be planned, it stays in force.
 """
 
+from __future__ import annotations
+
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.inbox import EstimatorInbox
+from intent_recognition.activation.interacting import Interacting
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
 from intent_recognition.activation.settings import ActivationSettings
@@ -88,6 +90,9 @@ class Activation:
         self._correcting = Correcting(settings, self._arm, self._motions, self.counts)
         self._waiting = Waiting(
             settings, self._arm, self._motions, self._inbox, self.pretrigger, self.counts
+        )
+        self._interacting = Interacting(
+            self._arm, self._motions, self._inbox, self._waiting, self.pretrigger, self.counts
         )
         self._now_ns = 0
         self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
@@ -273,7 +278,8 @@ class Activation:
     def _next(self, state: State, now_ns: int) -> Transition:
         match state:
             case Idle():
-                return self._activate(now_ns) or self._waiting.go_ahead(now_ns) or Transition(state)
+                begun = self._interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
+                return begun or Transition(state)
             case Executing():
                 return self._from_executing(state, now_ns)
             case Arrived():
@@ -301,22 +307,22 @@ class Activation:
         if reason:
             return self._stop(now_ns, reason, interaction)
         if expected and self.decision.active not in ("", interaction.prediction.label):
-            return self._activate(now_ns) or Transition(state)
-        return self._follow(state, now_ns)
+            return self._interacting.begin(now_ns) or Transition(state)
+        return self._interacting.follow(state, now_ns)
 
     def _from_arrived(self, state: Arrived, now_ns: int) -> Transition:
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, state.interaction), now_ns)
         interaction, active = state.interaction, self.decision.active
         if active and (interaction.over or interaction.ordered):
-            return self._activate(now_ns) or Transition(state)
-        if self._inbox.ordered is not None and (following := self._activate(now_ns)):
+            return self._interacting.begin(now_ns) or Transition(state)
+        if self._inbox.ordered is not None and (following := self._interacting.begin(now_ns)):
             return following
         held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
         if held and not self._correcting.deviates:
             away = self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
             return away or Transition(state)
-        return self._follow(state, now_ns)
+        return self._interacting.follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
         if self._arm.under_way(now_ns):
@@ -326,8 +332,8 @@ class Activation:
         over = interaction is not None and interaction.over
         if decision.active and not silent and not over:
             if interaction is None or decision.active != interaction.prediction.label:
-                return self._activate(now_ns) or Transition(state)
-            resumed = self._follow(Executing(interaction), now_ns)
+                return self._interacting.begin(now_ns) or Transition(state)
+            resumed = self._interacting.follow(Executing(interaction), now_ns)
             if resumed.command is not None:
                 return resumed
         at_rest = decision.idle and not decision.active and not silent
@@ -341,13 +347,13 @@ class Activation:
         return home or Transition(state)
 
     def _from_homing(self, state: Homing, now_ns: int) -> Transition:
-        other = self._activate(now_ns) or self._waiting.go_ahead(now_ns)
+        other = self._interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
         if other is not None:
             return other
         return self._waiting.step_homing(now_ns, state)
 
     def _from_pretriggered(self, state: Pretriggered, now_ns: int) -> Transition:
-        activated = self._activate(now_ns)
+        activated = self._interacting.begin(now_ns)
         if activated is not None:
             return activated
         reason = self._reason_to_halt(now_ns) if self._arm.under_way(now_ns) else ""
@@ -361,53 +367,7 @@ class Activation:
         found = self._correcting.step(now_ns, state, newest)
         return self._stop(now_ns, found, state.interaction) if isinstance(found, str) else found
 
-    # Motions
-
-    def _activate(self, now_ns: int) -> Transition | None:
-        """Start the active task, if there is one to start and it can be started."""
-        prediction = self._inbox.startable(now_ns)
-        if prediction is None:
-            return None
-        start_ns = self._arm.switch_ns(now_ns)
-        start = self._arm.start_reference(now_ns, start_ns)
-        self._inbox.unused = False
-        if start is None:
-            return None
-        self._inbox.ordered = None
-        if self._waiting.home is None:
-            self._waiting.home = start.position
-        command = self._motions.interact(now_ns, prediction, start_ns, start)
-        if command is None:
-            return None
-        if self.pretrigger.label:
-            right = self.pretrigger.label == prediction.label
-            self.counts["pretrigger right" if right else "pretrigger wrong"] += 1
-        self.pretrigger.interaction_began()
-        self._inbox.mark_served(None)
-        self.counts["started"] += 1
-        ordered = not self.decision.active
-        interaction = ActiveInteraction(prediction, now_ns, ordered=ordered)
-        return Transition(Executing(interaction), command)
-
-    def _follow(self, state: Executing | Arrived, now_ns: int) -> Transition:
-        """Follow the newest prediction of the running task, if it is time for an update."""
-        inbox, arm, current = self._inbox, self._arm, self._arm.current
-        label, prediction = state.interaction.prediction.label, inbox.prediction
-        if not (arm.is_update_due(now_ns) and inbox.unused) or state.interaction.over:
-            return Transition(state)
-        if prediction is None or current is None or prediction.label != label:
-            return Transition(state)
-        if self.decision.active != label or not arm.follows(now_ns):
-            return Transition(state)
-        start_ns = arm.switch_ns(now_ns)
-        start, progress = current.at(start_ns), current.phase_at(start_ns)
-        inbox.unused = False
-        vias = state.interaction.vias
-        command = self._motions.interact(now_ns, prediction, start_ns, start, progress, vias)
-        if command is None:
-            return Transition(state)
-        interaction = state.interaction.recognised(prediction)
-        return Transition(replace(state, interaction=interaction), command)
+    # Halting
 
     def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:
         self.counts[f"stopped: {reason}"] += 1

@@ -6,6 +6,8 @@ onto a template: one of the demonstrations (the paper's way), a trajectory of th
 mean of the aligned demonstrations, found in turns with the warps and kept at their average timing.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -8,6 +8,8 @@ basis model, so the warp increases whatever the weights:
     recorded phase h(z) = v0 + integral from 0 to z of exp(g(x)^T v) dx.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -85,7 +87,7 @@ class Warp:
         object.__setattr__(self, "recorded", recorded)
 
     @classmethod
-    def identity(cls, n_grid: int = 2) -> "Warp":
+    def identity(cls, n_grid: int = 2) -> Warp:
         """The warp that changes nothing."""
         return cls(0.0, np.zeros(n_grid - 1))
 

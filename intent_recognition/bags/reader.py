@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a rosbag2 directory with MCAP storage: raw or decoded messages in the order of log time."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path

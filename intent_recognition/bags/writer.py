@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Write a rosbag2 directory with MCAP storage; a killed recorder loses less than a second."""
 
+from __future__ import annotations
+
 import contextlib
 import math
 import os
@@ -100,7 +102,7 @@ class BagWriter:
         self.closed = False
         self._open()
 
-    def __enter__(self) -> "BagWriter":
+    def __enter__(self) -> BagWriter:
         return self
 
     def __exit__(self, *_: object) -> None:

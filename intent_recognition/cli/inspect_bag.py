@@ -17,6 +17,7 @@ from intent_recognition.errors import BagError
 FIRST_PLAUSIBLE_NS = 1_000_000_000 * 86_400 * 365
 """Earlier stamps are not dates: one year after 1970 [ns]. Convention."""
 GAPS_SHOWN = 5
+"""Gaps of a topic that are listed. Convention."""
 
 
 def bag_json(summary: BagSummary) -> dict:

@@ -12,6 +12,7 @@ from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
 
 BAGS_SHOWN = 5
+"""Recordings that are listed. Convention."""
 
 
 def model_json(model: Model) -> dict:

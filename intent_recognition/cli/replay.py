@@ -23,6 +23,7 @@ from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
 
 PRINTED_ROWS = 20
+"""Rows of the printed table, about. Convention: one screen."""
 
 
 def add_parser(subparsers: Subparsers) -> None:

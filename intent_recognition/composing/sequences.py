@@ -5,6 +5,8 @@ A sequence is a prior, not a cage. Its first step begins it when that task is re
 step begins when its condition holds, or when it is recognised. Another task leads out of it.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -224,8 +226,8 @@ def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, 
     if not isinstance(content, Mapping) or not content:
         _refuse("sequences", "NAME: [steps]", content)
     found = {str(name): _steps(str(name), steps) for name, steps in content.items()}
-    if sum(map(len, found.values())) > MOST_STEPS:
-        _refuse("sequences", f"at most {MOST_STEPS} steps", "more")
+    if (n_steps := sum(map(len, found.values()))) > MOST_STEPS:
+        _refuse("sequences", f"at most {MOST_STEPS} steps", n_steps)
     first = [steps[0].task for steps in found.values()]
     if doubled := sorted({task for task in first if first.count(task) > 1}):
         _refuse("sequences", "each to begin with another task", f"two with {', '.join(doubled)}")

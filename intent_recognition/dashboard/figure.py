@@ -24,7 +24,7 @@ quite stretched has no plane to bend in. Convention."""
 FOLDED = 1.1
 """The nearest, as a multiple of the difference between the two bones. Convention."""
 MOST_LEAN_RAD = 0.8
-"""The upper body leans this far; for what is farther away the figure is moved. Convention."""
+"""The upper body leans this far [rad]; for what is farther away the figure is moved. Convention."""
 ELBOW_POLE = np.array([-0.35, 0.45, -1.0])
 """Where the elbow points: backward, away from the body, down; for a left arm. Convention."""
 

@@ -18,6 +18,7 @@ from intent_recognition.dashboard.things_view import (
 )
 
 COLOUR = (158, 160, 163)
+"""Red, green and blue of the figure, 0 to 255."""
 ROOT = "/person"
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"

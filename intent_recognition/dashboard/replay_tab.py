@@ -18,6 +18,7 @@ NO_BAGS = ("Start the page with `-p bags:=FOLDER`, or record one: `intent record
 SHOWN_ONLY = "No estimator runs: a recording is shown, but no task recognised."
 START_ESTIMATOR = ("Start one: `ros2 launch intent_recognition intent.launch.py model:=M.npz`",)
 SHORTEST_S = 0.01
+"""Step of the slider of positions, and its least length [s]. Convention."""
 
 Play = Callable[[Path, float, float], BagPlayer]
 

@@ -19,6 +19,7 @@ from intent_recognition.promp import NONE
 from intent_recognition.report import INK, NONE_COLOUR, readable
 
 WRIST_RADIUS_M = 0.022
+"""Radius of the drawn wrist [m]. Convention."""
 TUBE_OPACITY = 0.28
 """With viser's lights; RViz shows the same tube with `markers.TUBE_ALPHA`. Convention."""
 STALE_S = 1.5
@@ -31,7 +32,9 @@ NOTHING = np.zeros((0, 3))
 HAND_PATH_PERIOD_S = 0.2
 """Time between two updates of the predicted path of the hand [s]. Convention."""
 VIEW_RAD = np.deg2rad(42.0)
+"""Vertical angle of view [rad]. Convention."""
 FADE_M = 5.0
+"""Distance at which the ground fades out [m]. Convention."""
 
 DARK, GREY = rgb(INK), rgb(NONE_COLOUR)
 """The wrist; the arm, and what is old."""

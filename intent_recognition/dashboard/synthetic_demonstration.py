@@ -14,7 +14,7 @@ from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import Offset
 
 REST_S = 0.9
-"""Both rest so long before and after: the onset is found from rest."""
+"""Both rest so long before and after [s]: the onset is found from rest."""
 REACTION_SHARE = 0.15
 """The arm sets out after this share of the wrist's movement. Convention."""
 LAG_S = 0.3

@@ -23,8 +23,11 @@ from intent_recognition.dashboard.widgets import (
 )
 
 REST_M = np.array([1.05, 0.0, 0.25])
+"""Where the wrist rests before a demonstration [m]. Convention."""
 WRIST_GOAL_M = (0.78, 0.22, 0.42)
+"""Goal of the wrist that the page begins with [m]. Convention: within reach of both."""
 HAND_GOAL_M = (0.60, 0.20, 0.42)
+"""Goal of the robot's hand that the page begins with [m]. Convention: a handover."""
 SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
 """Demonstrations of a task that are recorded before learning. Convention."""

@@ -15,6 +15,7 @@ from intent_recognition.promp import NONE
 from intent_recognition.report import NONE_COLOUR, SOFT, readable
 
 HEIGHT_PIXELS = 190
+"""Height of a figure [pixels]."""
 FONT = "12px sans-serif"
 Value = TypeVar("Value")
 

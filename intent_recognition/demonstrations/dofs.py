@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The DOF file: which fields of which topics are the degrees of freedom of human and robot."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -116,7 +118,7 @@ class DofSpec:
         return sides
 
     @classmethod
-    def from_dict(cls, content: object, source: str = "dofs") -> "DofSpec":
+    def from_dict(cls, content: object, source: str = "dofs") -> DofSpec:
         """Check `content` and build the spec.
 
         Args:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """References of orientations: what their tangent space is attached to."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibration of recognition and prediction: what was predicted beside what was true."""
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Sequence
 

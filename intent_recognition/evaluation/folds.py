@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Protocols: which recordings to train and to test on."""
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 

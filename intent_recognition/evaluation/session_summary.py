@@ -9,7 +9,9 @@ from statistics import fmean, median, stdev
 from intent_recognition.errors import ArgumentError, describe
 
 CM_PER_M = 100.0
+"""Centimetres in a metre."""
 MISSES_ALLOWED = 1 / 40
+"""Share of interactions that may be missed: one of the 40 of the paper (`PAPER_RECOGNISED`)."""
 
 TASKS_APART = frozenset({"screw_handover"})
 """Tasks in which the hand goes to the same place whatever the human does: their hand error says
@@ -48,6 +50,7 @@ class HandError:
 
 
 PAPER_RECOGNISED = (40, 40)
+"""Interactions recognised, of how many (Ewerton et al. 2015, Sec. IV-B)."""
 PAPER_HAND_ERROR: Mapping[str, HandError] = {
     "plate_handover": HandError(15, 3.2, 2.6),
     "hold_screwdriver": HandError(13, 2.1, 2.3),

@@ -49,9 +49,9 @@ FINAL = np.array([SAMPLED_PHASES - 1])
 WHOLE = np.arange(SAMPLED_PHASES)
 """All of them."""
 END_NOISE_STD_M = 0.003
-"""Of the final position: marker and sway."""
+"""Noise of the final position [m]: marker and sway."""
 PATH_NOISE_STD_M = 0.01
-"""Of each of the phases of a whole path, whose errors are not independent."""
+"""Noise at each phase of a whole path [m], whose errors are not independent."""
 PREDICTION_STRENGTH = 1.0
 """Equivalent sample size of the diagonal target of a covariance that predicts, in demonstrations.
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 REST_S, AFTER_S = 1.0, 1.0
 """Rest before a reach and watching after it [s]. Convention."""
 STEP_NS = 10_000_000
+"""Time from one step to the next [ns]. Convention: 100 Hz."""
 PREDICTED_EVERY = 4
 """Observations from one prediction to the next: 25 Hz."""
 

@@ -92,7 +92,7 @@ class RunningBank:
             raise ShapeError(
                 describe(
                     "mean, covariance",
-                    f"({n_tasks}, {size}) and one dimension more",
+                    f"shapes ({n_tasks}, {size}) and ({n_tasks}, {size}, {size})",
                     f"{mean.shape} and {covariance.shape}",
                     "Pass one distribution per task.",
                 )

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One mixture of Gaussians as a value: density, responsibilities, conditioning, moments."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +78,7 @@ class GaussianMixture:
         observation_matrix: NDArray[np.float64],
         observation: NDArray[np.float64],
         noise_covariance: NDArray[np.float64],
-    ) -> tuple["GaussianMixture", float]:
+    ) -> tuple[GaussianMixture, float]:
         """Condition on y = H w + noise (Ewerton et al. 2015, Eq. 11-14).
 
         Every component is conditioned, and weighted by its evidence. Eq. 13 as printed integrates

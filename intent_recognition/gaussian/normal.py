@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The multivariate normal distribution: density, marginal, conditioning, products, mixtures."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import NamedTuple
 

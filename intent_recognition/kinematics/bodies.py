@@ -24,6 +24,7 @@ from intent_recognition.kinematics.urdf_tree import parse_urdf, read_urdf
 _N_POSTURES = 100
 """Random postures from which bodies that are always near one another are told. Convention."""
 _SEED = 0
+"""Seed of the random postures: the same bodies are told every time."""
 _WIDEST_RAD = np.pi
 """Random postures turn joints no farther than this [rad]: continuous ones have no limit."""
 

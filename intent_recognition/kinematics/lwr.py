@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from intent_recognition.kinematics.limits import JointLimits
 
 N_JOINTS = 7
+"""Joints of the arm."""
 JOINT_NAMES: tuple[str, ...] = tuple(f"lwr_a{i}_joint" for i in range(1, N_JOINTS + 1))
 DEFAULT_ACCELERATION_RAD_S2 = 8.0
 """Acceleration limit of every joint [rad/s^2]. Convention: KUKA publishes none."""

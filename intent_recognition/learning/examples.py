@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One recording as an example to learn from: cut to the movement, turned into weights."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -56,7 +58,7 @@ class TrainingExample(NamedTuple):
     duration_s: float
     observed: NDArray[np.float64]
     controlled: NDArray[np.float64]
-    aligned: "TrainingExample | None" = None
+    aligned: TrainingExample | None = None
     context: NDArray[np.float64] = np.empty(0)
 
 

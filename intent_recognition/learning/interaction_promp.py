@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The interaction primitive of one task, without timing, unknown tasks or a choice of settings."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

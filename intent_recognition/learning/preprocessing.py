@@ -139,7 +139,10 @@ def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing 
         return f"the label {NONE!r} is reserved"
     for agent in ("observed", "controlled"):
         if not getattr(recorded, agent):
-            return f"it has no {agent} degrees of freedom: add an entry to {agent} of the DOF file"
+            return (
+                f"it has no {agent} degrees of freedom: add an entry to {agent} of the DOF file,"
+                " or a column to the array"
+            )
     if like is None:
         return ""
     expected, found = _dofs(like), _dofs(recorded)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings of learning."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from intent_recognition.errors import ArgumentError, describe

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Learning a `TaskLibrary` from demonstrations, all at once or one by one."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demonstrations without labels become tasks: each component of the mixture is one."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple

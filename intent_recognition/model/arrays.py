@@ -24,6 +24,9 @@ def check_arrays(
     arrays: Mapping[str, NDArray[Any]],
     shapes: Mapping[str, tuple[int, ...]],
     whole: Collection[str] = (),
+    *,
+    largest: float = LARGEST,
+    cure: str = RETRAIN,
 ) -> None:
     """Make sure that arrays are there, real, of their shape and finite.
 
@@ -32,6 +35,8 @@ def check_arrays(
         arrays: those of the file.
         shapes: of each that must be there.
         whole: names of those that must be integers.
+        largest: magnitude of a number, at most.
+        cure: what to do about the file, as a sentence.
 
     Raises:
         ModelError: one is not; names the file and the array.
@@ -39,19 +44,17 @@ def check_arrays(
     for name, shape in shapes.items():
         place = f"{path}: {name}"
         if name not in arrays:
-            raise ModelError.about(place, "an array", "none", RETRAIN)
+            raise ModelError.about(place, "an array", "none", cure)
         array = arrays[name]
         if array.dtype.kind not in ("iu" if name in whole else "iuf"):
             kind = "whole numbers" if name in whole else "real numbers"
-            raise ModelError.about(place, kind, f"type {array.dtype}", RETRAIN)
+            raise ModelError.about(place, kind, f"type {array.dtype}", cure)
         if array.shape != shape:
-            raise ModelError.about(place, f"shape {shape}", array.shape, RETRAIN)
+            raise ModelError.about(place, f"shape {shape}", array.shape, cure)
         if not np.all(np.isfinite(array)):
-            raise ModelError.about(place, "finite numbers", "NaN or inf", RETRAIN)
-        if array.dtype.kind == "f" and np.any(np.abs(array) > LARGEST):
-            raise ModelError.about(
-                place, f"numbers up to {LARGEST:g}", np.abs(array).max(), RETRAIN
-            )
+            raise ModelError.about(place, "finite numbers", "NaN or inf", cure)
+        if array.dtype.kind == "f" and np.any(np.abs(array) > largest):
+            raise ModelError.about(place, f"numbers up to {largest:g}", np.abs(array).max(), cure)
 
 
 def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> None:
@@ -62,8 +65,10 @@ def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> No
     """
     place = f"{path}: {name}"
     scale = np.abs(matrices).max(initial=0.0)
-    if np.any(np.abs(matrices - matrices.swapaxes(-1, -2)) > ROUNDING * scale):
-        raise ModelError.about(place, "symmetric matrices", "others", RETRAIN)
+    difference = np.abs(matrices - matrices.swapaxes(-1, -2)).max(initial=0.0)
+    if difference > ROUNDING * scale:
+        got = f"entries that differ from their mirror image by {difference:g}"
+        raise ModelError.about(place, "symmetric matrices", got, RETRAIN)
     least = np.linalg.eigvalsh(matrices).min(initial=0.0)
     if least < -ROUNDING * scale:
         raise ModelError.about(place, "no negative variance", f"{least:g}", RETRAIN)

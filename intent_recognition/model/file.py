@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The model file: one `.npz` without pickled objects, checked on reading."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -39,6 +41,7 @@ from intent_recognition.signals import OnsetSettings
 from intent_recognition.untrusted import UntrustedError, check_archive, load_json
 
 FORMAT_VERSION = 3
+"""Of the file; others are not read."""
 NUMBERS = (
     "weight_mean",
     "weight_covariance",
@@ -199,7 +202,7 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
     header = _header(path, content)
     if "statistics" not in header:
         raise ModelError.about(
-            str(path), "statistics to add to", "none: an older version wrote it", RETRAIN
+            str(path), "statistics to add demonstrations to", "a model without", RETRAIN
         )
     return model, unpack_statistics(str(path), model.library, header["statistics"], content)
 

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file of a pouring skill: one `.npz` without pickled objects, checked on reading."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from intent_recognition.durable import write_arrays
 from intent_recognition.errors import IntentError, ModelError
+from intent_recognition.model.arrays import check_arrays
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.untrusted import read_arrays
 from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPrimitive
@@ -40,39 +42,28 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
         ModelError: it is not there, of another version, or an array is missing or bad.
     """
     try:
-        arrays = read_arrays(Path(path))
-        if any(array.dtype.kind not in "fiu" for array in arrays.values()):
-            raise ValueError("arrays of something else than numbers")
-        found = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
-    except (OSError, ValueError) as error:  # texts are no numbers
+        found = dict(read_arrays(Path(path)))
+    except (OSError, ValueError) as error:
         raise ModelError.about(str(path), "a pouring skill", error, CURE) from error
     version = found.pop("format_version", np.array(np.nan))
     if version.shape or version != FORMAT_VERSION:
         place = f"{path}: format_version"
         raise ModelError.about(place, str(FORMAT_VERSION), version, CURE)
-    needed = {"basis": (2,), "duration_s": (), "reached": (3,)}
+    check = partial(check_arrays, path, found, largest=LARGEST, cure=CURE)
+    check({"basis": (2,), "duration_s": (), "reached": (3,)})
     try:
-        if not all(np.all(np.abs(array) <= LARGEST) for array in found.values()):
-            expected = f"numbers up to {LARGEST:g}"
-            raise ModelError.about(str(path), expected, "larger ones, or NaN", CURE)
-        if not all(found[name].shape == shape for name, shape in needed.items()):
-            raise ModelError.about(str(path), "arrays of the right shape", "others", CURE)
         begin, largest, _ = found["reached"].tolist()
         if not (found["duration_s"] > 0.0 and 0.0 < begin < largest):
             expected = "a duration above 0, and 0 < begin < largest in reached"
             got = f"{found['duration_s']:g} s, {found['reached'].tolist()}"
             raise ModelError.about(str(path), expected, got, CURE)
         basis = NormalizedRBFBasis(int(found["basis"][0]), float(found["basis"][1]))
-        mean, spread = found["mean"], found["spread"]
         rows = N_WARPED * basis.n_basis
-        if mean.shape != (rows,) or spread.ndim != 2 or len(spread) != rows:
-            got = f"{mean.shape} and {spread.shape}"
-            raise ModelError.about(f"{path}: weights", f"{rows} of them", got, CURE)
-    except KeyError as error:
-        raise ModelError.about(str(path), "all arrays", f"no {error}", CURE) from error
+        columns = found.get("spread", np.empty(0)).shape[-1:]
+        check({"mean": (rows,), "spread": (rows, *columns)})
     except ModelError:
         raise
     except IntentError as error:
         raise ModelError(f"{path}: {error}") from error
-    primitive = WarpedPrimitive(basis, mean, spread, float(found["duration_s"]))
+    primitive = WarpedPrimitive(basis, found["mean"], found["spread"], float(found["duration_s"]))
     return PouringSkill(primitive, Reached(*found["reached"].tolist()))

@@ -61,11 +61,14 @@ class FeedbackSettings:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        positive = np.all(np.array(self.disturbance) > 0) and self.bandwidth_rad_s > 0
-        if not positive or self.n_times < 3:
-            raise ArgumentError(
-                describe("FeedbackSettings", "positive numbers, n_times >= 3", self, "Check them.")
-            )
+        for name, fine, expected in (
+            ("disturbance", np.all(np.array(self.disturbance) > 0), "above 0"),
+            ("bandwidth_rad_s", self.bandwidth_rad_s > 0, "above 0"),
+            ("n_times", self.n_times >= 3, "at least 3"),
+        ):
+            if not fine:
+                got, cure = getattr(self, name), "See FeedbackSettings for defaults."
+                raise ArgumentError(describe(name, expected, got, cure))
 
     def density(self, n_joints: int) -> NDArray[np.float64]:
         """S per joint, (Q,)."""

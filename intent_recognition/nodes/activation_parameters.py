@@ -3,20 +3,18 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import (
-    DEFAULT_ACCELERATION_RAD_S2,
     JOINT_NAMES,
     LWR_LIMITS,
     Arm,
@@ -28,6 +26,13 @@ from intent_recognition.motion import (
     is_hand,
     scaled_limits,
 )
+from intent_recognition.nodes.activation_specs import (
+    ANY_TIME,
+    ARM_LIMITS,
+    AT_REST,
+    FIXED,
+    GUARDS,
+)
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
 from intent_recognition.promp import TaskLibrary, Trajectory, end_std_limits, least_end_std
@@ -36,8 +41,6 @@ from intent_recognition.signals import POSITION_FIELDS
 
 if TYPE_CHECKING:
     from intent_recognition.model import Model
-
-DOUBLES = Parameter.Type.DOUBLE_ARRAY
 
 
 class RejectionError(IntentError):
@@ -68,73 +71,6 @@ def std_by_unit(std: NDArray[np.float64], of_hand: bool) -> dict[str, float]:
     n_metres = len(POSITION_FIELDS) if of_hand else 0
     parts = {"m": std[:n_metres], "rad": std[n_metres:]}
     return {unit: float(part.max()) for unit, part in parts.items() if part.size}
-
-
-@dataclass(frozen=True)
-class ParameterSpec:
-    """Default, description and range of a parameter, as `parameter` takes them."""
-
-    default: Any
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-
-
-FIXED = {
-    "model": ParameterSpec("", "Model file whose joints to check; empty: none."),
-    "command_rate": ParameterSpec(25.0, "Updates of a running motion [Hz].", 1.0, 200.0),
-    "joint_names": ParameterSpec([], "Joint names; empty: from model or prediction."),
-    "lower": ParameterSpec(DOUBLES, "Lower position limits [rad]; empty: the LWR's."),
-    "upper": ParameterSpec(DOUBLES, "Upper position limits [rad]; empty: the LWR's."),
-    "velocity": ParameterSpec(DOUBLES, "Velocity limits [rad/s]; empty: the LWR's."),
-}
-"""Parameters by name that are read once, at the start."""
-
-ARM_LIMITS = ("lower", "upper", "velocity")
-"""Parameters that each replace a limit of the arm; for unknown joints all of them are needed."""
-
-AT_REST = {
-    "home": ParameterSpec(DOUBLES, "Posture to return to [rad]; empty: the first seen."),
-    "acceleration_limit": ParameterSpec(
-        DEFAULT_ACCELERATION_RAD_S2, "Acceleration limit of every joint [rad/s^2].", 0.1, 1000.0
-    ),
-    "velocity_scale": ParameterSpec(0.9, "Share of the velocity limits to use.", 0.01, 1.0),
-}
-"""Parameters that may change while no motion is under way: a plan is made for one set of limits."""
-
-ANY_TIME = {
-    "threshold": ParameterSpec(0.9, "Probability a task must reach.", 0.501, 1.0),
-    "n_observations": ParameterSpec(5, "Consecutive observations it must hold for.", 1, 10000),
-    "max_end_std": ParameterSpec(
-        0.0, "Largest predicted end-point std [rad]; 0: as learned, 0.35 without a model.", 0.0, 1e6
-    ),
-    "release_below": ParameterSpec(0.5, "Let go of a task less probable than this.", 0.0, 0.5),
-    "min_evidence": ParameterSpec(
-        0.6, "Share of the movement's own evidence it must have.", 0.0, 0.99
-    ),
-    "timeout": ParameterSpec(0.5, "Silence that stops a motion [s].", 0.01, 60.0),
-    "hold_time": ParameterSpec(1.0, "Stay at the end this long [s].", 0.0, 3600.0),
-    "switch_lead": ParameterSpec(0.05, "Commands take over so far ahead [s].", 0.0, 1.0),
-    "max_joint_state_age": ParameterSpec(0.25, "Older joint states are stale [s].", 0.001, 10.0),
-    "max_tracking_error": ParameterSpec(
-        0.4, "Largest distance to the reference [rad].", 0.001, 10.0
-    ),
-    "max_lateness": ParameterSpec(3.0, "A prediction over for longer is outdated [s].", 0.0, 1e9),
-    "pretrigger_threshold": ParameterSpec(
-        0.0, "Go ahead for a next task at least so probable; 0: never. Needs a model.", 0.0, 1.0
-    ),
-    "pretrigger_timeout": ParameterSpec(
-        10.0, "Wait there for the human at most so long [s].", 0.1, 3600.0
-    ),
-    "return_home": ParameterSpec(True, "Go home after each interaction."),
-}
-"""Parameters that may change at any time, with effect from the next observation or plan on."""
-
-GUARDS = (
-    *("velocity_scale", "acceleration_limit", "threshold", "n_observations", "max_end_std"),
-    *("timeout", "max_joint_state_age", "max_tracking_error"),
-)
-"""Parameters that say how fast, how surely and how long the arm is moved."""
 
 
 class ActivationParameters:
@@ -290,9 +226,10 @@ class ActivationParameters:
         )
 
     def _check_pretrigger(self) -> None:
-        if self._values["pretrigger_threshold"] > 0.0 and not self._values["model"]:
+        value = self._values["pretrigger_threshold"]
+        if value > 0.0 and not self._values["model"]:
             cure = "Set model, or leave pretrigger_threshold at 0."
-            raise ArgumentError.about("pretrigger_threshold", "0 without a model", "more", cure)
+            raise ArgumentError.about("pretrigger_threshold", "0 without a model", value, cure)
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
         """Limits from the parameters; those not given are the arm's, else the LWR's by joint name.

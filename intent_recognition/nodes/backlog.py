@@ -14,7 +14,7 @@ from intent_recognition.bags import header_stamp_ns
 from intent_recognition.nodes.conversions import stamp_ns
 
 MAX_STAMP_NS = 2**63 - 1
-"""Largest stamp: the order of a message without one, which is as of now."""
+"""Largest stamp [ns]: the order of a message without one, which is as of now."""
 MAX_WAITING = 16
 """If more messages wait twice in a row, the node cannot keep up. Convention: 0.16 s at 100 Hz."""
 

@@ -32,7 +32,8 @@ class ClearanceInput:
         self._distance_m = get(
             "clearance",
             0.0,
-            "Keep so far from boxes, and the arm from itself, by robot_description [m]; 0: off.",
+            "Distance that the arm keeps from boxes and from itself, by the shapes of"
+            " robot_description [m]; a larger value bends, slows or refuses more motions; 0: off.",
             0.0,
             1.0,
         )
@@ -47,7 +48,8 @@ class ClearanceInput:
         self._largest_bend = get(
             "largest_bend",
             LARGEST_BEND,
-            "Standard deviations of its task by which a path is bent at most; needs a model.",
+            "Standard deviations of its task by which a path is bent at most to keep clear; a"
+            " larger value refuses fewer motions and departs more from the task. Needs a model.",
             0.0,
             100.0,
         )

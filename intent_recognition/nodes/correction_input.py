@@ -35,8 +35,9 @@ class CorrectionInput:
             node,
             "correction",
             "",
-            "Yield to a person who moves the arm, and go on by it: tracking errors of the arm"
-            " undisturbed, a YAML file or lwr; empty: never. Needs a model.",
+            "Lets a person push the arm to where its motion shall go on. A YAML file with the"
+            " tracking errors of the undisturbed arm, by which a push is told from them, or lwr;"
+            " empty: a push changes nothing. Needs a model.",
         )
         self._detector = load_detector(name) if name else None
         self.correction: Correction | None = None

@@ -33,8 +33,8 @@ class HandInput:
             node,
             "hand_link",
             "",
-            "Link that is the hand, of the arm on robot_description, where the model predicts a"
-            " hand, or a person's wrist in whose place the arm is; empty: that of the model where"
+            "Link of the arm on robot_description that follows the prediction of a hand, or of the"
+            " wrist of a person whom the arm replaces. Empty: the link that the model names where"
             " the arm has it, else the last one before the fingers.",
         )
         self.description = ""

@@ -97,7 +97,8 @@ class IntentEstimatorNode(ManagedNode):
         self._forget_after_s = live(
             "forget_after",
             FORGET_AFTER_S,
-            "Time after which a movement no longer informs the next task [s].",
+            "Time after which a movement no longer informs the next task [s]; a larger value"
+            " remembers longer.",
             minimum=0.0,
             maximum=1e9,
         )

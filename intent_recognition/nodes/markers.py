@@ -18,7 +18,7 @@ from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
 TUBE_ALPHA = 0.15
 """Opacity of the tube in RViz. Convention."""
 LIFETIME_S = 2
-"""After a movement the picture is empty again."""
+"""Time after a movement until the picture is empty again [s]."""
 
 LINE_WIDTH_M = 0.006
 """Width of both paths [m]. Convention."""

@@ -89,25 +89,39 @@ class MocapIngest(Node):
                 )
             ),
             max_speed_m_s=live(
-                "max_speed", 6.0, "A step faster than this is an outlier [m/s].", 0.01, 1000.0
+                "max_speed",
+                6.0,
+                "Speed above which a step is an outlier [m/s]; a larger value drops fewer poses.",
+                0.01,
+                1000.0,
             ),
             max_gap_s=live(
-                "max_gap", 0.5, "After so long without a sample any is taken [s].", 0.001, 3600.0
+                "max_gap",
+                0.5,
+                "Time without a pose after which the next one is taken wherever it is [s]; a larger"
+                " value checks across longer gaps.",
+                0.001,
+                3600.0,
             ),
             position_std_m=live(
-                "position_std", 0.002, "Standard deviation of a position [m].", 1e-6, 1.0
+                "position_std",
+                0.002,
+                "Standard deviation of a position [m]; a larger value trusts poses less.",
+                1e-6,
+                1.0,
             ),
             orientation_std_rad=live(
                 "orientation_std_rad",
                 IngestSettings.orientation_std_rad,
-                "Standard deviation of a measured orientation [rad].",
+                "Standard deviation of an orientation [rad]; a larger value trusts it less.",
                 1e-6,
                 3.2,
             ),
             reanchor_after=live(
                 "reanchor_after",
                 5,
-                "After so many consecutive outliers that agree, the track restarts there.",
+                "Consecutive outliers that agree before they are taken for the track; a larger"
+                " value takes longer to find a body that was moved unseen.",
                 1,
                 100000,
             ),

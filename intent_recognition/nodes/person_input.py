@@ -55,21 +55,24 @@ class PersonInput:
             human_speed_m_s=get(
                 "human_speed",
                 _DEFAULTS.human_speed_m_s,
-                "Speed at which the person may come nearer [m/s].",
+                "Speed at which the person may come nearer [m/s]; a larger value slows the arm"
+                " from farther away.",
                 0.0,
                 10.0,
             ),
             intrusion_m=get(
                 "intrusion",
                 _DEFAULTS.intrusion_m,
-                "Of person and arm beyond the tracked point and the line through the joints [m].",
+                "How far person and arm reach beyond the tracked point and the line through the"
+                " joints [m]; a larger value slows the arm from farther away.",
                 0.0,
                 2.0,
             ),
             least_speed_m_s=get(
                 "least_speed",
                 _DEFAULTS.least_speed_m_s,
-                "Speed of the arm that is kept at any distance from the person [m/s].",
+                "Speed that the arm keeps at any distance from the person [m/s]; a larger value"
+                " slows it less.",
                 0.01,
                 1.0,
             ),

@@ -26,13 +26,12 @@ from intent_recognition.motion import JointPath, hand_targets, is_hand, joints_a
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import (
-    ANY_TIME,
-    AT_REST,
     ActivationParameters,
     RejectionError,
     check_trajectory,
     std_by_unit,
 )
+from intent_recognition.nodes.activation_specs import ANY_TIME, AT_REST
 from intent_recognition.nodes.clearance_input import ClearanceInput
 from intent_recognition.nodes.conversions import joint_values, stamp_ns, trajectory_arrays
 from intent_recognition.nodes.correction_input import CorrectionInput

@@ -44,7 +44,8 @@ class ViaPointInput:
             node,
             VIA_POINTS,
             "",
-            "Where the controlled agent shall pass: a YAML list of via points.",
+            "Points that the robot's motion passes through, a YAML list; a point with a larger std"
+            " is passed less closely; empty: none.",
         )
         self._points = read_via_points(text)
         self._refused: tuple[tuple[ViaPoint, ...], TaskLibrary] | None = None

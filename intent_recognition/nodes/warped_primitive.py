@@ -44,7 +44,7 @@ REFUSED = "refused"
 SHIPPED = "config/skills/pouring.npz"
 """What was learned from `bags/pouring/train`."""
 RATE_HZ = 25.0
-"""Task messages a second. Convention: those of the estimator."""
+"""Task messages a second [Hz]. Convention: those of the estimator."""
 DELAY_NS = 500_000_000
 """From a request to the onset of the pour [ns]. Convention: more than a decision takes."""
 WATCH_NS = 1_000_000_000

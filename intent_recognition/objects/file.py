@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file of an annotated object: one `.npz` without pickled objects, checked on reading."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Normalised Gaussian basis functions of the phase (Maeda et al. 2014, Eq. 1)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -6,6 +6,8 @@ Paraschos et al. 2018, "Using Probabilistic Movement Primitives in Robotics" (mo
 conditioning; combination and blending), on the joint primitive of both agents.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
@@ -276,7 +278,10 @@ def _activations(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float6
         raise ShapeError(describe("activations", f"shape {shape}", found.shape, cure))
     if not np.all(np.isfinite(found)) or np.any(found < 0.0) or np.any(found.sum(axis=-1) == 0.0):
         expected = "finite numbers from 0 on, one above 0 at each time"
-        raise ArgumentError(describe("activations", expected, "others", "Correct them."))
+        wrong = found[~np.isfinite(found) | (found < 0.0)]
+        got = wrong[0] if wrong.size else "0 for all primitives at one time"
+        cure = "Let the activations say which primitive counts at each time."
+        raise ArgumentError(describe("activations", expected, got, cure))
     return found
 
 

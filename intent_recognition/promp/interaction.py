@@ -6,6 +6,8 @@ filters many tasks and durations at once (`filtering`); for one task of known du
 `InteractionProMP.condition` gives.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -63,7 +65,7 @@ class InteractionProMP:
         *,
         dofs: Sequence[int] | None = None,
         covariance: ArrayLike | None = None,
-    ) -> tuple["InteractionProMP", float]:
+    ) -> tuple[InteractionProMP, float]:
         """Condition on measured positions at known phases (Maeda et al. 2014, Eq. 6).
 
         The learned noise counts as independent from sample to sample.

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was learned: one interaction primitive per task, with timing, noise and the none model."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -134,7 +136,7 @@ class TaskLibrary:
         """Names of the M numbers of the context; none where there is no context to give."""
         return self.context.names if self.context else ()
 
-    def given(self, context: ArrayLike) -> "TaskLibrary":
+    def given(self, context: ArrayLike) -> TaskLibrary:
         """The library in a known context: its weights conditioned on it, no task more probable.
 
         Args:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories: mean and standard deviation over time, from a distribution of the weights."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

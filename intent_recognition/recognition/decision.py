@@ -20,6 +20,8 @@ arm: a task that is probable because it usually comes next still has to be seen,
 that nobody taught is no less unknown for coming when a known one is expected.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf

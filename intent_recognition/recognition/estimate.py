@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the online estimator gives: the estimate after an observation, and predictions."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +36,7 @@ class Estimate(NamedTuple):
     labels: tuple[str, ...]
 
     @classmethod
-    def idle(cls, stamp_ns: int, labels: tuple[str, ...]) -> "Estimate":
+    def idle(cls, stamp_ns: int, labels: tuple[str, ...]) -> Estimate:
         """The estimate at rest, with the labels of the K tasks and none."""
         zero, certain = np.zeros(len(labels)), np.zeros(len(labels))
         certain[-1] = 1.0

@@ -5,6 +5,8 @@ The node and `intent replay` run this class, so that their numbers are equal. It
 times are stamps of measurements.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

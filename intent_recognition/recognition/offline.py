@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Task and prediction from the arrays of a movement, whole or in part, without a stream."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -143,9 +145,11 @@ def _checked(
             "Pass one row per time, one column per DOF.",
         )
         raise ShapeError(describe("times_s, human", expected, got, cure))
-    if not (np.all(np.isfinite(times)) and np.all(np.diff(times) > 0)):
-        cure = "Sort the samples and drop duplicates."
-        raise ArgumentError(describe("times_s", "finite, increasing times", "others", cure))
+    earlier = np.r_[-np.inf, times[:-1]]
+    if not np.all(late := np.isfinite(times) & (times > earlier)):
+        row, cure = int(np.argmin(late)), "Sort the samples and drop duplicates."
+        got = f"{times[row]:.9g} after {earlier[row]:.9g} in row {row}"
+        raise ArgumentError(describe("times_s", "finite, increasing times", got, cure))
     if np.any(np.isinf(values)):
         cure = "Set what was not measured to NaN."
         raise ArgumentError(describe("human", "finite numbers or NaN", "infinity", cure))

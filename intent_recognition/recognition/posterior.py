@@ -14,6 +14,8 @@ movements of tasks that were left out (`learning.unknown_task`); the evidence of
 each other is not touched.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 MISSES_SHOWN = 3
+"""Missed interactions that are drawn. Convention."""
 TITLE = "Toolbox assembly with a simulated coworker"
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 

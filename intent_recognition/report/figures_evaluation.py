@@ -36,6 +36,7 @@ RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
     "rmse_nearest_neighbour": ("nearest neighbour", PALETTE[3], "v", (0, (4, 1.6))),
 }
 TWO_SIGMA = 0.9545
+"""Probability within two standard deviations of a normal distribution."""
 
 Values = Sequence[float] | NDArray[np.float64]
 Series = Mapping[str, tuple[Values, Values]]

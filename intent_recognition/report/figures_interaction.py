@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
 MAX_POINTS = 400
+"""Points of a drawn curve. Convention: more are not seen."""
 
 
 @styled

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PART_COLOURS = {Part.CONTAINER: PALETTE[0], Part.RIM: PALETTE[1], Part.HANDLE: PALETTE[2]}
 MM = 1e3
+"""Millimetres in a metre."""
 
 
 @styled

@@ -3,7 +3,6 @@
 
 from intent_recognition.signals.demonstration import (
     LATEST_S,
-    MIN_SAMPLES,
     Demonstration,
     Rejection,
 )
@@ -36,6 +35,7 @@ from intent_recognition.signals.past import Samples, SignalPast
 from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, movement_span, onset_settings
 from intent_recognition.signals.signal import (
+    MIN_SAMPLES,
     ORIENTATION_FIELDS,
     POSE_FIELDS,
     POSITION_FIELDS,

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One recorded demonstration, and the reason why a recording did not become one."""
 
+from __future__ import annotations
+
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -9,14 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
 from intent_recognition.signals.labels import LABEL, can_name_task
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.signal import MIN_SAMPLES, Signal
+from intent_recognition.signals.streams import recording_doubts, stream_defect
 
-MIN_SAMPLES = 4
-"""Fewest samples of a DOF that weights are fitted to.
-
-Convention: three samples determine the curvature that ridge regression penalises, one more leaves a
-residual.
-"""
 LATEST_S = 9.2e9
 """Latest time of a sample [s]: nanoseconds since then fill 64 bits."""
 
@@ -78,16 +76,19 @@ class Demonstration:
         controlled_unit: str = "rad",
         context_unit: str = "m",
         name: str = "demonstration",
-    ) -> "Demonstration":
+    ) -> Demonstration:
         """A demonstration from arrays, one signal for each agent.
 
         Rows that are NaN throughout were not measured: they are left out, and nothing is put in
-        their place. Rows that are NaN in part are refused.
+        their place. Rows that are NaN in part are refused. What the arrays hold is checked as
+        `read_demonstrations` checks a recording: what cannot be learned from is refused, and what
+        gives reason to doubt, such as a human who does not move, is a warning.
 
         Args:
             times_s: times of the samples, increasing, (T,) [s]; they are rounded to nanoseconds.
             human: positions of the observed DOFs, (T, P), in `observed_unit`.
-            robot: positions of the controlled DOFs, (T, Q), in `controlled_unit`.
+            robot: positions of the controlled DOFs, (T, Q), in `controlled_unit`; without a column
+                where the human alone was recorded.
             robot_times_s: times of the robot's samples where they are not the human's, (U,) [s], on
                 the same clock; `robot` is (U, Q) then.
             context: what was known of the scene, such as where a box stood, (M,), in
@@ -106,7 +107,8 @@ class Demonstration:
         Raises:
             ShapeError: the arrays do not fit each other or the names.
             ArgumentError: times do not increase, a value is not finite, there are fewer than four
-                samples, or the label cannot name a task.
+                samples, metres cannot be the unit, the robot was not recorded while the human
+                moved, or the label cannot name a task.
         """
         if task is not None and not can_name_task(task):
             cure = "Give one such as give_cup; None where there is no label."
@@ -114,11 +116,20 @@ class Demonstration:
         observed = _signal("human", times_s, human, observed_names, observed_unit)
         own_times_s = times_s if robot_times_s is None else robot_times_s
         controlled = _signal("robot", own_times_s, robot, controlled_names, controlled_unit)
+        if not observed.names:
+            cure = "Pass one column per DOF."
+            raise ShapeError.about("human", "at least one column", observed.values.shape, cure)
         start_ns, end_ns = int(observed.stamps_ns[0]), int(observed.stamps_ns[-1])
         known = (
             () if context is None else (_constant(context, start_ns, context_names, context_unit),)
         )
-        return cls(name, "", task, (observed,), (controlled,), start_ns, end_ns, context=known)
+        robots = (controlled,) if controlled.names else ()
+        made = cls(name, "", task, (observed,), robots, start_ns, end_ns, context=known)
+        if defect := stream_defect(made):
+            raise ArgumentError(f"{name}: {defect}")
+        for doubt in recording_doubts(made):
+            warnings.warn(f"{name}: {doubt}", stacklevel=2)
+        return made
 
     def __repr__(self) -> str:
         """Name, label and sizes; the samples are in `observed` and `controlled`."""
@@ -240,7 +251,7 @@ class Rejection:
     cure: str = ""
 
     @classmethod
-    def of(cls, path: str, error: IntentError, kind: str = "", stamp_ns: int = 0) -> "Rejection":
+    def of(cls, path: str, error: IntentError, kind: str = "", stamp_ns: int = 0) -> Rejection:
         """The rejection for which an error is the reason, without the path that both name."""
         reason = one_line(error).removesuffix(error.cure).removesuffix(". ")
         reason = reason.removeprefix(f"{path}: ").removeprefix(f"{path}/")

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One measurement of one signal, and several signals as one stream in the order of their stamps."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -30,7 +32,7 @@ class Observation(NamedTuple):
     dofs: tuple[int, ...] | None = None
     derivative: bool = False
 
-    def measured(self) -> "Observation | None":
+    def measured(self) -> Observation | None:
         """Without the DOFs whose value is NaN, which were not measured; None where all are NaN."""
         rows = np.flatnonzero(~np.isnan(self.values))
         if rows.size == self.values.size:

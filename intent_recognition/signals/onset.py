@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.signals.demonstration import MIN_SAMPLES
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
 MEDIAN_OF_SQUARE = 0.4549
 """Median of the square of a standard normal variable: of chi-square with one degree of freedom."""

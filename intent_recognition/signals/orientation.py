@@ -10,6 +10,8 @@ observation has the same coordinates under every hypothesis of the filter. It is
 demonstrations: turning the world turns it too, and v stays the same.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -21,7 +23,7 @@ jumps to -v. Convention: 9 degrees away from that, beyond what a hand turns from
 LEAST_QUATERNION = 1e-6
 """Norm of a quaternion below which it means "not measured", as trackers send zeros. Convention."""
 SMALL_ANGLE_RAD = 1e-4
-"""Angle below which series replace quotients. Numerical safeguard: they agree to 1e-9 there."""
+"""Angle [rad] below which series replace quotients. Numerical safeguard: both agree to 1e-9."""
 
 
 def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:

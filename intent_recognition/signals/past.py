@@ -13,7 +13,7 @@ from intent_recognition.signals.observation import Observation
 INITIAL_SIZE = 256
 """Observations for which a history has memory at first. Convention."""
 NEVER_NS = -(2**63)
-"""Earlier than every stamp."""
+"""Earlier than every stamp [ns]."""
 
 
 class Samples(NamedTuple):

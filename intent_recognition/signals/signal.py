@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The samples of some degrees of freedom over time, as they were measured: irregular, with gaps."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +15,13 @@ ORIENTATION_FIELDS = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 POSE_FIELDS = (*POSITION_FIELDS, *ORIENTATION_FIELDS)
 """Names of the numbers of a pose, as a PoseStamped message has them, in the order in which arrays
 of poses hold them."""
+
+MIN_SAMPLES = 4
+"""Fewest samples of a DOF that weights are fitted to.
+
+Convention: three samples determine the curvature that ridge regression penalises, one more leaves a
+residual.
+"""
 
 
 @dataclass(frozen=True)
@@ -71,7 +80,7 @@ class Signal:
         """Times of the samples in seconds after `start_ns`, (T,)."""
         return (self.stamps_ns - np.int64(start_ns)) * 1e-9
 
-    def between(self, start_ns: int, end_ns: int) -> "Signal":
+    def between(self, start_ns: int, end_ns: int) -> Signal:
         """The samples with start_ns <= stamp <= end_ns."""
         first, last = np.searchsorted(self.stamps_ns, [start_ns, end_ns + 1])
         return Signal(self.names, self.stamps_ns[first:last], self.values[first:last], self.unit)

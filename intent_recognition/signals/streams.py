@@ -2,10 +2,10 @@
 """Whether the streams of one recording belong together: overlap, one clock, likely units."""
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
-from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import earliest_onset, peak_speed
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, onset_settings
 from intent_recognition.signals.signal import Signal
@@ -32,7 +32,31 @@ WIDEST_RAD = 8.0 * np.pi
 """Extent of a joint beyond which its unit is hardly radians [rad]. Convention: four turns."""
 
 
-def stream_defect(recorded: Demonstration) -> str:
+class Recorded(Protocol):
+    """The streams of one recording, as a `Demonstration` has them."""
+
+    @property
+    def observed(self) -> tuple[Signal, ...]:
+        """Signals of the human."""
+
+    @property
+    def controlled(self) -> tuple[Signal, ...]:
+        """Signals of the robot."""
+
+    @property
+    def start_ns(self) -> int:
+        """First stamp."""
+
+    @property
+    def end_ns(self) -> int:
+        """Last stamp."""
+
+    @property
+    def delays_s(self) -> tuple[float, ...]:
+        """Median time from stamp to log time of each signal [s]."""
+
+
+def stream_defect(recorded: Recorded) -> str:
     """Why a recording cannot be learned from or scored, with the likely cause; empty if it can.
 
     A controlled agent that was not recorded while the observed one moved has no truth there, and
@@ -42,14 +66,14 @@ def stream_defect(recorded: Demonstration) -> str:
     return next(filter(None, (*map(_unit_defect, signals), _missing(recorded))), "")
 
 
-def common_span(recorded: Demonstration) -> tuple[int, int]:
+def common_span(recorded: Recorded) -> tuple[int, int]:
     """The part of [start_ns, end_ns] in which every controlled stream was recorded."""
     first = [int(signal.stamps_ns[0]) for signal in recorded.controlled]
     last = [int(signal.stamps_ns[-1]) for signal in recorded.controlled]
     return max([recorded.start_ns, *first]), min([recorded.end_ns, *last])
 
 
-def recording_doubts(recorded: Demonstration) -> list[str]:
+def recording_doubts(recorded: Recorded) -> list[str]:
     """What gives reason to doubt a recording that can be used, each with the likely cause."""
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
     return [
@@ -74,7 +98,7 @@ def _unit_defect(signal: Signal) -> str:
     )
 
 
-def _missing(recorded: Demonstration) -> str:
+def _missing(recorded: Recorded) -> str:
     """Which controlled stream misses too much of the observed recording."""
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     length, onset_ns = max(end_ns - start_ns, 1), _onset_ns(recorded)
@@ -119,14 +143,14 @@ def _missing(recorded: Demonstration) -> str:
     return ""
 
 
-def _onset_ns(recorded: Demonstration) -> int:
+def _onset_ns(recorded: Recorded) -> int:
     """When the human first moves; before that there is nothing to predict."""
     settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
     first_s = earliest_onset(settings, recorded.observed, start_ns)
     return start_ns + round((first_s or 0.0) * 1e9)
 
 
-def _shifted_clock(recorded: Demonstration) -> Iterator[str]:
+def _shifted_clock(recorded: Recorded) -> Iterator[str]:
     """Streams whose stamps differ by a shift from the times at which they were received."""
     if not recorded.delays_s:
         return
@@ -142,7 +166,7 @@ def _shifted_clock(recorded: Demonstration) -> Iterator[str]:
             )
 
 
-def _shifted_edges(recorded: Demonstration) -> Iterator[str]:
+def _shifted_edges(recorded: Recorded) -> Iterator[str]:
     """Streams that begin and end by the same time earlier or later than the observed ones."""
     for signal in recorded.controlled:
         begins_s = (int(signal.stamps_ns[0]) - recorded.start_ns) * 1e-9
@@ -156,7 +180,7 @@ def _shifted_edges(recorded: Demonstration) -> Iterator[str]:
             )
 
 
-def _in_part(recorded: Demonstration) -> Iterator[str]:
+def _in_part(recorded: Recorded) -> Iterator[str]:
     """Whether one agent was recorded in only a part of the other's recording."""
     if not recorded.controlled:
         return
@@ -178,7 +202,7 @@ def _in_part(recorded: Demonstration) -> Iterator[str]:
         )
 
 
-def _sparse(recorded: Demonstration) -> Iterator[str]:
+def _sparse(recorded: Recorded) -> Iterator[str]:
     """Observed streams with too few samples for an onset to be found in them."""
     for signal in recorded.observed:
         steps_ns = np.diff(signal.stamps_ns)
@@ -190,7 +214,7 @@ def _sparse(recorded: Demonstration) -> Iterator[str]:
             )
 
 
-def _degrees(recorded: Demonstration) -> Iterator[str]:
+def _degrees(recorded: Recorded) -> Iterator[str]:
     """Joints that turn too far for radians."""
     for signal in (*recorded.observed, *recorded.controlled):
         if signal.unit == "rad" and len(signal.values):
@@ -199,7 +223,7 @@ def _degrees(recorded: Demonstration) -> Iterator[str]:
                 yield f"{_names(signal)} turns by {extent:.3g} rad. Likely degrees for radians."
 
 
-def _resting(recorded: Demonstration) -> Iterator[str]:
+def _resting(recorded: Recorded) -> Iterator[str]:
     """Agents that do not move: what is learned of them is a place, and of the human no task."""
     for agent, signals, cause in (
         ("observed", recorded.observed, "a tracker that lost the body, or another unit"),

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A grasp of a gripper with two parallel fingers."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,6 +7,8 @@ neighbourhoods, before and after, give a frame and a distance of the contacts; t
 the frame and widens with the distance.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warping the annotated object onto another one (Brandl et al. II-B and II-C)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -47,7 +49,7 @@ class ObjectModel:
     frame: ObjectFrame
 
     @classmethod
-    def learn(cls, annotated: AnnotatedObject) -> "ObjectModel":
+    def learn(cls, annotated: AnnotatedObject) -> ObjectModel:
         """Learn the part classifiers and the frame of the annotated object.
 
         Raises:

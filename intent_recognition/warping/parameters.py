@@ -5,6 +5,8 @@ Each takes the warped object and gives a number or a point in the target's coord
 are functions of the same kind; they may use these, the parts' points, the rim and the cavity.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple

@@ -7,6 +7,8 @@ container's height; and the tilt, divided by the held container's tilt reference
 learned with one pair of containers is rescaled by those of the next.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -85,7 +87,7 @@ class WarpedPrimitive:
         paths: Sequence[NDArray[np.float64]],
         durations_s: Sequence[float],
         basis: NormalizedRBFBasis | None = None,
-    ) -> "WarpedPrimitive":
+    ) -> WarpedPrimitive:
         """Learn from demonstrations that begin and end together.
 
         Args:

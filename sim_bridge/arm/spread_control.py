@@ -17,7 +17,7 @@ from intent_recognition.motion import FeedbackSettings, resting_gains
 from sim_bridge.arm.arm import SimulatedArm
 
 HOLD_S = 1.0
-"""How long after its end a prediction's last spread is held; then low gains again."""
+"""How long after its end a prediction's last spread is held [s]; then low gains again."""
 
 
 class SpreadControl:

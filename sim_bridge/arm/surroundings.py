@@ -16,6 +16,7 @@ from sim_bridge.physics import BulletClient, pybullet
 APART_STEPS = 100
 """Two bodies that part for less than this do not touch anew [ms]. Convention: they bounce."""
 _COLOUR = (0.55, 0.45, 0.35, 1.0)
+"""Red, green, blue and opacity of the boxes, 0 to 1."""
 
 
 class Surroundings:

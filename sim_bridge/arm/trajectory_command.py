@@ -18,6 +18,7 @@ from intent_recognition.kinematics import (
 )
 
 VELOCITY_TOLERANCE = 1e-6
+"""Largest velocity of the last point that counts as zero [rad/s]. Numerical safeguard."""
 REASONS = (
     "wrong_joint_names",
     "empty",

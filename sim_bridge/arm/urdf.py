@@ -55,7 +55,7 @@ LINK_BODIES: tuple[LinkBody, ...] = (
     LinkBody(0.3, (0.0, 0.0, 0.06), "z", 0.035, 0.036),
 )
 BASE_MASS_KG = 1.21
-"""Mass of the fixed base; of no effect on the dynamics."""
+"""Mass of the fixed base [kg]; of no effect on the dynamics."""
 
 
 def link_inertia(index: int, rotor_inertia: float) -> NDArray[np.float64]:

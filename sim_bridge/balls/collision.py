@@ -17,7 +17,7 @@ from sim_bridge.containers import at_heights, pieces_between
 WALL_M = 0.006
 """Thickness of walls that balls collide with [m], drawn outward from the inner surface."""
 HULL_MARGIN_M = 0.001
-"""Bullet's hulls reach this much farther than their corners; the wall is drawn back by it."""
+"""Bullet's hulls reach this much farther than their corners [m]; the wall is drawn back by it."""
 
 
 def wall_pieces(hollow: Hollow) -> list[NDArray[np.float64]]:

@@ -2,8 +2,13 @@
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
 from sim_bridge.coworker.change import USUAL_BLEND, ChangedReach, change_of_mind
-from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
-from sim_bridge.coworker.hardness import TEST_COUNTS, TRAINING_COUNTS, demonstration_rng
+from sim_bridge.coworker.demonstration import (
+    TEST_COUNTS,
+    TRAINING_COUNTS,
+    WristDemonstration,
+    demonstration_rng,
+    plan_demonstration,
+)
 from sim_bridge.coworker.reach import (
     Movement,
     Reach,

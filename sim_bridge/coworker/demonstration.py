@@ -6,12 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest
+from sim_bridge.coworker.styles import TASKS
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
 OCCLUSION_PROBABILITY = 0.4
 """Share of demonstrations in which the tracker loses the marker now and then. Convention."""
 SETTLE_S = 0.5
 """How long the recording goes on after the robot's arrival [s]. Convention."""
+TRAINING_COUNTS = {TASKS[0]: 15, TASKS[1]: 20, TASKS[2]: 13}
+"""Demonstrations per task to learn from, 48 in all."""
+TEST_COUNTS = dict.fromkeys(TASKS, 4)
+"""Recordings per task that nothing is learned from."""
 
 
 @dataclass(frozen=True)
@@ -53,3 +58,8 @@ def plan_demonstration(rng: np.random.Generator, task: str) -> WristDemonstratio
     gaps_per_s = 1.5 / (arrival + SETTLE_S) if occluded else 0.0
     samples = sample_wrist(rng, [(onset, reach)], arrival + SETTLE_S, gaps_per_s=gaps_per_s)
     return WristDemonstration(reach, onset, end, arrival, samples)
+
+
+def demonstration_rng(seed: int, purpose: int, task: str, index: int) -> np.random.Generator:
+    """The generator of one demonstration: the same whatever else is drawn, and in any order."""
+    return np.random.default_rng([seed, purpose, TASKS.index(task), index])

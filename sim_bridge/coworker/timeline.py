@@ -20,7 +20,7 @@ from sim_bridge.coworker.orientation import REST_QUATERNION, quaternions
 from sim_bridge.coworker.reach import Movement
 
 RATE_HZ = 100.0
-"""Samples of the tracker per second. Convention."""
+"""Samples of the tracker per second [Hz]. Convention."""
 DROP_RATE = 0.002
 """Probability that a single sample is lost. Convention."""
 

@@ -15,6 +15,7 @@ from intent_recognition.kinematics import frame_poses, jacobian
 from sim_bridge.arm import SimulatedArm
 
 _GRIP_POINTS_M = np.array([[0.0, 0.0, 0.10], [0.14, 0.0, -0.05], [-0.07, 0.12, -0.05]])
+"""Points of the hand that are held, in the hand frame (3, 3) [m]. Convention."""
 
 
 @dataclass(frozen=True)

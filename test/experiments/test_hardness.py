@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from hardness import nearest_mean_labels
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import read_demonstrations
@@ -16,7 +17,6 @@ from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import task_posterior
 from intent_recognition.signals import Demonstration, merge
-from sim_bridge.coworker.hardness import nearest_mean_labels
 
 
 class Accuracy(NamedTuple):

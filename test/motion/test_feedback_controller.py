@@ -139,8 +139,10 @@ def test_simulated_executions_scatter_as_the_primitive():
 
 
 def test_bad_settings_are_named():
-    with pytest.raises(ArgumentError, match="FeedbackSettings"):
+    with pytest.raises(ArgumentError, match=r"disturbance: expected above 0, got 0\.0"):
         FeedbackSettings(disturbance=0.0)
+    with pytest.raises(ArgumentError, match="n_times: expected at least 3, got 2"):
+        FeedbackSettings(n_times=2)
     with pytest.raises(ArgumentError, match="weights"):
         feedback_policy(BASIS, Gaussian(np.zeros(11), np.eye(11)), 1.0)
     with pytest.raises(ArgumentError, match="duration_s"):

@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 
 from intent_recognition.activation.states import Homing, Idle
 from intent_recognition.model.file import save_model
-from intent_recognition.nodes.activation_parameters import ANY_TIME, AT_REST
+from intent_recognition.nodes.activation_specs import ANY_TIME, AT_REST
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.intent_estimator import LIVE as ESTIMATOR_LIVE

@@ -50,6 +50,11 @@ def test_node_takes_its_section(harness, section, tmp_path):
     assert node.get_name() == name
     for parameter, value in values.items():
         assert node.get_parameter(parameter).value == value, parameter
+    if name in ("mocap_ingest", "primitive_activation"):
+        for parameter in values:
+            said = node.describe_parameter(parameter)
+            if said.floating_point_range or said.integer_range:
+                assert "larger value" in said.description, parameter
     own = set(node._parameters) - {"use_sim_time", "start_type_description_service"}
     assert own <= set(words(name)), "not in the shipped file, not even as a comment"
 

@@ -168,8 +168,8 @@ def test_primitives_that_do_not_fit_and_activations_that_are_none(primitives, rn
     other = make_library(rng, groups=(3,), n_controlled=2, n_basis=7).primitive(0)
     with pytest.raises(ArgumentError, match="same basis"):
         co_activate([primitives[0], other], [1.0, 1.0])
-    for activations in ([0.0, 0.0], [-1.0, 2.0], [np.nan, 1.0]):
-        with pytest.raises(ArgumentError, match="activations"):
+    for activations, got in (([0.0, 0.0], "0 for all"), ([-1.0, 2.0], "-1"), ([np.nan, 1], "nan")):
+        with pytest.raises(ArgumentError, match=f"activations: expected .*, got {got}"):
             co_activate(primitives, activations)
     with pytest.raises(ShapeError):
         blend(primitives, [0.0, 1.0], [[1.0, 0.0]])

@@ -81,7 +81,7 @@ def test_the_task_may_be_given(library, recording):
         (lambda t, y: (t[:-1], y), ShapeError, "one row per time"),
         (lambda t, y: (t, y[:, :2]), ShapeError, "one column per DOF"),
         (lambda t, y: (t[:0], y[:0]), ShapeError, "one row per time"),
-        (lambda t, y: (t[::-1], y), ArgumentError, "Sort the samples"),
+        (lambda t, y: (t[::-1], y), ArgumentError, r"got .* after .* in row 1\. Sort the samples"),
         (lambda t, y: (t, np.full_like(y, np.nan)), ArgumentError, "at least one measured"),
         (lambda t, y: (t, np.full_like(y, np.inf)), ArgumentError, "infinity"),
     ],

@@ -10,6 +10,7 @@ from intent_recognition.signals.demonstration import Demonstration
 TIMES_S = np.linspace(0.0, 1.0, 11)
 HUMAN = np.stack([TIMES_S, TIMES_S**2], axis=1)
 ROBOT = np.cos(TIMES_S)[:, None]
+LONG_S = np.linspace(0.0, 2.0, 101)
 
 
 def test_arrays_become_one_signal_per_agent():
@@ -70,6 +71,51 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
 def test_what_no_demonstration_can_be_made_of(times_s, human, robot, options, error, says):
     with pytest.raises(error, match=says):
         Demonstration.from_arrays(times_s, human, robot, **options)
+
+
+def reach(share: float = 1.0) -> np.ndarray:
+    """A column that moves within so much of the time and then rests."""
+    way = np.clip((LONG_S - 0.4) / share, 0.0, 1.0)[:, None]
+    return 0.4 * way**3 * (10.0 - 15.0 * way + 6.0 * way**2)
+
+
+@pytest.mark.parametrize(
+    ("human", "robot", "options", "says"),
+    [
+        (
+            1000.0 * reach(),
+            reach(),
+            {},
+            "first: human_0 moves over 400 m at .* metres. Likely mill",
+        ),
+        (reach(), 1000.0 * reach(), {"controlled_unit": "m"}, "first: robot_0 moves over 400 m"),
+        (reach(), reach(), {"robot_times_s": LONG_S + 9.0}, "robot_0 does not overlap .* clocks"),
+        (reach(), reach()[:40], {"robot_times_s": LONG_S[:40]}, "robot_0 covers 39% of the"),
+    ],
+)
+def test_what_no_recording_could_be_learned_from_is_refused_as_in_bags(human, robot, options, says):
+    with pytest.raises(ArgumentError, match=says):
+        Demonstration.from_arrays(LONG_S, human, robot, name="first", **options)
+
+
+@pytest.mark.parametrize(
+    ("human", "robot", "says"),
+    [
+        (0.0 * reach(), reach(), "first: the observed agent does not move"),
+        (reach(), 0.0 * reach(), "first: the controlled agent does not move"),
+        (reach(), np.degrees(reach()) * 2.0, "first: robot_0 turns by .* Likely degrees"),
+    ],
+)
+def test_what_gives_reason_to_doubt_in_bags_is_a_warning(human, robot, says):
+    with pytest.warns(UserWarning, match=says):
+        Demonstration.from_arrays(LONG_S, human, robot, name="first")
+
+
+def test_the_human_may_be_alone_but_not_missing():
+    alone = Demonstration.from_arrays(LONG_S, reach(), np.empty((101, 0)))
+    assert alone.controlled == ()
+    with pytest.raises(ShapeError, match=r"human: expected at least one column, got \(101, 0\)"):
+        Demonstration.from_arrays(LONG_S, np.empty((101, 0)), reach())
 
 
 def test_a_row_that_was_measured_in_part_is_refused():

@@ -129,10 +129,12 @@ def test_a_skill_survives_its_file(skill, tmp_path):
     ("name", "value", "reason"),
     [
         ("format_version", np.array(9), "format_version"),
-        ("mean", np.zeros(7), "100 of them"),
-        ("spread", np.full((100, 10), np.nan), "or NaN"),
-        ("reached", np.zeros(2), "right shape"),
-        ("duration_s", None, "duration_s"),
+        ("mean", np.zeros(7), r"mean: expected shape \(100,\), got \(7,\)"),
+        ("spread", np.full((100, 10), np.nan), "spread: expected finite numbers, got NaN"),
+        ("reached", np.zeros(2), r"reached: expected shape \(3,\), got \(2,\)"),
+        ("duration_s", None, "duration_s: expected an array, got none. Write it again"),
+        ("spread", None, "spread: expected an array"),
+        ("basis", np.array(["a", "b"]), "basis: expected real numbers, got type"),
     ],
 )
 def test_a_bad_file_is_named(skill, tmp_path, name, value, reason):

@@ -24,7 +24,9 @@ from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import cut_to_movement
 
 N_DEMONSTRATIONS = 40
+"""Simulated demonstrations that are aligned. Convention."""
 N_SAMPLES = 200
+"""Samples of each. Convention."""
 PHASE = np.linspace(0.0, 1.0, N_SAMPLES)
 NOISE, SHIFT_STD = 0.02, 0.03
 FREE_ENDS = 20

@@ -28,6 +28,7 @@ N_OBSERVATIONS = 15
 LAST = 5
 """The paper circles the last five observations of the fastening task."""
 CERTAIN = 0.99
+"""Probability of the true task from which it counts as recognised for certain. Convention."""
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 
 

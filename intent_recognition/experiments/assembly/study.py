@@ -39,9 +39,9 @@ NONE_PRIOR = 1e-6
 QUICK_SESSION, QUICK_PER_TASK = "session_00", 8
 """A quick run has so many demonstrations of each task, and leaves out one of each."""
 ARRIVED_M = 0.03
-"""A wrist or hand has arrived when it stays this near to where it ends."""
+"""A wrist or hand has arrived when it stays this near to where it ends [m]."""
 AFTER_ARRIVAL_S = 0.2
-"""The end of a movement is its mean over the last so many seconds."""
+"""The end of a movement is its mean over the last so many seconds [s]."""
 
 
 class StandInScore(NamedTuple):

@@ -29,6 +29,7 @@ LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
 """What is wanted: runs in which the unguarded arm touches, and time lost in the median [s]."""
 OUTCOMES = ("as before", "bent", "refused")
 N_SHOWN = 3
+"""Bent motions that the report draws. Convention."""
 CONDITIONS = (
     "No paper gives figures of this; what stands in the column of the paper is what is wanted.",
     "Reaches are the simulated coworker's, recognised and predicted on line; one or two boxes of 5"

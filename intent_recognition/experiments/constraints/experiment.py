@@ -30,6 +30,7 @@ from sim_bridge.containers import CONTAINER_NAMES
 from sim_bridge.scenarios.pouring import annotated_source
 
 SETS_PER_OBJECT = 10
+"""Training sets drawn for each object, over which scores are averaged. Convention."""
 
 
 def run(settings: Settings) -> ExperimentResult:

@@ -48,10 +48,10 @@ STANDARDS = (STANDARD, UPRIGHT, THROW_STANDARD, THROW_UPRIGHT)
 """Ways to do without references in filling."""
 
 OTHER_AHEAD_M = 0.2
-"""Where the other container is, from this one's opening, when the lip is chosen."""
+"""Where the other container is, from this one's opening, when the lip is chosen [m]."""
 
 USUAL_HEIGHT_M = 0.1
-"""Of any cup, for standard features that are to tell how far is thrown without knowing the cup."""
+"""Height of any cup [m], for standard features that tell how far is thrown without knowing it."""
 
 
 class KnownContainer(NamedTuple):

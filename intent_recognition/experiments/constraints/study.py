@@ -16,6 +16,7 @@ from sim_bridge.containers import CONTAINER_NAMES
 N_TRAINING = 50
 """Trials that a classifier learns from, as in the paper."""
 FEW_FALSE_POSITIVES = 0.01
+"""False positive rate at which true positive rates are compared. Convention."""
 SAME, NOVEL = "same object", "novel objects"
 
 

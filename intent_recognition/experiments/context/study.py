@@ -20,7 +20,9 @@ from intent_recognition.signals import Demonstration, Signal
 from sim_bridge.coworker import minimum_jerk
 
 RATE_HZ = 50.0
+"""Samples of a simulated reach [Hz]. Convention."""
 REST_S = 0.6
+"""Rest before and after a reach [s]. Convention."""
 DURATION_S, DURATION_STD = 2.0, 0.12
 NOISE_STD_M = 0.001
 GOAL_STD_M = 0.01

@@ -18,7 +18,9 @@ PRIMITIVE, STOCHASTIC, LOW_GAIN = PALETTE[0], PALETTE[1], PALETTE[2]
 NAMES = ("stochastic feedback", "low gain")
 COLOURS = (STOCHASTIC, LOW_GAIN)
 DASHES = ((0, (5, 2)), (0, (1.5, 1.5)))
+"""Dashes of the two controllers' lines."""
 N_COLUMNS = 4
+"""Axes beside one another."""
 
 Wanted = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Times (T,), mean (T, 7) [rad] and standard deviation (T, 7) [rad] of the primitive."""

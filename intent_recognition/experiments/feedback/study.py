@@ -26,8 +26,12 @@ from intent_recognition.signals import Demonstration
 TASK = "plate_handover"
 DESIGN = FeedbackSettings(disturbance=0.3, bandwidth_rad_s=20.0, n_times=801)
 N_RUNS, N_RUNS_QUICK = 60, 6
+"""Executions by each controller, and in a quick run. Convention."""
 PUSH_N = (0.0, 10.0, 0.0)
+"""Force of a push at the hand, world [N]. Convention: sideways."""
 PUSH_S, WINDOW_S, AFTER_S = 0.3, 0.8, 0.6
+"""Length of a push, time from its start in which its effect counts, and time simulated after the
+movement [s]. Convention."""
 CONTROLLERS = ("stochastic feedback", "low gain")
 
 

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 COLOURS = {WARPED: PALETTE[2], CARRIED: PALETTE[1]}
 N_COLUMNS = 4
+"""Axes beside one another."""
 MM = 1e3
+"""Millimetres in a metre."""
 
 
 @styled

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 BAND = 2.0
 """Standard errors on both sides of a mean."""
 TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+"""Marks of the axis of errors."""
 
 
 @styled

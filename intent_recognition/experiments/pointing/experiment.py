@@ -23,6 +23,7 @@ from intent_recognition.report import ExperimentResult
 from intent_recognition.signals import Demonstration
 
 QUICK = (0, 7)
+"""Recordings of a quick run, by index."""
 QUICK_SPOTS = ("pointing_00", "pointing_01", "pointing_02")
 
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 TRAINED, POINTED, POSTERIOR, PRIOR = PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[0]
 WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
 N_JOINTS_SHOWN = 4
+"""Joints that are drawn, the first ones."""
 
 
 class PointedSpot(NamedTuple):

@@ -19,6 +19,7 @@ from intent_recognition.report import Block, Column, Figure, Finding, Row, Table
 from sim_bridge.scenarios.pointing import CIRCLE_CENTRE_M, CIRCLE_DIAMETER_M, SPOTS_M
 
 PAPER_LARGEST_M = 0.03
+"""Largest distance from a test spot that the paper states [m]."""
 SHOWN = (5, 7)
 """Test spots #6 and #8, as in the paper's Fig. 5."""
 CONDITIONS = (

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 HOLD_SAMPLES = 20
 """The wrist's last samples, 0.2 s of holding still, whose mean is the one observation."""
 N_POINTS = 60
+"""Phases at which a predicted path is evaluated. Convention."""
 
 
 @dataclass(frozen=True)

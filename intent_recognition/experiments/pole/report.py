@@ -32,7 +32,9 @@ from intent_recognition.report import (
 from sim_bridge.scenarios.pole import POLE_M, POLE_RADIUS_M, WAYS, fingertip, way_of
 
 PAPER_PLATEAU_CM = 4.0
+"""Error of the path that the paper reaches with enough components [cm], about."""
 SHOWN_JOINTS = (0, 2, 4)
+"""Joints that are drawn, by index."""
 TIP_ERROR = "error of the fingertip's path [cm]"
 JOINT_ERROR = "error of the joints [rad]"
 

@@ -34,8 +34,11 @@ if TYPE_CHECKING:
     from sim_bridge.scenarios.pole import PoleRun
 
 LARGEST_NUMBER = 17
+"""Components that are tried, at most. Convention."""
 QUICK_LARGEST = 3
+"""The same in a quick run."""
 QUICK_EXECUTED = 2
+"""Predicted motions that a quick run carries out."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 N_SAMPLES = 101
+"""Samples of each drawn curve. Convention."""
 PHASE = np.linspace(0.0, 1.0, N_SAMPLES)
 NAMES = ("observed", "controlled")
 VIA = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])

@@ -41,7 +41,9 @@ FLOOR = 1e-6
 """Smallest variance of a parameter, in parts of the mean over its DOF."""
 
 SHRINKAGES = (0.003, 0.03, 0.1)
+"""Shares of the diagonal in the covariance that are tried. Convention."""
 VARIANCES = (1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 1.0)
+"""Noise variances of the observed positions that are tried. Convention: from none to all."""
 SMOOTHERS: tuple[Smoother, ...] = (
     *(SavitzkyGolay(width) for width in (0.1, 0.16, 0.25, 0.4, 0.6, 0.9)),
     *(Butterworth(cutoff) for cutoff in (1.5, 2.5, 4.0, 6.5, 10.0)),

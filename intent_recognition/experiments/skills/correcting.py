@@ -31,14 +31,18 @@ if TYPE_CHECKING:
     from sim_bridge.teaching import CorrectingHand
 
 MOVED_M = 0.08
-"""How far a task's rule has moved."""
+"""How far a task's rule has moved [m]."""
 FALSE_ALARM_RATE = 0.1
+"""Share of undisturbed executions that may count as pushed. Convention."""
 N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED, N_MOVES = 18, 12, 8, 3, 2
 """Executions that give the detector, that it is scored on, with bumps, and after each correction;
 moves of each task's rule."""
 N_QUICK = (4, 1, 1, 1, 1)
+"""The same in a quick run."""
 N_CORRECTIONS = 3
+"""Corrections kept one after the other. Convention."""
 LARGEST_BLOW_N, LONGEST_BLOW_S = 60.0, 0.2
+"""Strongest [N] and longest [s] bump of an execution with bumps. Convention: nobody leads so."""
 RESTS_M_S, RESTS_S, AWAY_M = 0.02, 0.3, 0.12
 """A person corrects a hand so slow, for so long, and so far from home. Convention."""
 

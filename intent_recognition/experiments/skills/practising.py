@@ -22,10 +22,12 @@ from intent_recognition.motion import scaled_limits
 from intent_recognition.promp import TaskLibrary
 
 MOVED_M = 0.05
-"""How far the hand must be from where the demonstrations had it, to have something to find."""
+"""How far the hand must be from where the demonstrations had it, to have something to find [m]."""
 COSTS = DISTANCE, TIME = "distance", "time"
 N_SEEDS, N_ROLLOUTS, N_REACHES = 5, 40, 3
+"""Seeds, rollouts of a practice, and reaches on which the result is scored. Convention."""
 N_QUICK = (1, 12, 1)
+"""The same in a quick run."""
 
 
 class TaskPractised(NamedTuple):

@@ -23,6 +23,7 @@ from intent_recognition.experiments.sparse.conditioning import (
 )
 
 N_TRAIN, N_TEST = 40, 60
+"""Simulated movements to learn from and to predict. Convention."""
 PROMP, DMP_SPLINE, DMP_THROUGH, NOTHING = METHODS = (
     "ProMP",
     "DMP, best smoothing spline",

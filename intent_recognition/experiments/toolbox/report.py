@@ -43,6 +43,7 @@ DRAWS_CAPTION = (
     " alone; below median and range."
 )
 N_JOINTS_SHOWN = 4
+"""Joints that are drawn, the first ones."""
 WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
 
 

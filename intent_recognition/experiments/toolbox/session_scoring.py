@@ -14,14 +14,17 @@ from sim_bridge.coworker import Interaction, SessionPlan
 from sim_bridge.scenarios.toolbox import HOME_HAND_M, handover_point
 
 SCORED_AFTER_S = 1.0
-"""The hand is scored so long after the end of the human's movement."""
+"""The hand is scored so long after the end of the human's movement [s]."""
 DECIDED_WITHIN_S = 0.3
 """A change of mind must have been followed so long after the movement's end [s]."""
 EARLIEST_DECISION_S = 0.1
-"""A decision cannot belong to a movement that begins later than this after it."""
+"""A decision cannot belong to a movement that begins later than this after it [s]."""
 REST_SPEED_RAD_S = 0.03
+"""Speed of the fastest joint below which the arm rests [rad/s]. Convention."""
 AWAY_FROM_HOME_M = 0.08
+"""Distance of the hand from home above which it rests at an interaction [m]. Convention."""
 DETAIL_S = 1.5
+"""Time after the human's end that a trace shows [s]. Convention."""
 
 
 def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:

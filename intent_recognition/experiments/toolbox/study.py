@@ -42,6 +42,7 @@ SESSIONS = 10
 EXECUTIONS = 4
 """Executions in each; 40 in all, as many as in the paper."""
 QUICK_EXECUTIONS = 3
+"""Executions in each of a quick run."""
 WHOLE_NAME, END_NAME = "whole", "end alone"
 """Whether a component is taken from the whole movement or from the wrist's end alone."""
 SESSION_SEED = 7000

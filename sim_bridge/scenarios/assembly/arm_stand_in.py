@@ -28,11 +28,11 @@ from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation, pose
 from sim_bridge.teaching import SAMPLE_NS
 
 UPDATE_S = 0.08
-"""How often the prediction is planned with anew."""
+"""Time from one plan with the newest prediction to the next [s]."""
 AFTER_S = 1.5
-"""The worker holds still so long after the recording ends."""
+"""The worker holds still so long after the recording ends [s]."""
 LARGEST_END_STD_M = 0.1
-"""The arm stays where it is while the predicted end is less certain than this."""
+"""The arm stays where it is while the predicted end is less certain than this [m]."""
 N_POINTS = 41
 """Points of a predicted path that is planned with. Convention."""
 HAND = hand_rotation(0.0, -0.25)

@@ -15,7 +15,7 @@ from sim_bridge.scenarios.assembly.styles import ASSISTANT, RESTS, TASKS, WORKER
 SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
 
 MARGIN_S = 0.4
-"""A demonstration's marks: so long before the worker's onset, and after both have come to rest."""
+"""How long before the worker's onset and after the rest of both a demonstration is marked [s]."""
 IDLE_S = (0.45, 0.6)
 """Shortest and longest rest between two interactions [s]. Convention."""
 HOLD_S = 0.45

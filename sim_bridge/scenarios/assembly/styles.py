@@ -76,7 +76,7 @@ FLIPPED_M = _frozen(-0.28, 0.02, 0.05)
 """From the worker's goal to the assistant's wrist: screw given, box held, taken, flipped."""
 
 PERSONAL_STD_M = 0.012
-"""How far a person's wrist is from what the place of the other would make it, per axis."""
+"""How far a person's wrist is from what the place of the other would make it, per axis [m]."""
 
 PRESS_M = _frozen(0.0, 0.0, -0.02)
 PUSH_M = _frozen(-0.07, 0.0, 0.0)
@@ -88,10 +88,10 @@ FLIP_BOW_M = _frozen(-0.02, 0.0, 0.10)
 REACTION_S = (0.25, 0.55)
 GRASP_S = (0.15, 0.30)
 READY_S = (0.10, 0.25)
-"""How long it takes to react to the other, to take a thing, and to see that the other is ready."""
+"""How long it takes to react to the other, to take a thing, and to see the other ready [s]."""
 
 EARLY_S = (0.2, 0.7)
-"""Who brings the plate slows down to be there so long before the box has been flipped."""
+"""Who brings the plate slows down to be there so long before the box has been flipped [s]."""
 
 TEMPO_LOG_STD = 0.14
 PERSONAL_LOG_STD = 0.08

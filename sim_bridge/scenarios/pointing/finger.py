@@ -13,6 +13,7 @@ FINGER_MASS_KG = 0.05
 FINGER_RADIUS_M = 0.008
 """Radius of the rod [m]. Convention."""
 _TABLE_HALF_M = (0.32, 0.45, 0.02)
+"""Half the table's length, width and thickness [m]."""
 _MIDDLE_M = (0.0, 0.0, 0.5 * FINGER_LENGTH_M)
 
 

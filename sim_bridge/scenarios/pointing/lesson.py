@@ -31,7 +31,9 @@ from sim_bridge.teaching import Grip, HandTarget, pull
 GRIP = Grip()
 """How firmly the demonstrator holds the arm."""
 _BOW_M, _BOW_STD_M = np.array([0.0, 0.0, 0.03]), 0.010
+"""How far the hand's way is bowed in the middle, and standard deviation of that [m]. Convention."""
 _PATH_RATE_HZ = 200.0
+"""Samples of the taught path [Hz]. Convention."""
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,9 @@ BOW_M = np.array([0.0, 0.0, 0.06])
 BOW_STD_M = 0.015
 """Its scatter per axis [m]. Convention."""
 MARKER_PLACEMENT_STD_M = 0.005
-"""Between sessions: where on the wrist the marker is put, per axis."""
+"""Where on the wrist the marker is put, between sessions, per axis [m]."""
 MARKER_SLIP_STD_M = 0.002
-"""Between recordings of one session, per axis."""
+"""Between recordings of one session, per axis [m]."""
 
 
 @dataclass(frozen=True)

@@ -25,20 +25,23 @@ CIRCLE_DIAMETER_M = 0.30
 FINGER_LENGTH_M = 0.16
 """From the hand's frame to the tip of the rod [m]. Convention."""
 TIP_ABOVE_TABLE_M = 0.015
-"""How high above the spot the demonstrator stops the tip: near it, without a touch."""
+"""How high above the spot the demonstrator stops the tip [m]: near it, without a touch."""
 
-# Down from the level at the circle's centre, and steeper for nearer spots, as an arm does it.
 _DOWN_RAD, _STEEPER_RAD_M = 0.75, 2.0
+"""Angle of the finger below level at the circle's centre [rad], and by how much it is steeper for
+nearer spots [rad/m], as an arm does it. Convention."""
 
-# Polar coordinates in the circle (radius [m], direction [deg]): sparse, as in the paper's figure.
 _TRAIN = (
     (0.000, 0), (0.080, 45), (0.080, 165), (0.080, 285),
     (0.145, 10), (0.145, 82), (0.145, 154), (0.145, 226), (0.145, 298),
 )  # fmt: skip
+"""Spots that are taught: radius [m] and direction [deg] in the circle. Sparse, as in the paper's
+figure."""
 _TEST = (
     (0.140, 45), (0.050, 100), (0.060, 225), (0.105, 120), (0.045, 345),
     (0.110, 190), (0.140, 262), (0.140, 335), (0.100, 5),
 )  # fmt: skip
+"""Spots that are pointed at in the test, likewise."""
 
 
 def _spots(polar: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:

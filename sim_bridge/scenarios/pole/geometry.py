@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 from intent_recognition.kinematics import frame_poses
 
 POLE_M = np.array([0.40, 0.0])
+"""Where the pole stands on the table, x and y [m]. Convention."""
 POLE_M.setflags(write=False)
 POLE_RADIUS_M = 0.02
 """Its radius [m]."""
 POLE_HEIGHT_M = 1.0
-"""Higher than the arm's elbow ever is: there is no way over it."""
+"""Higher than the arm's elbow ever is [m]: there is no way over it."""
 FINGER_M = 0.12
-"""From the hand's frame to the finger's tip, along the hand's z axis."""
+"""From the hand's frame to the finger's tip, along the hand's z axis [m]."""
 FINGER_RADIUS_M = 0.015
 """Radius of the arm's finger [m]."""
 POINTING_HEIGHT_M = 0.05
-"""The fingertip stops so high above the spot on the table."""
+"""The fingertip stops so high above the spot on the table [m]."""
 
 LEFT, RIGHT = "left", "right"
 WAYS = (LEFT, RIGHT)
@@ -32,9 +33,10 @@ HOME = np.array([0.0, 0.5, 0.0, 1.9, 0.0, -1.74, 0.0])
 HOME.setflags(write=False)
 """The hand hangs between the robot and the pole, on neither side of it."""
 
-# Upper arm, forearm, wrist and finger as cylinders of these radii, for planning.
 _RADII_M = np.array([0.068, 0.064, 0.060, FINGER_RADIUS_M])
-_ENDS = (1, 3, 5, 7)  # frames of shoulder, elbow, wrist and hand
+"""Upper arm, forearm, wrist and finger as cylinders of these radii, for planning [m]."""
+_ENDS = (1, 3, 5, 7)
+"""DH frames of shoulder, elbow, wrist and hand."""
 
 
 def chain(q: NDArray[np.float64]) -> NDArray[np.float64]:

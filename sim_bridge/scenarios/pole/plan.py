@@ -25,9 +25,9 @@ from sim_bridge.scenarios.pole.geometry import (
 )
 
 CLEARANCE_M = 0.065
-"""A person leading the arm keeps it so far from the pole, where there is room."""
+"""A person leading the arm keeps it so far from the pole, where there is room [m]."""
 LEAST_CLEARANCE_M = 0.050
-"""A way that comes nearer than this is not taken."""
+"""A way that comes nearer than this is not taken [m]."""
 REACHED_M = 0.005
 """A finger this near to its target has reached it [m]."""
 LIMIT_MARGIN_RAD = 0.08
@@ -35,8 +35,10 @@ LIMIT_MARGIN_RAD = 0.08
 
 _POSTURE = np.array([0.576, -1.078, -0.515, 1.556, -0.392, -0.647, -0.5])
 _SWING = np.array([0.967, -0.123, 0.225, 1.584, -0.267, -1.236, -0.344])
-_FOLLOW = 0.5  # how much of a change of the last posture the swing takes part in
-_LOWEST_M = np.array([0.12, 0.15])  # elbow and wrist above the table
+_FOLLOW = 0.5
+"""How much of a change of the last posture the swing takes part in. Convention."""
+_LOWEST_M = np.array([0.12, 0.15])
+"""Elbow and wrist stay so far above the table [m]. Convention."""
 
 
 class Way(NamedTuple):

@@ -20,7 +20,7 @@ from sim_bridge.scenarios.pole.geometry import (
 LOOK_M = 0.5
 """Distances are measured up to here [m]."""
 WATCH_M = 0.05
-"""Farther away than this, no touch within the next sample is possible: that were 5 m/s."""
+"""Distance [m] beyond which no touch is possible within the next sample: that would be 5 m/s."""
 
 
 class Pole:

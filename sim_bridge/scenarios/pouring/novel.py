@@ -42,7 +42,7 @@ from sim_bridge.teaching import JOINT_TOPIC
 ANNOTATED = "mug"
 """The shipped object whose parts are annotated."""
 AHEAD_M = 0.2
-"""How far from a container's opening the other one is, when its lip is chosen."""
+"""How far from a container's opening the other one is, when its lip is chosen [m]."""
 
 BALLS_ABOVE = 1.7
 """How far balls stand above the lip before they leave, in radii: what a container of the ten holds

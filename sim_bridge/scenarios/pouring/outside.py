@@ -14,7 +14,9 @@ from sim_bridge.balls import HULL_MARGIN_M, offset
 from sim_bridge.containers import TUBE_CORNERS, Container, at_heights, pieces_between
 
 N_LEVELS = 7
+"""Rings of corners from base to crest. Convention."""
 N_CORNERS = 32
+"""Corners of each ring. Convention."""
 THINNEST_M, LOWEST_M = 0.0004, 0.0001
 """Hulls need a thickness and a height; with Bullet's margin a wall of 2 mm would have none left."""
 

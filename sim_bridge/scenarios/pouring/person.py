@@ -30,8 +30,11 @@ POUR_AT = np.array([-0.75, 0.0, 0.28, 0.85])
 
 START_STD = np.array([0.15, 0.15, 0.06, 0.0])
 POUR_AT_STD = np.array([0.06, 0.07, 0.04, 0.05])
+"""Standard deviations of both, in the warped space. Convention."""
 FULL_TILT_RAD, FULL_TILT_STD_RAD = np.deg2rad(135.0), np.deg2rad(4.0)
+"""Tilt of the cup in the end and its standard deviation [rad]. Convention."""
 DURATION_S, DURATION_STD_S = 8.0, 0.6
+"""Duration of a pour and its standard deviation [s]. Convention."""
 
 
 @dataclass(frozen=True)

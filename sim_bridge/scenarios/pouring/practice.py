@@ -52,6 +52,7 @@ leaves practice some room to find the opening in."""
 OTHER_STD = np.array([0.0, 0.1, 0.08])
 """How much they vary across and up, as ratios of the warped space. Convention."""
 _STREAM = 71
+"""Number that keeps these draws apart from others of the same seed."""
 
 
 class _Planned(NamedTuple):

@@ -27,7 +27,7 @@ OPENING_M = np.array([0.70, 0.15, 0.26])
 """Where the centre of the second container's opening is, world."""
 
 FINGERS_M = 0.11
-"""From the hand's frame to the axis of the held container."""
+"""From the hand's frame to the axis of the held container [m]."""
 
 GRASP_SHARE = 0.5
 """At which share of the container's height it is held."""

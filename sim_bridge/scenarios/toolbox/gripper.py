@@ -11,10 +11,15 @@ from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import STANDS_M
 
 GRASP_RADIUS_M = 0.03
+"""Distance of the hand from a stand at which it takes the object [m]. Convention."""
 GRASP_SPEED_M_S = 0.12
+"""Speed of the hand below which it does [m/s]. Convention."""
 RELEASE_SPEED_M_S = 0.03
+"""Speed of the hand below which it rests [m/s]. Convention."""
 RELEASE_REST_S = 0.25
+"""Rest after which it lets go, or takes the screwdriver [s]. Convention."""
 CARRIED_M = 0.12
+"""Distance from where the hand took or began that counts as away [m]. Convention."""
 
 
 class Gripper:

@@ -31,7 +31,9 @@ _COLOURS = {
     HOLD: (0.2, 0.7, 0.3, 1.0),
 }
 BENCH_PLACE_M = (0.98, 0.32, 0.085)
+"""Where the screwdriver lies on the bench [m]. Convention."""
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
+"""Quaternion xyzw of no rotation."""
 
 
 Colour = tuple[float, float, float, float]

@@ -32,6 +32,7 @@ from sim_bridge.teaching import (
 FIRST_SEED = 1001
 """Seed of the first session; the next has the next one."""
 SESSIONS, INTERACTIONS = 8, 10
+"""Sessions that are recorded, and interactions in each. Convention."""
 
 
 def session_messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:

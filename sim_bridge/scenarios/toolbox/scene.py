@@ -18,6 +18,7 @@ from sim_bridge.coworker import HOLD, PLATE, SCREW, STYLES, TASKS
 
 ARM_BRANCH = Branch(shoulder=-1, elbow=1, wrist=1)
 ARM_SWIVEL_RAD = -0.25
+"""Swivel of the elbow about the line from shoulder to wrist [rad]. Convention."""
 
 # From the worker's wrist to the robot's hand, at the handover: a plate is held at opposite edges,
 # a screwdriver is taken by its end. The screw is given at one place, wherever the human reaches.
@@ -28,9 +29,12 @@ SCREW_HANDOVER_M = np.array([0.62, -0.03, 0.38])
 _YAW_ROLL_RAD = {PLATE: (0.10, 0.20), SCREW: (-0.05, -0.25), HOLD: (0.0, -0.45)}
 
 HOME_HAND_M = np.array([0.50, -0.21, 0.37])
+"""Where the hand waits [m]. Convention."""
 _HOME_YAW_ROLL_RAD = (-0.15, 0.0)
+"""Yaw about the world's z and roll about its own z of the hand at home [rad]. Convention."""
 
 LIFT_M = np.array([0.0, 0.0, 0.08])
+"""How far the taken object is lifted off its stand [m]. Convention."""
 
 
 def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, NDArray[np.float64]]:

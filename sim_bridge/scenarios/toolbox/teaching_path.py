@@ -44,6 +44,7 @@ _BOW_M = {
     HOLD: np.array([-0.02, -0.03, -0.02]),
 }
 _BOW_STD_M = 0.010
+"""Standard deviation of the bow of a taught path along each axis [m]. Convention."""
 
 
 @dataclass(frozen=True)

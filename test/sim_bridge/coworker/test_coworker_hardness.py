@@ -3,10 +3,7 @@
 
 import numpy as np
 import pytest
-
-from sim_bridge.coworker.hardness import (
-    TEST_COUNTS,
-    TRAINING_COUNTS,
+from hardness import (
     draw_set,
     gaussian_labels,
     hardness_table,
@@ -14,14 +11,16 @@ from sim_bridge.coworker.hardness import (
     nearest_mean_labels,
 )
 
+from sim_bridge.coworker import TEST_COUNTS, TRAINING_COUNTS
 
-def hardness(seed):
+
+def measured_with(seed):
     return measure_hardness(draw_set(seed, TRAINING_COUNTS, 0), draw_set(seed, TEST_COUNTS, 1))
 
 
 @pytest.mark.slow
 def test_shipped_demonstrations_are_hard_for_the_shortcut_and_easy_for_the_history():
-    measured = hardness(1)
+    measured = measured_with(1)
     assert measured.position_leave_one_out <= 0.85
     assert measured.position_test <= 0.85
     assert measured.history_leave_one_out >= 0.97
@@ -32,7 +31,7 @@ def test_shipped_demonstrations_are_hard_for_the_shortcut_and_easy_for_the_histo
 
 @pytest.mark.slow
 def test_fresh_seeds_are_as_hard():
-    measured = [hardness(seed) for seed in range(100, 106)]
+    measured = [measured_with(seed) for seed in range(100, 106)]
     assert max(m.position_leave_one_out for m in measured) <= 0.85
     assert np.mean([m.position_test for m in measured]) <= 0.85
     assert np.mean([m.history_leave_one_out for m in measured]) >= 0.97

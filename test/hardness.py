@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
-from sim_bridge.coworker.styles import TASKS
-
-TRAINING_COUNTS = {TASKS[0]: 15, TASKS[1]: 20, TASKS[2]: 13}
-"""Demonstrations per task to learn from, 48 in all."""
-TEST_COUNTS = dict.fromkeys(TASKS, 4)
-"""Recordings per task that nothing is learned from."""
-
+from sim_bridge.coworker import (
+    TASKS,
+    TEST_COUNTS,
+    TRAINING_COUNTS,
+    WristDemonstration,
+    demonstration_rng,
+    plan_demonstration,
+)
 
 Classifier = Callable[
     [NDArray[np.float64], NDArray[np.integer], NDArray[np.float64]], NDArray[np.integer]
@@ -131,11 +131,6 @@ def draw_set(seed: int, counts: Mapping[str, int], purpose: int) -> list[WristDe
         for task, count in counts.items()
         for index in range(count)
     ]
-
-
-def demonstration_rng(seed: int, purpose: int, task: str, index: int) -> np.random.Generator:
-    """The generator of one demonstration: the same whatever else is drawn, and in any order."""
-    return np.random.default_rng([seed, purpose, TASKS.index(task), index])
 
 
 def hardness_table(seed: int, shares: Sequence[float] = (0.1, 0.2, 0.3, 0.5)) -> str:
