@@ -117,7 +117,7 @@ def test_each_cure_is_said_once_where_no_bag_can_be_read(train, tmp_path):
         train(tmp_path)
     message = str(caught.value)
     assert message.count("intent recover") == 1 and message.endswith("with `intent recover`.")
-    assert message.count("damaged") == 3 and "; and 2 more." in message
+    assert message.count("damaged: ") == 3 and "; and 2 more." in message
     assert "DOF" not in message.partition("got")[2]
 
 

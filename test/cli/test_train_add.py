@@ -105,7 +105,7 @@ def test_choosing_again_without_a_model_to_add_to_is_refused(run_command, tmp_pa
 
 def test_a_model_of_an_older_version_says_what_it_lacks(train, first, tmp_path):
     save_model(tmp_path / "old.npz", load_model(first))
-    with pytest.raises(ModelError, match=r"old\.npz: expected statistics to add to"):
+    with pytest.raises(ModelError, match=r"old\.npz: expected statistics to add demonstrations to"):
         train("more.npz", (5,), "--add", tmp_path / "old.npz")
 
 
