@@ -112,7 +112,7 @@ def _counted(
 def _words(change: Change) -> str:
     name = change.bag.rpartition("/")[2].removeprefix(f"{change.task}_")
     said = {
-        START: "the model begun with",
+        START: "the first model",
         LEARN: f"learned {name}",
         WAIT: f"recorded {name}",
         UNDO: f"took {name} back",

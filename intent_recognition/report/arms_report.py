@@ -11,6 +11,7 @@ from intent_recognition.evaluation import (
     summarise,
     summary_line,
 )
+from intent_recognition.report.demo_report import hand_error_text
 from intent_recognition.report.drawing import to_svg
 from intent_recognition.report.figures_session import hand_error_figure
 from intent_recognition.report.html import (
@@ -78,7 +79,7 @@ def arm_row(arm: str, records: Sequence[InteractionRecord]) -> tuple[str | None,
         f"{summary.recognised_right}/{summary.n}",
         f"{summary.decided_before_end}/{summary.n}",
         None if share is None else f"{100.0 * share:.0f}",
-        str(summary.hand_error).removesuffix(" cm").replace("+-", "\N{PLUS-MINUS SIGN}"),
+        hand_error_text(summary.hand_error).removesuffix(" cm"),
         f"{median(errors_cm):.1f}" if errors_cm else None,
         f"{max(errors_cm):.1f}" if errors_cm else None,
         None if arrival is None else f"{arrival:+.2f}",

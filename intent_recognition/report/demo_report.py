@@ -124,7 +124,7 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
             good=None if share is None else share <= 0.5,
             note="of the human's movement had passed",
         ),
-        KeyNumber("hand error", _hand_error(summary.hand_error), note=_who(summary)),
+        KeyNumber("hand error", hand_error_text(summary.hand_error), note=_who(summary)),
     ]
     for task, error in summary.hand_error_by_task.items():
         paper = PAPER_HAND_ERROR.get(task)
@@ -132,8 +132,8 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
         numbers.append(
             KeyNumber(
                 f"hand error, {readable(task)}",
-                _hand_error(error),
-                _hand_error(paper) if paper else "",
+                hand_error_text(error),
+                hand_error_text(paper) if paper else "",
                 _meets(error, paper),
                 f"n = {error.n}; {FIXED_PLACE}" if apart else f"n = {error.n}",
             )
@@ -150,7 +150,7 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
             KeyNumber(
                 "changes of mind followed",
                 f"{summary.changes_followed}/{summary.n_changed}",
-                note=f"hand error {_hand_error(summary.changed_hand_error)}",
+                note=f"hand error {hand_error_text(summary.changed_hand_error)}",
             )
         )
     return KeyNumbers(tuple(numbers))
@@ -344,7 +344,7 @@ def _figure(figure: "Drawing", caption: str) -> Figure:
     return Figure(to_svg(figure), caption)
 
 
-def _hand_error(error: HandError) -> str:
+def hand_error_text(error: HandError) -> str:
     """As `3.2 +- 2.6 cm`, or what is known of it."""
     if error.two_std_cm is None:
         return _absent(error.mean_cm, lambda x: f"{x:.1f} cm")

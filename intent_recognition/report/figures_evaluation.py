@@ -137,7 +137,8 @@ def reliability_figure(
 def draw_phase(axes: "Axes", phase: str, at: Values, values: Values) -> None:
     """The curve of a kind of phase."""
     style = PHASE_STYLES.get(phase, {"color": PALETTE[2], "marker": "^"})
-    axes.plot(at, values, label=PHASE_NAMES.get(phase, phase), markersize=5.5, **style)
+    style = {"markersize": 5.5, "clip_on": False, "zorder": 3} | style  # whole at the axis, too
+    axes.plot(at, values, label=PHASE_NAMES.get(phase, phase), **style)
 
 
 def _phases(axes: "Axes", series: Series) -> None:

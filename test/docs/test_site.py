@@ -59,6 +59,14 @@ def test_the_reference_has_a_page_of_every_public_name(site):
         assert f'id="intent_recognition.{name}"' in page.read_text(encoding="utf-8")
 
 
+def test_the_reference_says_what_a_function_returns_and_no_sentence_of_it_is_cut(site):
+    api = site / "docs" / "api"
+    learn = (api / "generated" / "intent_recognition.learn.html").read_text(encoding="utf-8")
+    assert "TaskLibrary" in learn.partition("Return type")[2].partition("</dd>")[0]
+    shown = (api / "index.html").read_text(encoding="utf-8")
+    assert "Condition on y = H w + noise." in shown and "Eq.</p>" not in shown
+
+
 def test_the_gallery_has_a_page_of_every_example(site):
     for example in sorted((ROOT / "examples").glob("*.py")):
         assert (site / "docs" / "gallery" / f"{example.stem}.html").is_file()

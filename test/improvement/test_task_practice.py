@@ -161,7 +161,7 @@ def test_practice_in_a_folder_goes_on_is_accepted_and_taken_back(library):
         practised.accept(session)
     assert opened()[1].folder.name == "practice_01"
     told = [one.what for one in skill_history(read_history(library.path), [])[TASK]]
-    assert told == ["the model begun with", "improved by practice_00"]
+    assert told == ["the first model", "improved by practice_00"]
     library.undo()
     assert library.model_path.read_bytes() == before
     assert (library.path / "undone" / TASK / "practice_00" / "practice.json").exists()

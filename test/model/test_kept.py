@@ -149,7 +149,7 @@ def test_executions_count_since_the_change_before_them():
     ]
     skills = skill_history(changes, executions[::-1])
     first, second = skills["cup"]
-    assert (first.what, first.texts()) == ("the model begun with", ("1", "1", "1", "0", "0", "-"))
+    assert (first.what, first.texts()) == ("the first model", ("1", "1", "1", "0", "0", "-"))
     assert (second.what, second.texts()) == ("kept 0001", ("2", "1", "0", "1", "1", "2.5"))
     assert [one.n_executions for one in skills["plate"]] == [0]
     (unknown,) = skill_history([], executions[:1])["cup"]

@@ -13,6 +13,7 @@ import pytest
 from intent_recognition.errors import ShapeError
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise, summary_line
 from intent_recognition.report import calibration_report, demo_report, evaluation_report
+from intent_recognition.report.arms_report import arm_row
 from intent_recognition.report.demo_report import _key_numbers, demo_page, write_demo_report
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
@@ -133,6 +134,7 @@ def test_one_interaction_is_no_mean_and_not_typical(session, undrawn):
     numbers = key_numbers(page)
     assert numbers["hand error"].ours == numbers["hand error, plate handover"].ours == "1.1 cm"
     assert numbers["hand error"].note == numbers["hand error, plate handover"].note == "n = 1"
+    assert arm_row("lwr", [plate])[4] == "1.1"
     late = summarise([replace(plate, hand_error_m=0.05)])
     (card,) = [n for n in _key_numbers(late).numbers if n.label == "hand error, plate handover"]
     assert (card.ours, card.good) == ("5.0 cm", None)
