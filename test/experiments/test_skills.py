@@ -9,12 +9,24 @@ import pytest
 from intent_recognition.experiments.execution import as_demonstration, execute
 from intent_recognition.experiments.reaches import toolbox_recordings, watch_reach
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.skills import practising, practising_report
-from intent_recognition.experiments.skills.correcting import Corrects, correction_of
+from intent_recognition.experiments.skills import (
+    correcting_report,
+    experiment,
+    practising,
+    practising_report,
+)
+from intent_recognition.experiments.skills.correcting import (
+    CorrectingStudy,
+    Corrects,
+    Session,
+    correction_of,
+)
+from intent_recognition.experiments.skills.part import Part
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
 from intent_recognition.motion import scaled_limits
 from intent_recognition.nodes.correction_input import load_detector
+from intent_recognition.report import Finding, Table, Text
 from sim_bridge.coworker import PLATE
 from sim_bridge.scenarios.toolbox import handover_point
 
@@ -60,6 +72,59 @@ def test_a_practised_task_is_compared_beside_others_and_in_physics(learned, monk
     (waited,) = numbers["in_physics"]
     assert [len(late) for late in waited["late_s"]] == [1, 1]
     assert len(part.findings) == 3 and len(part.blocks) == 2
+
+
+def session(task, errors_m, others_changed=0.0):
+    """One move of a task's rule: two executions after each of 0 to 3 corrections."""
+    errors = np.repeat(np.array(errors_m)[:, None], 2, axis=1)
+    led, without = np.full(6, 0.01), np.full(6, 0.06)
+    return Session(task, errors, led, without, others_changed, 0.0, 0.0, (9.0, 30.0))
+
+
+def corrected(*sessions, n_lasting=0):
+    return CorrectingStudy(load_detector("lwr"), 12, 1, 8, 3, n_lasting, sessions)
+
+
+def test_the_report_of_corrections_says_how_far_the_error_falls(monkeypatch):
+    study = corrected(session("plate", (0.08, 0.04, 0.02, 0.01)), session("screw", (0.08, 0, 0, 0)))
+    monkeypatch.setattr(correcting_report, "investigate", lambda settings: study)
+    part = correcting_report.run(Settings())
+    falls = json.loads(json.dumps(dict(part.numbers)))["fall"]
+    assert falls == {"plate": pytest.approx(1 - 0.01 / 0.08), "screw": 1.0}
+    assert part.findings[0].ours == "93.8 (87.5 to 100.0)"
+    assert all(finding.holds in (True, None) for finding in part.findings)
+    (table,) = (block for block in part.blocks if isinstance(block, Table))
+    assert [row[0] for row in table.rows] == ["plate", "screw"]
+
+
+def test_corrections_that_fail_are_reported_as_missed(monkeypatch):
+    study = corrected(session("plate", (0.08, 0.08, 0.08, 0.08), others_changed=1e-3), n_lasting=1)
+    monkeypatch.setattr(correcting_report, "investigate", lambda settings: study)
+    met = [finding.holds for finding in correcting_report.run(Settings()).findings]
+    assert met.count(False) == 3  # the fall, the other tasks, the blow
+
+
+def test_the_parts_of_the_experiment_are_one_report_and_share_its_progress(monkeypatch):
+    def part(name):
+        def run(settings):
+            settings.progress(0.5, "half")
+            finding = Finding(name, "1", "1", True)
+            return Part((finding,), (Text(f"of {name}"),), (f"as {name}",), {"n": 1})
+
+        return run
+
+    parts = {"first": (0.6, part("first")), "second": (0.4, part("second"))}
+    monkeypatch.setattr(experiment, "PARTS", parts)
+    seen = []
+    result = experiment.run(Settings(progress=lambda done, what: seen.append((done, what))))
+    assert seen == [(0.3, "first: half"), (pytest.approx(0.8), "second: half")]
+    assert [finding.quantity for finding in result.findings] == ["first", "second"]
+    assert [block.text for block in result.blocks] == ["First", "of first", "Second", "of second"]
+    assert result.numbers == {"first": {"n": 1}, "second": {"n": 1}}
+
+
+def test_shares_of_the_parts_are_a_whole():
+    assert sum(share for share, _ in experiment.PARTS.values()) == pytest.approx(1.0)
 
 
 def _end(library, task):
