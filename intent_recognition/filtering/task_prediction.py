@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering.bank import CourseWeights, FilterBank
 from intent_recognition.filtering.deviation import Deviations
 from intent_recognition.gaussian import Gaussian
@@ -129,10 +130,14 @@ class TaskPrediction:
         """The controlled agent's whole interaction from onset, or its end alone for one point.
 
         Args:
-            n_points: T.
+            n_points: T, at least 1.
             start: measured posture of the controlled agent at onset.
             grid: that of this task, if there is one.
+
+        Raises:
+            ArgumentError: there is no point.
         """
+        _check_points(n_points)
         grid = grid or ControlGrid(self.library, self.task)
         duration_s = self.duration_s
         along = grid.predict(self.observed_weights(), 1.0, start)
@@ -146,8 +151,12 @@ class TaskPrediction:
         """The rest of the observed agent's movement; its end alone when that is due, or for T = 1.
 
         Args:
-            n_points: T.
+            n_points: T, at least 1.
+
+        Raises:
+            ArgumentError: there is no point.
         """
+        _check_points(n_points)
         library, duration_s = self.library, self.duration_s
         begin_s = min(self.elapsed_s, duration_s)
         times_s = np.linspace(duration_s, begin_s, n_points)[::-1]
@@ -193,6 +202,11 @@ class TaskPrediction:
         phase = reference_phase(model, times_s / self.durations_s[likely, None])
         mean = np.einsum("ste,ste->t", share, phase)
         return mean, np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
+
+
+def _check_points(n_points: int) -> None:
+    if n_points < 1:
+        raise ArgumentError.about("n_points", "1 or more", n_points, "Pass 1 for the end alone.")
 
 
 def deviations_at(
