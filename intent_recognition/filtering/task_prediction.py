@@ -6,7 +6,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering.bank import CourseWeights, FilterBank
 from intent_recognition.filtering.deviation import Deviations
 from intent_recognition.gaussian import Gaussian
@@ -16,6 +15,7 @@ from intent_recognition.promp import (
     StartPosture,
     TaskLibrary,
     Trajectory,
+    check_points,
     controlled_weights,
     deviation_prior,
     deviation_transition,
@@ -137,7 +137,7 @@ class TaskPrediction:
         Raises:
             ArgumentError: there is no point.
         """
-        _check_points(n_points)
+        check_points(n_points)
         grid = grid or ControlGrid(self.library, self.task)
         duration_s = self.duration_s
         along = grid.predict(self.observed_weights(), 1.0, start)
@@ -156,7 +156,7 @@ class TaskPrediction:
         Raises:
             ArgumentError: there is no point.
         """
-        _check_points(n_points)
+        check_points(n_points)
         library, duration_s = self.library, self.duration_s
         begin_s = min(self.elapsed_s, duration_s)
         times_s = np.linspace(duration_s, begin_s, n_points)[::-1]
@@ -202,11 +202,6 @@ class TaskPrediction:
         phase = reference_phase(model, times_s / self.durations_s[likely, None])
         mean = np.einsum("ste,ste->t", share, phase)
         return mean, np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
-
-
-def _check_points(n_points: int) -> None:
-    if n_points < 1:
-        raise ArgumentError.about("n_points", "1 or more", n_points, "Pass 1 for the end alone.")
 
 
 def deviations_at(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type, describe
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Observation, as_numbers, as_stamp_ns
 
@@ -109,8 +109,10 @@ def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
     """Make sure that a library can take the place of another.
 
     Raises:
+        ArgumentError: it is no library.
         DofError: it has other DOFs, or another context.
     """
+    check_type("library", other, TaskLibrary, LIBRARY_CURE)
     for name in (
         "observed_names",
         "observed_units",

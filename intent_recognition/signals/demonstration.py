@@ -106,7 +106,7 @@ class Demonstration:
             ShapeError: the arrays do not fit each other or the names.
             ArgumentError: times do not increase, a value is not finite, there are fewer than four
                 samples, metres cannot be the unit, the robot was not recorded while the human
-                moved, or the label cannot name a task.
+                moved, two columns have one name, or the label cannot name a task.
         """
         if task is not None and not can_name_task(task):
             cure = "Give one such as give_cup; None where there is no label."
@@ -184,6 +184,9 @@ def _signal(
     if len(names) != n_dofs:
         expected, cure = f"{n_dofs}, one per column", "Name every DOF once."
         raise ShapeError.about(f"names of {argument}", expected, len(names), cure)
+    if len({name for name in names if isinstance(name, str) and name}) != n_dofs:
+        expected, cure = f"{n_dofs} different texts", "Name every DOF once."
+        raise ArgumentError.about(f"names of {argument}", expected, list(names), cure)
     measured = ~np.all(np.isnan(samples), axis=1) | (n_dofs == 0)
     times, samples = times[measured], samples[measured]
     _check(argument, times, samples)
