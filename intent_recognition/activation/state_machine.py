@@ -199,13 +199,7 @@ class Activation:
         labels: Sequence[str],
         probabilities: NDArray[np.float64],
     ) -> None:
-        """Take what the next task will be.
-
-        Args:
-            now_ns: now, by the clock of `step`.
-            stamp_ns: of the expectation.
-            labels: of the K tasks.
-            probabilities: theirs, (K,), sum to one.
+        """Take what the next task will be: labels of the K tasks and their probabilities, (K,).
 
         Raises:
             ArgumentError: they are no probabilities, or not one for each label.
