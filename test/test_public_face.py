@@ -185,7 +185,9 @@ def test_things_are_shown_on_one_line(library):
         (lambda _: ir.save_model("m.npz", "library"), "model: expected a Model, got one of type"),
         (lambda one: ir.IntentEstimator(one).observe(1.7e18, [0, 0, 0]), "divide nanoseconds"),
         (lambda one: ir.IntentEstimator(one).observe("now", [0, 0, 0]), "got 'now'"),
-        (lambda _: ir.TrainingSettings(n_basis=-1), "n_basis, width: expected at least 3"),
+        (lambda _: ir.TrainingSettings(n_basis=-1), "n_basis, width: expected 3 basis"),
+        (lambda _: ir.TrainingSettings(n_basis=12.5), "n_basis, width: .* got 12.5"),
+        (lambda _: ir.learn([], {"n_basis": 20}), "settings: expected a TrainingSettings, got one"),
         (lambda _: ir.TrainingSettings(ridge=0.0), "ridge: expected a positive number"),
     ],
 )

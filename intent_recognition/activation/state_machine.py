@@ -167,7 +167,18 @@ class Activation:
         probabilities: NDArray[np.float64],
         log_evidence: NDArray[np.float64] | None = None,
     ) -> None:
-        """Take the probabilities of one observation; raises what `decide` raises."""
+        """Take the probabilities of one observation.
+
+        Args:
+            now_ns: now, by the clock of `step`.
+            stamp_ns: of the observation.
+            labels: of the K tasks and none.
+            probabilities: theirs, (K + 1,), sum to one.
+            log_evidence: log density of the movement under each, (K + 1,); None where not known.
+
+        Raises:
+            ArgumentError: what `decide` cannot take.
+        """
         if not self._inbox.take_tasks(now_ns, stamp_ns, labels, probabilities, log_evidence):
             return
         decision = self.decision
@@ -188,7 +199,11 @@ class Activation:
         labels: Sequence[str],
         probabilities: NDArray[np.float64],
     ) -> None:
-        """Take what the next task will be; raises what `Pretrigger.take_expectation` raises."""
+        """Take what the next task will be: labels of the K tasks and their probabilities, (K,).
+
+        Raises:
+            ArgumentError: they are no probabilities, or not one for each label.
+        """
         if not self._inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
             self.pretrigger.take_expectation(stamp_ns, labels, probabilities)
 

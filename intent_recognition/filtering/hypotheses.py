@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import TaskLibrary
 
 N_SCALES = 15
@@ -78,9 +79,18 @@ def make_hypotheses(
     Args:
         library: the learned tasks.
         task_prior: p(s) of the K tasks, summing to one; the library's own when None.
-        n_scales: durations per task.
+        n_scales: durations per task, at least 1.
+
+    Raises:
+        ArgumentError: the prior is not one over K tasks, or there is no duration.
     """
-    prior = library.task_prior if task_prior is None else task_prior
+    prior = library.task_prior if task_prior is None else np.asarray(task_prior)
+    n_tasks = library.n_tasks
+    if prior.shape != (n_tasks,) or not (np.all(prior >= 0) and abs(prior.sum() - 1.0) < 1e-6):
+        expected, cure = f"{n_tasks} probabilities that sum to one", "Divide them by their sum."
+        raise ArgumentError.about("task_prior", expected, prior, cure)
+    if n_scales < 1:
+        raise ArgumentError.about("n_scales", "1 or more", n_scales, f"Try {N_SCALES}.")
     offsets, log_weight = duration_offsets(n_scales)
     mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
     std = np.r_[library.log_duration_std, library.none_log_duration[1]]

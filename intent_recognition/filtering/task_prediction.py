@@ -15,6 +15,7 @@ from intent_recognition.promp import (
     StartPosture,
     TaskLibrary,
     Trajectory,
+    check_points,
     controlled_weights,
     deviation_prior,
     deviation_transition,
@@ -129,10 +130,14 @@ class TaskPrediction:
         """The controlled agent's whole interaction from onset, or its end alone for one point.
 
         Args:
-            n_points: T.
+            n_points: T, at least 1.
             start: measured posture of the controlled agent at onset.
             grid: that of this task, if there is one.
+
+        Raises:
+            ArgumentError: there is no point.
         """
+        check_points(n_points)
         grid = grid or ControlGrid(self.library, self.task)
         duration_s = self.duration_s
         along = grid.predict(self.observed_weights(), 1.0, start)
@@ -146,8 +151,12 @@ class TaskPrediction:
         """The rest of the observed agent's movement; its end alone when that is due, or for T = 1.
 
         Args:
-            n_points: T.
+            n_points: T, at least 1.
+
+        Raises:
+            ArgumentError: there is no point.
         """
+        check_points(n_points)
         library, duration_s = self.library, self.duration_s
         begin_s = min(self.elapsed_s, duration_s)
         times_s = np.linspace(duration_s, begin_s, n_points)[::-1]

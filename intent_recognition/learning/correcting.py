@@ -87,7 +87,11 @@ def keep_correction(
 def move_task(
     trained: Trained, example: TrainingExample, earlier: Sequence[TrainingExample] = ()
 ) -> Trained:
-    """As `keep_correction`, from examples of the same preprocessing."""
+    """As `keep_correction`, from examples of the same preprocessing.
+
+    Raises:
+        TrainingError: the task is not known.
+    """
     library, label = trained.library, example.task
     if label not in library.labels:
         cure = "Teach it first."

@@ -41,7 +41,8 @@ def fit_interaction_promp(
         strength: equivalent sample size of the target, in demonstrations, positive.
 
     Raises:
-        TrainingError: fewer than two demonstrations, or one is too short or has too few samples.
+        TrainingError: fewer than two demonstrations, of one agent alone, or one is too short or has
+            too few samples.
         ArgumentError: the demonstrations differ in their DOFs or tasks, or `strength` or `ridge`
             is not positive.
     """
@@ -50,6 +51,10 @@ def fit_interaction_promp(
     if len(demonstrations) < 2:
         got, cure = len(demonstrations), "A covariance takes more than one; record more."
         raise TrainingError(describe("demonstrations", "two or more", got, cure))
+    if not (demonstrations[0].observed and demonstrations[0].controlled):
+        expected, alone = "signals of both agents", "those of one"
+        cure = "Record the other one, too."
+        raise TrainingError(describe("demonstrations", expected, alone, cure))
     for demonstration in demonstrations[1:]:
         _check_alike(demonstrations[0], demonstration)
     if basis is None:

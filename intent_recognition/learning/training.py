@@ -11,7 +11,7 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import TrainingError, describe
+from intent_recognition.errors import TrainingError, check_type, describe
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import (
     learned_from,
@@ -121,7 +121,9 @@ def learn_with_report(
         ArgumentError: an item is not a `Demonstration`.
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
-    return learn_accumulated(accumulate(demonstrations, settings or TrainingSettings()), provenance)
+    settings = settings or TrainingSettings()
+    check_type("settings", settings, TrainingSettings, "Pass `TrainingSettings(...)`, or None.")
+    return learn_accumulated(accumulate(demonstrations, settings), provenance)
 
 
 def learn_accumulated(

@@ -45,7 +45,7 @@ from intent_recognition.promp.prior import (
     weight_floor,
     without_demonstration,
 )
-from intent_recognition.promp.trajectory import Trajectory, dof_variance, rollout
+from intent_recognition.promp.trajectory import Trajectory, check_points, dof_variance, rollout
 from intent_recognition.promp.weights import (
     WeightFit,
     fit_weights,
@@ -72,6 +72,7 @@ __all__ = [
     "WeightFit",
     "as_context",
     "blend",
+    "check_points",
     "co_activate",
     "condition_response",
     "controlled_at",

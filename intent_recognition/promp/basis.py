@@ -27,7 +27,7 @@ class NormalizedRBFBasis:
         width: standard deviation of each Gaussian in units of the spacing between centres.
 
     Raises:
-        ArgumentError: fewer than 3 basis functions, or a width that is not positive.
+        ArgumentError: fewer than 3 basis functions, no whole number, or a width not above 0.
     """
 
     n_basis: int = 20
@@ -35,11 +35,12 @@ class NormalizedRBFBasis:
 
     def __post_init__(self) -> None:
         """Check the arguments."""
-        if self.n_basis < 3 or not self.width > 0:
+        whole = isinstance(self.n_basis, int | np.integer)
+        if not whole or self.n_basis < 3 or not self.width > 0:
             raise ArgumentError(
                 describe(
                     "n_basis, width",
-                    "at least 3 basis functions of positive width",
+                    "3 basis functions or more, a whole number, of positive width",
                     f"{self.n_basis} of width {self.width}",
                     "Try 20 of width 1.5.",
                 )

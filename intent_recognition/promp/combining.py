@@ -23,6 +23,7 @@ from intent_recognition.gaussian import (
 )
 from intent_recognition.promp.control_points import condition_controlled
 from intent_recognition.promp.interaction import InteractionProMP
+from intent_recognition.signals import as_numbers
 
 
 class Blend(NamedTuple):
@@ -87,16 +88,17 @@ def via_point(
     if not 0.0 <= time_s <= primitive.duration_s:
         expected = f"a time from 0 to {primitive.duration_s:g} s"
         raise ArgumentError(describe("time_s", expected, time_s, "Give a time of the movement."))
-    point = np.asarray(values, dtype=np.float64)
-    wish = np.zeros(index.size) if covariance is None else np.asarray(covariance, np.float64)
+    point = as_numbers("values", values)
+    wish = np.zeros(index.size) if covariance is None else as_numbers("covariance", covariance)
     if point.shape != index.shape or wish.shape not in (index.shape, 2 * index.shape):
         expected = f"values ({index.size},) and a covariance ({index.size}, {index.size})"
         got = f"{point.shape} and {wish.shape}"
         raise ShapeError(describe("values, covariance", expected, got, "Give one for each DOF."))
     wish = np.array(np.diag(wish) if wish.ndim == 1 else wish, dtype=np.float64)
     wanted = ~np.isinf(np.diag(wish))
+    cure = "Name only the DOFs that shall pass there as `dofs`."
     if not (np.all(np.isfinite(point[wanted])) and np.all(np.isfinite(wish[wanted][:, wanted]))):
-        raise ArgumentError(describe("values", "finite numbers", "NaN or infinity", "Leave out."))
+        raise ArgumentError(describe("values", "finite numbers", "NaN or infinity", cure))
     if not wanted.any():
         return primitive
     rows = index[wanted]
@@ -272,7 +274,7 @@ def _index(primitive: InteractionProMP, dofs: Sequence[int] | None) -> NDArray[n
 
 
 def _activations(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    found = np.asarray(values, dtype=np.float64)
+    found = as_numbers("activations", values)
     if found.shape != shape:
         cure = "Give one for each primitive, at each time where they change."
         raise ShapeError(describe("activations", f"shape {shape}", found.shape, cure))

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.gaussian import Gaussian, condition, marginal
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.trajectory import Trajectory, rollout
+from intent_recognition.promp.trajectory import Trajectory, check_points, rollout
+from intent_recognition.signals import as_numbers
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,13 @@ class InteractionProMP:
                 positive definite.
         """
         index = list(range(self.n_observed) if dofs is None else dofs)
-        if not index or not all(0 <= dof < self.n_dofs for dof in index):
+        if not index or not all(dof in range(self.n_dofs) for dof in index):
             expected, cure = f"numbers from 0 to {self.n_dofs - 1}", "Observed DOFs come first."
             raise ArgumentError(describe("dofs", expected, index, cure))
         noise = np.diag(self.noise_variance[index])
         if covariance is not None:
             noise = noise + _finite("covariance", covariance, noise.shape)
-        phases = np.asarray(phase, dtype=np.float64)
+        phases = as_numbers("phase", phase)
         shape = (*phases.shape, len(index))
         if phases.ndim > 1:
             cure = "Pass one phase per sample."
@@ -119,6 +120,7 @@ class InteractionProMP:
         return self._predict(slice(self.n_observed, None), n_points)
 
     def _predict(self, dofs: slice, n_points: int) -> Trajectory:
+        check_points(n_points)
         index = np.arange(len(self.weights.mean)).reshape(self.n_dofs, -1)[dofs].ravel()
         phase = np.linspace(0.0, 1.0, n_points)
         weights, noise = marginal(self.weights, index), self.noise_variance[dofs]
@@ -127,7 +129,7 @@ class InteractionProMP:
 
 def _finite(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """An argument as an array of the given shape, all of it finite."""
-    array = np.asarray(values, dtype=np.float64)
+    array = as_numbers(argument, values)
     if array.shape != shape:
         cure = "Pass one row per sample and one column per DOF."
         raise ShapeError(describe(argument, f"shape {shape}", array.shape, cure))

@@ -38,6 +38,15 @@ def controlled_weights(
 
     N(A m_o + b, C + A P_o A^T), exact (`TaskLibrary.regressions`). A start posture is one
     more observation of the controlled weights at phase 0; it does not bear on the task.
+
+    Args:
+        library: the learned tasks.
+        task: its number.
+        observed: filtered observed weights, (P N,) and (P N, P N).
+        start: measured posture at onset; None where it is not known.
+
+    Returns:
+        (Q N,) and (Q N, Q N).
     """
     matrix, offset, covariance = library.regressions[task]
     mean = matrix @ observed.mean + offset

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
@@ -26,6 +27,16 @@ class Trajectory(NamedTuple):
     positions: NDArray[np.float64]
     velocities: NDArray[np.float64]
     std: NDArray[np.float64]
+
+
+def check_points(n_points: int) -> None:
+    """Make sure that a trajectory is asked for at one time or more.
+
+    Raises:
+        ArgumentError: it is not.
+    """
+    if n_points < 1:
+        raise ArgumentError.about("n_points", "1 or more", n_points, "Pass 50, or leave it out.")
 
 
 def rollout(

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type, describe
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import LATEST_S, Observation
+from intent_recognition.signals import Observation, as_numbers, as_stamp_ns
+
+LIBRARY_CURE = "Pass what `learn` returns, or `load_model(path).library`."
 
 
 def as_observation(
@@ -30,6 +32,7 @@ def as_observation(
         covariance: (m, m).
 
     Raises:
+        ShapeError: values or covariance are no arrays of numbers.
         ArgumentError: there is no such signal, no such DOF, or the stamp is not in seconds.
     """
     if not 0 <= signal < len(sizes):
@@ -43,7 +46,7 @@ def as_observation(
         )
     n_dofs = sizes[signal]
     if dofs is not None and not (
-        dofs and len(set(dofs)) == len(dofs) and all(0 <= k < n_dofs for k in dofs)
+        dofs and len(set(dofs)) == len(dofs) and all(k in range(n_dofs) for k in dofs)
     ):
         raise ArgumentError(
             describe(
@@ -54,10 +57,10 @@ def as_observation(
             )
         )
     return Observation(
-        _stamp_ns(stamp_s),
+        as_stamp_ns("stamp_s", stamp_s),
         signal,
-        np.array(values, dtype=np.float64),
-        None if covariance is None else np.array(covariance, dtype=np.float64),
+        as_numbers("values", values),
+        None if covariance is None else as_numbers("covariance", covariance),
         None if dofs is None else tuple(dofs),
     )
 
@@ -75,12 +78,12 @@ def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int
         ShapeError: values are not a vector of at most Q numbers.
         ArgumentError: the stamp is not in seconds.
     """
-    position = np.array(values, dtype=np.float64)
+    position = as_numbers("values", values)
     if position.ndim != 1 or len(position) > n_controlled:
         cure = "Pass the positions of one controlled signal."
         expected = f"a vector of at most {n_controlled} numbers"
         raise ShapeError(describe("values", expected, position.shape, cure))
-    return Observation(_stamp_ns(stamp_s), signal, position)
+    return Observation(as_stamp_ns("stamp_s", stamp_s), signal, position)
 
 
 def observation_error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
@@ -106,8 +109,10 @@ def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
     """Make sure that a library can take the place of another.
 
     Raises:
+        ArgumentError: it is no library.
         DofError: it has other DOFs, or another context.
     """
+    check_type("library", other, TaskLibrary, LIBRARY_CURE)
     for name in (
         "observed_names",
         "observed_units",
@@ -120,16 +125,3 @@ def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
         if ours != theirs:
             cure = "Train on the same DOFs."
             raise DofError(describe(f"library {name}", str(ours), str(theirs), cure))
-
-
-def _stamp_ns(stamp_s: float) -> int:
-    """A stamp in nanoseconds."""
-    try:
-        known = abs(stamp_s) < LATEST_S  # False also for NaN
-    except TypeError:
-        known = False
-    if not known:
-        expected = f"seconds, a finite number below {LATEST_S:g}"
-        cure = "Pass the time of measurement; divide nanoseconds by 1e9."
-        raise ArgumentError.about("stamp_s", expected, repr(stamp_s), cure)
-    return round(stamp_s * 1e9)

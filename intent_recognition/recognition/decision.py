@@ -177,7 +177,13 @@ def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float],
 def evidence_share(
     labels: Sequence[str], task: int, log_evidence: NDArray[np.float64] | None
 ) -> float:
-    """Share of a task in the likelihood of all tasks, `none` aside; 1 where it is not known."""
+    """Share of a task in the likelihood of all tasks, `none` aside; 1 where it is not known.
+
+    Args:
+        labels: of the K tasks and none.
+        task: place of its label.
+        log_evidence: log density of the movement under each, (K + 1,).
+    """
     if log_evidence is None or np.shape(log_evidence) != (len(labels),):
         return 1.0
     known = np.array([label != NONE for label in labels])

@@ -19,6 +19,7 @@ from intent_recognition.kinematics import Arm
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
 from intent_recognition.recognition.after_stop import MovementAfterStop
 from intent_recognition.recognition.arguments import (
+    LIBRARY_CURE,
     as_observation,
     as_posture,
     check_same_dofs,
@@ -45,8 +46,8 @@ class IntentEstimator:
 
     Args:
         library: the learned tasks.
-        task_prior: p(s), (K,), always; when None, the library's transition prior after the task
-            before (`transitions`).
+        task_prior: p(s), (K,), always, sums to one; when None, the library's transition prior after
+            the task before (`transitions`).
         n_scales: durations per task in the phase bank.
         transitions: use the transition prior; else p(s) is the library's task prior.
         forget_after_s: time after a movement from which the task before tells nothing any more.
@@ -60,7 +61,7 @@ class IntentEstimator:
         bent: how it is made of the library that was learned (`set_via_points`).
 
     Raises:
-        ArgumentError: library is not a `TaskLibrary`.
+        ArgumentError: library is not a `TaskLibrary`, or the prior is not one over its tasks.
     """
 
     def __init__(
@@ -74,8 +75,7 @@ class IntentEstimator:
         start_posture: bool = True,
         switching: bool = True,
     ):
-        cure = "Pass what `learn` returns, or `load_model(path).library`."
-        check_type("library", library, TaskLibrary, cure)
+        check_type("library", library, TaskLibrary, LIBRARY_CURE)
         self.library, self.bent = library, BentLibrary(library)
         self._context, self._task_prior = KnownContext(library), task_prior
         self._labels = (*library.labels, NONE)

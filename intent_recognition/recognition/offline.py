@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError, check_type, describe
 from intent_recognition.filtering import (
     Hypotheses,
     MovementFilter,
@@ -14,9 +14,10 @@ from intent_recognition.filtering import (
     make_hypotheses,
 )
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
+from intent_recognition.recognition.arguments import LIBRARY_CURE
 from intent_recognition.recognition.estimate import Estimate
 from intent_recognition.recognition.posterior import task_posterior
-from intent_recognition.signals import observations_of
+from intent_recognition.signals import as_numbers, as_stamp_ns, check_times, observations_of
 
 
 def recognize_task(
@@ -45,7 +46,8 @@ def recognize_task(
 
     Raises:
         ShapeError: the arrays do not fit each other or the library.
-        ArgumentError: times do not increase, a value is infinite, or nothing was measured.
+        ArgumentError: times do not increase or are no seconds, a value is infinite, or nothing was
+            measured.
     """
     hypotheses = _hypotheses(library, duration_s)
     run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
@@ -84,7 +86,7 @@ def predict_controlled(
         task: label of the task; None for the most probable one.
         onset_s: as in `recognize_task`.
         duration_s: as in `recognize_task`.
-        n_points: number of points in time.
+        n_points: number of points in time, at least 1: the end.
 
     Raises:
         ShapeError: the arrays do not fit each other or the library.
@@ -103,9 +105,14 @@ def predict_controlled(
 
 def _hypotheses(library: TaskLibrary, duration_s: float | None) -> Hypotheses:
     """The grid of hypotheses: durations of the timing prior, or the one that is known."""
+    check_type("library", library, TaskLibrary, LIBRARY_CURE)
     if duration_s is None:
         return make_hypotheses(library)
-    if not (np.isfinite(duration_s) and duration_s > 0):
+    try:
+        positive = 0.0 < duration_s < np.inf
+    except TypeError:
+        positive = False
+    if not positive:
         cure = "Pass None when it is not known."
         raise ArgumentError(describe("duration_s", "a positive number", duration_s, cure))
     return fixed_hypotheses(library, duration_s)
@@ -120,7 +127,7 @@ def _filtered(
 ) -> tuple[MovementFilter, int]:
     """The hypotheses conditioned on the samples from onset on, and the stamp of the last one."""
     stamps_ns, values = _checked(library, times_s, human)
-    onset_ns = int(stamps_ns[0]) if onset_s is None else round(onset_s * 1e9)
+    onset_ns = int(stamps_ns[0]) if onset_s is None else as_stamp_ns("onset_s", onset_s)
     run = MovementFilter(library, hypotheses, onset_ns)
     last_ns = None
     for observation in observations_of(library.observed_groups, stamps_ns, values):
@@ -137,7 +144,7 @@ def _checked(
     library: TaskLibrary, times_s: ArrayLike, human: ArrayLike
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Stamps (T,) and values (T, P), checked."""
-    times, values = np.asarray(times_s, np.float64), np.asarray(human, np.float64)
+    times, values = as_numbers("times_s", times_s), as_numbers("human", human)
     expected = f"times_s (T,) and human (T, {library.n_observed})"
     if times.ndim != 1 or not times.size or values.shape != (times.size, library.n_observed):
         got, cure = (
@@ -145,11 +152,7 @@ def _checked(
             "Pass one row per time, one column per DOF.",
         )
         raise ShapeError(describe("times_s, human", expected, got, cure))
-    earlier = np.r_[-np.inf, times[:-1]]
-    if not np.all(late := np.isfinite(times) & (times > earlier)):
-        row, cure = int(np.argmin(late)), "Sort the samples and drop duplicates."
-        got = f"{times[row]:.9g} after {earlier[row]:.9g} in row {row}"
-        raise ArgumentError(describe("times_s", "finite, increasing times", got, cure))
+    check_times("times_s", times)
     if np.any(np.isinf(values)):
         cure = "Set what was not measured to NaN."
         raise ArgumentError(describe("human", "finite numbers or NaN", "infinity", cure))

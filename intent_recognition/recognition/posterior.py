@@ -90,7 +90,10 @@ def task_belief(
     hypotheses: Hypotheses,
     switched: SwitchedBelief | None = None,
 ) -> TaskBelief:
-    """What holds of `task_posterior` until the next observation is filtered."""
+    """What holds of `task_posterior` until the next observation is filtered.
+
+    The arguments are those of `task_posterior`.
+    """
     shape = (-1, hypotheses.n_scales)
     log_prior = hypotheses.log_prior.reshape(shape)
     log_scale_evidence = log_evidence.reshape(shape)

@@ -166,6 +166,11 @@ def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.
 
     The learned covariance is that of the next demonstration, so the squared distance of a start
     like the trained ones is chi-square with Q degrees of freedom.
+
+    Args:
+        library: the learned tasks.
+        task: its number.
+        position: of the controlled DOFs, (Q,), in their units.
     """
     limit = float(chdtri(library.n_controlled, 1.0 - OUTSIDE_QUANTILE))
     return start_distance(library, task, position) <= limit

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was measured: signals, observations, demonstrations, and where movements begin and end."""
 
-from intent_recognition.signals.demonstration import (
-    LATEST_S,
-    Demonstration,
-    Rejection,
-)
+from intent_recognition.signals.arrays import LATEST_S, as_numbers, as_stamp_ns, check_times
+from intent_recognition.signals.demonstration import Demonstration, Rejection
 from intent_recognition.signals.labels import LABEL, LONGEST_LABEL, NONE, can_name_task
 from intent_recognition.signals.lags import (
     SpeedCorrelation,
@@ -66,8 +63,11 @@ __all__ = [
     "Span",
     "SpeedCorrelation",
     "StreamFinding",
+    "as_numbers",
+    "as_stamp_ns",
     "at_rest",
     "can_name_task",
+    "check_times",
     "commensurate",
     "common_span",
     "correlate_speeds",

@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
+from intent_recognition.signals.arrays import as_numbers, check_times
 from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
-
-LATEST_S = 9.2e9
-"""Latest time of a sample [s]: nanoseconds since then fill 64 bits."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,7 +106,7 @@ class Demonstration:
             ShapeError: the arrays do not fit each other or the names.
             ArgumentError: times do not increase, a value is not finite, there are fewer than four
                 samples, metres cannot be the unit, the robot was not recorded while the human
-                moved, or the label cannot name a task.
+                moved, two columns have one name, or the label cannot name a task.
         """
         if task is not None and not can_name_task(task):
             cure = "Give one such as give_cup; None where there is no label."
@@ -157,7 +155,7 @@ class Demonstration:
 
 def _constant(context: ArrayLike, stamp_ns: int, names: Sequence[str] | None, unit: str) -> Signal:
     """The signal of a context that was known from a stamp on."""
-    values = _numbers("context", context)
+    values = as_numbers("context", context)
     if values.ndim != 1 or (names is not None and len(names) != len(values)):
         expected = "shape (M,)" if names is None else f"shape ({len(names)},), one for each name"
         cure = "Pass one number for each quantity."
@@ -173,7 +171,7 @@ def _signal(
     argument: str, times_s: ArrayLike, values: ArrayLike, names: Sequence[str] | None, unit: str
 ) -> Signal:
     """The signal of one agent, its arrays checked."""
-    times, samples = _numbers(f"times of {argument}", times_s), _numbers(argument, values)
+    times, samples = as_numbers(f"times of {argument}", times_s), as_numbers(argument, values)
     if times.ndim != 1:
         cure = "Pass one time for each sample."
         raise ShapeError.about(f"times of {argument}", "shape (T,)", times.shape, cure)
@@ -186,20 +184,14 @@ def _signal(
     if len(names) != n_dofs:
         expected, cure = f"{n_dofs}, one per column", "Name every DOF once."
         raise ShapeError.about(f"names of {argument}", expected, len(names), cure)
+    if len({name for name in names if isinstance(name, str) and name}) != n_dofs:
+        expected, cure = f"{n_dofs} different texts", "Name every DOF once."
+        raise ArgumentError.about(f"names of {argument}", expected, list(names), cure)
     measured = ~np.all(np.isnan(samples), axis=1) | (n_dofs == 0)
     times, samples = times[measured], samples[measured]
     _check(argument, times, samples)
     stamps_ns = np.round(times * 1e9).astype(np.int64)
     return Signal(tuple(names), stamps_ns, samples, _unit(argument, unit))
-
-
-def _numbers(argument: str, values: ArrayLike) -> NDArray[np.float64]:
-    """A copy as an array of numbers."""
-    try:
-        return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        cure = "Pass an array, with rows of the same length."
-        raise ShapeError.about(argument, "an array of numbers", error, cure) from error
 
 
 def _unit(argument: str, unit: object) -> str:
@@ -219,17 +211,7 @@ def _check(argument: str, times_s: NDArray[np.float64], samples: NDArray[np.floa
         got = f"{samples[row, column]} in column {column} at {times_s[row]:g} s"
         cure = "Leave that sample out."
         raise ArgumentError.about(argument, "finite numbers, or NaN in a whole row", got, cure)
-    times = f"times of {argument}"
-    usable = np.abs(times_s) < LATEST_S  # False also for NaN
-    if not np.all(usable):
-        row = int(np.argmin(usable))
-        got, cure = f"{times_s[row]:g} in row {row}", "Pass seconds; divide nanoseconds by 1e9."
-        raise ArgumentError.about(times, f"seconds, finite and below {LATEST_S:g}", got, cure)
-    if not np.all(np.diff(times_s) > 0):
-        row = 1 + int(np.argmax(np.diff(times_s) <= 0))
-        got = f"{times_s[row]:.9g} after {times_s[row - 1]:.9g} in row {row}"
-        cure = "Sort the samples and drop duplicates."
-        raise ArgumentError.about(times, "strictly increasing times", got, cure)
+    check_times(f"times of {argument}", times_s)
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,13 @@ def windowed_velocity(
 def peak_speed(
     times_s: NDArray[np.float64], values: NDArray[np.float64], window_s: float = 0.15
 ) -> float:
-    """Largest norm of the windowed velocity; 0 for a signal too short to tell."""
+    """Largest norm of the windowed velocity, per second; 0 for a signal too short to tell.
+
+    Args:
+        times_s: increasing, (T,) [s].
+        values: (T, P), in the unit of the signal.
+        window_s: length of the line fitted for the velocity.
+    """
     if len(times_s) < 3:
         return 0.0
     speed = np.linalg.norm(windowed_velocity(times_s, values, window_s), axis=1)
@@ -156,7 +162,10 @@ def at_rest(
     values: NDArray[np.float64],
     rest_s: float | None = None,
 ) -> bool:
-    """Whether the signal has rested for `rest_s` (the settings' own if None) up to its end."""
+    """Whether the signal has rested for `rest_s` (the settings' own if None) up to its end.
+
+    The other arguments are those of `is_slow`.
+    """
     rest_s = settings.rest_s if rest_s is None else rest_s
     if len(times_s) < 4 or times_s[-1] - times_s[0] < rest_s:
         return False
@@ -199,7 +208,8 @@ def first_onset(
 ) -> float | None:
     """Onset of the first movement of a recording, found as it would have been online.
 
-    Equals `detect_onset` called at every sample in turn, until it answers.
+    Equals `detect_onset` called at every sample in turn, until it answers. Arguments as of
+    `is_slow`.
     """
     speed = np.linalg.norm(windowed_velocity(times_s, values, settings.window_s), axis=1)
     moving = speed > settings.start_share * settings.reference_speed
@@ -230,7 +240,7 @@ def last_motion(
     """Time at which the last movement of a recording ended; its first time if it never moved.
 
     The onset of the recording played backward, so that what is noise to the onset detector is noise
-    here too. Not causal: for cutting recordings in training.
+    here too. Not causal: for cutting recordings in training. Arguments as of `is_slow`.
     """
     onset = first_onset(settings, -times_s[::-1], values[::-1])
     return float(times_s[0]) if onset is None else -onset

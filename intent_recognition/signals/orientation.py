@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.signals.arrays import as_numbers
 
 LARGEST_ANGLE_RAD = 0.95 * np.pi
 """Angle from the reference beyond which an orientation is not represented [rad]. At a half turn v
@@ -36,9 +37,12 @@ def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> NDArray[np.float
     Returns:
         (..., 3); NaN where a quaternion is zero or not finite, and farther than
         `LARGEST_ANGLE_RAD` from the reference.
+
+    Raises:
+        ShapeError: the last dimension of an argument is not 4.
     """
-    q = np.asarray(quaternions, dtype=np.float64)
-    x, y, z, w = np.asarray(reference, dtype=np.float64)
+    q = _of_size(4, "quaternions", quaternions)
+    x, y, z, w = _of_size(4, "reference", reference)
     conjugate = np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z], [x, y, z, w]])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         relative = q @ conjugate.T
@@ -59,11 +63,14 @@ def from_tangent(vectors: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     Args:
         vectors: (..., 3) [rad].
         reference: unit quaternion (4,) xyzw.
+
+    Raises:
+        ShapeError: the last dimension of vectors is not 3, or of the reference not 4.
     """
-    v = np.asarray(vectors, dtype=np.float64)
+    v = _of_size(3, "vectors", vectors)
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
     u, c = 0.5 * np.sinc(angle / (2.0 * np.pi)) * v, np.cos(0.5 * angle)
-    x, y, z, w = np.asarray(reference, dtype=np.float64)
+    x, y, z, w = _of_size(4, "reference", reference)
     product = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
     quaternions = np.concatenate([u, c], axis=-1) @ product.T
     if quaternions.ndim == 1 or not len(quaternions):
@@ -83,9 +90,10 @@ def mean_orientation(quaternions: ArrayLike) -> NDArray[np.float64]:
         quaternions: (T, 4) xyzw; those that are zero or not finite do not count.
 
     Raises:
+        ShapeError: they are not (T, 4).
         ArgumentError: there is none.
     """
-    q = np.asarray(quaternions, dtype=np.float64).reshape(-1, 4)
+    q = _of_size(4, "quaternions", quaternions).reshape(-1, 4)
     norm = np.linalg.norm(q, axis=1, keepdims=True)
     q = q[(norm[:, 0] > LEAST_QUATERNION) & np.isfinite(norm[:, 0])]
     if not len(q):
@@ -94,6 +102,15 @@ def mean_orientation(quaternions: ArrayLike) -> NDArray[np.float64]:
     q = q / np.linalg.norm(q, axis=1, keepdims=True)
     mean = np.linalg.eigh(q.T @ q)[1][:, -1]
     return mean if mean[3] >= 0.0 else -mean
+
+
+def _of_size(size: int, argument: str, values: ArrayLike) -> NDArray[np.float64]:
+    """Vectors (..., size), checked."""
+    array = as_numbers(argument, values)
+    if array.shape[-1:] != (size,):
+        cure = "Quaternions are x, y, z, w; rotation vectors are three angles."
+        raise ShapeError.about(argument, f"shape (..., {size})", array.shape, cure)
+    return array
 
 
 def right_jacobian(vectors: ArrayLike) -> NDArray[np.float64]:

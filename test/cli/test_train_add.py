@@ -103,7 +103,7 @@ def test_choosing_again_without_a_model_to_add_to_is_refused(run_command, tmp_pa
         run_command("train", tmp_path, "--output", tmp_path / "m.npz", "--choose-again", *beside)
 
 
-def test_a_model_of_an_older_version_says_what_it_lacks(train, first, tmp_path):
+def test_a_model_without_statistics_says_what_it_lacks(train, first, tmp_path):
     save_model(tmp_path / "old.npz", load_model(first))
     with pytest.raises(ModelError, match=r"old\.npz: expected statistics to add demonstrations to"):
         train("more.npz", (5,), "--add", tmp_path / "old.npz")

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The interaction primitive fitted to demonstrations of one task."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulation import make_library, minimum_jerk, simulate
@@ -69,6 +71,8 @@ def test_what_cannot_be_fitted(truth, rng):
         fit_interaction_promp([one, other], basis=BASIS)
     with pytest.raises(ArgumentError, match="strength"):
         fit_interaction_promp([one, one], basis=BASIS, strength=0.0)
+    with pytest.raises(TrainingError, match="signals of both agents, got those of one"):
+        fit_interaction_promp([replace(one, controlled=())] * 2, basis=BASIS)
     fewer = make_library(rng, n_controlled=1, n_basis=8)
     with pytest.raises(ArgumentError, match="controlled DOFs"):
         fit_interaction_promp([one, simulate(fewer, 0, rng)], basis=BASIS)

@@ -62,7 +62,7 @@ def test_leading_dimensions_are_kept():
 
 @pytest.mark.parametrize(("n", "width"), [(2, 1.0), (10, 0.0), (10, -1.0), (10, float("nan"))])
 def test_a_basis_that_cannot_be_is_refused(n, width):
-    with pytest.raises(ArgumentError, match=r"n_basis, width: expected at least 3.*Try 20"):
+    with pytest.raises(ArgumentError, match=r"n_basis, width: expected 3 basis.*Try 20"):
         NormalizedRBFBasis(n, width)
 
 

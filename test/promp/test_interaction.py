@@ -127,3 +127,14 @@ def test_a_controlled_dof_may_be_observed_and_noise_added(promp):
 def test_what_cannot_be_conditioned_on(promp, phase, values, options, error, says):
     with pytest.raises(error, match=says):
         promp.condition(phase, values, **options)
+
+
+def test_what_is_no_number_is_named(promp):
+    with pytest.raises(ShapeError, match="values: expected an array of numbers"):
+        promp.condition(0.5, "abc")
+    with pytest.raises(ShapeError, match="phase: expected an array of numbers"):
+        promp.condition("x", [0.1, 0.2, 0.3])
+    with pytest.raises(ArgumentError, match=r"dofs: expected numbers from 0 to 4, got \['x'\]"):
+        promp.condition(0.5, [0.1], dofs=["x"])
+    with pytest.raises(ArgumentError, match="n_points: expected 1 or more, got 0"):
+        promp.predict_controlled(0)

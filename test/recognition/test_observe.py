@@ -72,6 +72,8 @@ def test_nothing_measured_begins_nothing(library):
     ("stamp_s", "values", "options", "error", "says"),
     [
         (1.0, [0.0, 0.0], {}, ShapeError, r"values: expected shape \(3,\)"),
+        (1.0, "abc", {}, ShapeError, "values: expected an array of numbers"),
+        (1.0, [0.0], {"dofs": "x"}, ArgumentError, "dofs: expected different numbers from 0 to 2"),
         (1.0, [[0.0, 0.0, 0.0]], {}, ShapeError, r"values: expected shape \(3,\)"),
         (1.0, [0.0], {"dofs": [0, 1]}, ShapeError, r"values: expected shape \(2,\)"),
         (1.0, [0.0, np.inf, 0.0], {}, ArgumentError, "values: expected finite"),
@@ -128,3 +130,16 @@ def test_the_robot_may_be_observed_with_arrays(library, truth, rng):
         estimator.observe_controlled(stamp_s + 1.0, [np.nan, 0.0])
     with pytest.raises(ArgumentError, match="later than the last"):
         estimator.observe_controlled(stamp_s, [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"task_prior": np.ones(9) / 9}, "task_prior: expected . probabilities that sum to one"),
+        ({"task_prior": [2.0, -1.0, 0.0]}, "task_prior: expected"),
+        ({"n_scales": 0}, "n_scales: expected 1 or more, got 0"),
+    ],
+)
+def test_a_prior_that_is_none_is_refused(library, options, says):
+    with pytest.raises(ArgumentError, match=says):
+        IntentEstimator(library, **options)

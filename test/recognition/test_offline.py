@@ -84,6 +84,12 @@ def test_the_task_may_be_given(library, recording):
         (lambda t, y: (t[::-1], y), ArgumentError, r"got .* after .* in row 1\. Sort the samples"),
         (lambda t, y: (t, np.full_like(y, np.nan)), ArgumentError, "at least one measured"),
         (lambda t, y: (t, np.full_like(y, np.inf)), ArgumentError, "infinity"),
+        (lambda t, y: (t * 1e9 + 1.7e18, y), ArgumentError, "times_s: .* divide nanoseconds"),
+        (
+            lambda t, y: (t, ["a"] * len(t)),
+            ShapeError,
+            "human: expected an array of numbers, got so",
+        ),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(library, recording, change, error, message):
@@ -96,3 +102,24 @@ def test_a_duration_must_be_positive(library, recording):
     _, times_s, human = recording
     with pytest.raises(ArgumentError, match="duration_s"):
         recognize_task(library, times_s, human, duration_s=0.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"onset_s": np.nan}, "onset_s: expected seconds, a finite number"),
+        ({"onset_s": "0"}, "onset_s: expected seconds, .* got '0'"),
+        ({"duration_s": "2"}, "duration_s: expected a positive number, got 2"),
+        ({"n_points": 0}, "n_points: expected 1 or more, got 0"),
+    ],
+)
+def test_options_that_are_none_are_refused(library, recording, options, says):
+    _, times_s, human = recording
+    with pytest.raises(ArgumentError, match=says):
+        predict_controlled(library, times_s, human, **options)
+
+
+def test_the_library_comes_first(library, recording):
+    _, times_s, human = recording
+    with pytest.raises(ArgumentError, match="library: expected a TaskLibrary, got one of type"):
+        recognize_task(times_s, human, library)

@@ -55,6 +55,8 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
         (TIMES_S, "abc", ROBOT, {}, ShapeError, "human: expected an array of numbers"),
         (TIMES_S, [[0.0], [0.0, 1.0]], ROBOT, {}, ShapeError, "human: expected an array"),
         (TIMES_S, HUMAN, ROBOT, {"observed_names": ("x",)}, ShapeError, "names of human"),
+        (TIMES_S, HUMAN, ROBOT, {"observed_names": ("x", "x")}, ArgumentError, "2 different texts"),
+        (TIMES_S, HUMAN, ROBOT, {"observed_names": (1, 2)}, ArgumentError, r"got \[1, 2\]"),
         (TIMES_S[::-1], HUMAN, ROBOT, {}, ArgumentError, "got 0.9 after 1 in row 1"),
         (np.full(11, np.nan), HUMAN, ROBOT, {}, ArgumentError, "got nan in row 0"),
         (TIMES_S * 1e9 + 1.7e18, HUMAN, ROBOT, {}, ArgumentError, "divide nanoseconds by 1e9"),

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals import from_tangent, mean_orientation, to_tangent
 from intent_recognition.signals.orientation import (
     LARGEST_ANGLE_RAD,
@@ -113,3 +113,17 @@ def test_a_covariance_about_the_world_s_axes_is_that_of_the_vectors():
     moved = to_tangent((Rotation.from_rotvec(small) * rotations[0]).as_quat(), reference.as_quat())
     found = to_tangent_covariance(root @ root.T, vectors[0], reference.as_quat())
     np.testing.assert_allclose(np.cov(moved.T), found, atol=0.01 * np.abs(found).max())
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: to_tangent([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]), r"quaternions: .* got \(3,\)"),
+        (lambda: to_tangent([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0]), r"reference: .* got \(3,\)"),
+        (lambda: from_tangent([0.0, 0.0], [0.0, 0.0, 0.0, 1.0]), r"vectors: .* got \(2,\)"),
+        (lambda: mean_orientation([[0.0, 0.0, 1.0]]), r"quaternions: .* got \(1, 3\)"),
+    ],
+)
+def test_vectors_of_another_size_are_named(call, says):
+    with pytest.raises(ShapeError, match=says):
+        call()
