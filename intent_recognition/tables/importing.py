@@ -88,7 +88,8 @@ def import_demonstrations(
                     taken.add(found.name)
                 yield found
         except BagError as error:
-            yield Rejection.of(recording.name, error)
+            (path, *others) = recording.paths.values()
+            yield Rejection.of(recording.name if others else str(path), error)
 
 
 def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:

@@ -130,6 +130,13 @@ def test_the_length_of_a_cut_bag_is_of_what_can_be_read(run_command, tmp_path):
     assert content["end_ns"] == max(times_ns) < START_NS + 1900 * STEP_NS
 
 
+def test_the_notes_of_a_bag_are_shown_in_a_folder_too(run_command, tmp_path):
+    write_bag(tmp_path / "whole")
+    (write_bag(tmp_path / "other") / "metadata.yaml").write_text("nonsense")
+    _, output = run_command("inspect", tmp_path)
+    assert "metadata.yaml" in " ".join(output.split())
+
+
 def test_messages_of_a_chunk_that_cannot_be_read_do_not_count(run_command, tmp_path):
     bag = write_bag(tmp_path / "flipped")
     file = next(bag.glob("*.mcap"))
