@@ -96,12 +96,14 @@ def one_line(error: BaseException) -> str:
     return printable(" ".join(_words(error).split())) or type(error).__name__
 
 
-def _words(got: object, argument: str = "") -> str:
+def _words(got: object, argument: str | None = None) -> str:
     """What came; of an error of the system its path, unless the argument says it, and reason."""
     if not (isinstance(got, OSError) and got.strerror):
         return str(got)
-    reason = got.strerror[0].lower() + got.strerror[1:]
-    known = got.filename is None or str(got.filename) in argument
+    reason = got.strerror
+    if argument is not None:  # inside of a sentence
+        reason = reason[0].lower() + reason[1:]
+    known = got.filename is None or str(got.filename) in (argument or "")
     return reason if known else f"{got.filename}: {reason}"
 
 

@@ -120,7 +120,7 @@ def read_metadata(folder: Path) -> BagMetadata:
     except UntrustedError as error:
         raise _error(path, "YAML", error) from error
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        got = f"none named {error}" if isinstance(error, KeyError) else f"others: {error}"
+        got = f"none named {error}" if isinstance(error, KeyError) else "others"
         raise _error(path, "the keys of a rosbag2 bag, with their values", got) from error
 
 

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     mapping = load_map(args.map)
     left_out: list[Rejection] = []
     table = plain_table("bag", "task", ">samples", ">dropped")
-    count = 0
+    count = n_unlabelled = 0
     with busy(console, "importing"):
         for found in import_demonstrations(args.source, mapping):
             if isinstance(found, Rejection):
@@ -75,13 +75,18 @@ def run(args: argparse.Namespace) -> int:
                 continue
             write_demonstration(args.output, found)
             count += 1
+            n_unlabelled += "task" not in found.custom_data
             _add_row(table, found)
     if not count:
         raise nothing_of(str(args.source), "demonstrations", left_out, "Correct the map.")
     _write_dofs(args.output / DOFS, mapping.dofs)
     console.print(table)
     print_left_out(console, left_out)
-    say(console, f"{count} demonstrations in {args.output}, DOF file {args.output / DOFS}")
+    dofs = args.output / DOFS
+    say(console, f"{count} demonstrations in {args.output}; learn from them with --dofs {dofs}")
+    if n_unlabelled:
+        cure = "name it under task or files in the map, or learn with --unlabelled"
+        say(console, f"{n_unlabelled} without a task: {cure}", "yellow")
     return 0
 
 

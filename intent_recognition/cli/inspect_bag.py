@@ -81,6 +81,7 @@ def print_folder(
         label = f"session of {len(got.demonstrations)}" if got.demonstrations else got.task
         issues = [problems(topic) for topic in got.topics]
         issues += [f"{len(got.damage)} damaged"] if got.damage else []
+        issues += got.notes
         table.add_row(
             name,
             escape(label or "(no label)"),

@@ -120,7 +120,7 @@ def nothing_read(
 ) -> BagError:
     """The error that no recording could be read with these DOFs; None are those of a model."""
     cure = "Check path and DOFs."
-    if dofs == load_dofs():
+    if dofs == load_dofs() and any(one.topic and not one.cure for one in rejections):
         near = [folder / DOFS for path in paths for folder in (path, path.parent)]
         own = next((f"--dofs {path}" for path in near if path.is_file()), "another with --dofs")
         cure = f"The shipped DOF file was used: give {own}."

@@ -44,14 +44,14 @@ def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure
     alike: dict[tuple[str, str], list[Rejection]] = {}
     for one in left_out:
         alike.setdefault((one.topic, one.reason), []).append(one)
-    kinds = list(alike.values())
+    kinds, hidden = list(alike.values())[:MOST_KINDS], list(alike.values())[MOST_KINDS:]
     lines = [
         f"{replace(kind[0], cure='')}" + (f", and {len(kind) - 1} alike" if kind[1:] else "")
-        for kind in kinds[:MOST_KINDS]
+        for kind in kinds
     ]
-    if more := sum(map(len, kinds[MOST_KINDS:])):
+    if more := sum(map(len, hidden)):
         lines.append(f"and {more} more")
-    cures = dict.fromkeys(one.cure or cure for one in left_out) or [cure]
+    cures = dict.fromkeys(kind[0].cure or cure for kind in kinds) or [cure]
     return BagError.about(argument, expected, "; ".join(lines) or "none", " ".join(cures))
 
 

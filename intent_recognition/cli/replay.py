@@ -110,7 +110,7 @@ def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None
         for before, row in pairwise([{"active_task": ""}, *rows])
         if row["active_task"] not in ("", before["active_task"])
     ]
-    say(console, f"became active: {', '.join(begun) or 'no task'}")
+    say(console, f"became active: {', '.join(begun)}" if begun else "no task became active")
 
 
 def _since(rows: list[dict], row: dict) -> str:

@@ -39,7 +39,7 @@ def change_library(args: argparse.Namespace) -> int:
     """
     if not args.library.is_dir():
         cure = "Name the one that `intent teach` or task_teacher made."
-        raise ModelError.about("--library", "a folder of tasks", args.library, cure)
+        raise ModelError.about(f"--library {args.library}", "a folder of tasks", "none", cure)
     console = make_console()
     with teacher_node(args) as (teacher, spin):
         with busy(console, "looking for the estimator"):

@@ -48,7 +48,7 @@ class TopicSummary:
     Attributes:
         name: as recorded.
         type: full message type.
-        count: messages.
+        count: messages that can be read.
         rate_hz: one over the median step of the stamps, 0 with fewer than two messages.
         gaps: (stamp_ns before the gap, length in s) of every step longer than three medians.
         longest_gap_s: longest step, 0 with fewer than two messages.
@@ -125,8 +125,10 @@ def inspect_bag(path: str | Path) -> BagSummary:
         times_ns += [message.log_time_ns for message in messages]
         if info.name.lstrip("/") == marker:
             markers = messages
-    if not (reader.damage and times_ns):  # headers of damaged chunks tell of what is lost
+    if not reader.damage:
         times_ns = [reader.start_ns, reader.end_ns]
+    elif not times_ns:  # the headers of damaged chunks tell of what is lost
+        times_ns = [reader.start_ns]
     parts = list(split_session(markers, {}, str(path))) if markers else []
     return BagSummary(
         path=str(path),
@@ -205,7 +207,7 @@ def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) ->
     return TopicSummary(
         name=info.name,
         type=info.type,
-        count=info.message_count,
+        count=len(messages) + undecodable,
         rate_hz=1.0 / median_s if median_s > 0 else 0.0,
         gaps=tuple((int(stamps[i]), float(steps_s[i])) for i in at),
         longest_gap_s=float(steps_s.max(initial=0.0)),

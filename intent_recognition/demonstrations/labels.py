@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Labels of recordings are checked before they name anything."""
 
+from dataclasses import replace
+
 from intent_recognition.errors import BagError
-from intent_recognition.signals import LABEL, LONGEST_LABEL, can_name_task
+from intent_recognition.signals import LABEL, LONGEST_LABEL, Rejection, can_name_task
 
 
 def check_label(label: str, cure: str = "Give one such as give_cup.") -> None:
@@ -21,10 +23,10 @@ def check_label(label: str, cure: str = "Give one such as give_cup.") -> None:
         raise BagError.about("task", LABEL, shown, cure)
 
 
-def label_problem(label: str) -> str:
-    """What is wrong with a label that a recording has; empty if nothing is."""
+def label_problem(label: str, path: str, topic: str = "", stamp_ns: int = 0) -> Rejection | None:
+    """Why the label of a recording cannot name a task; None if it can."""
     try:
         check_label(label)
     except BagError as error:
-        return f"label: {error}"
-    return ""
+        return replace(Rejection.of(path, error, "label", stamp_ns), topic=topic)
+    return None

@@ -183,8 +183,8 @@ def _demonstration(
     if part is None:
         name = reader.path.stem if reader.path.is_file() else folder
         task = task_of(reader)
-        if task and (bad := label_problem(task)):
-            return Rejection(str(reader.path), "", 0, bad)
+        if task and (bad := label_problem(task, str(reader.path))):
+            return bad
         start_ns = int(min(signal.stamps_ns[0] for signal in observed))
         end_ns = int(max(signal.stamps_ns[-1] for signal in observed))
     else:

@@ -95,8 +95,8 @@ def split_session(
         text = _label(marker)
         if text and label:
             yield _unended(source, marker, label, "before the next began")
-        elif label and (problem := label_problem(label)):
-            yield Rejection(source, marker.topic, start_ns, problem)
+        elif label and (problem := label_problem(label, source, marker.topic, start_ns)):
+            yield problem
         elif not text and label:
             yield SessionPart(index, label, start_ns, now_ns)
             index += 1

@@ -88,7 +88,8 @@ def import_demonstrations(
                     taken.add(found.name)
                 yield found
         except BagError as error:
-            yield Rejection.of(recording.name, error)
+            (path, *others) = recording.paths.values()
+            yield Rejection.of(recording.name if others else str(path), error)
 
 
 def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
@@ -111,7 +112,7 @@ def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
     if not groups:
         patterns = ", ".join(mapping.files.values())
         got = ", ".join(p.relative_to(source).as_posix() for p in paths[:5])
-        cure = "Correct files in the map."
+        cure = "Correct the patterns under files in the map."
         raise BagError.about(str(source), f"files such as {patterns}", got, cure)
     for key, group in sorted(groups.items()):
         named = dict(zip(fields, key, strict=True))

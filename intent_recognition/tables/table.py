@@ -24,6 +24,8 @@ PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1}
 """Nanoseconds in each unit of time."""
 LAST_NS = 2**31 * NANOSECONDS
 """The first time [ns] that a stamp of ROS cannot hold: its seconds are int32."""
+MOST_NAMED = 6
+"""Missing columns that a message names. Convention."""
 MOST_COLUMNS = 10_000
 """Columns of a table. Convention: a motion capture suit takes some hundreds."""
 LENGTHS = {"m": 1, "dm": 10, "cm": 100, "mm": 1000}
@@ -58,9 +60,10 @@ class Table:
         """
         there = self.aliases.union(self.names)
         if missing := [name for name in dict.fromkeys(wanted) if name not in there]:
+            more = missing[MOST_NAMED:] and [f"and {len(missing) - MOST_NAMED} more"]
             raise BagError.about(
                 str(self.source),
-                f"the columns of the map, {', '.join(missing)} among them",
+                f"the columns of the map, {', '.join(missing[:MOST_NAMED] + more)} among them",
                 ", ".join(self.names) or "no columns",
                 "Correct the names in the map.",
             )

@@ -130,6 +130,26 @@ def test_the_length_of_a_cut_bag_is_of_what_can_be_read(run_command, tmp_path):
     assert content["end_ns"] == max(times_ns) < START_NS + 1900 * STEP_NS
 
 
+def test_the_notes_of_a_bag_are_shown_in_a_folder_too(run_command, tmp_path):
+    write_bag(tmp_path / "whole")
+    (write_bag(tmp_path / "other") / "metadata.yaml").write_text("nonsense")
+    _, output = run_command("inspect", tmp_path)
+    assert "metadata.yaml" in " ".join(output.split())
+
+
+def test_messages_of_a_chunk_that_cannot_be_read_do_not_count(run_command, tmp_path):
+    bag = write_bag(tmp_path / "flipped")
+    file = next(bag.glob("*.mcap"))
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    file.write_bytes(data)
+    _, output = run_command("inspect", bag, "--json")
+    content = json.loads(output)
+    n_readable = len(list(BagReader(bag, tolerant=True).raw_messages()))
+    assert content["message_count"] == n_readable < 200 and content["damage"]
+    assert content["duration_s"] < 0.5
+
+
 def test_a_file_of_another_kind_is_named(parse, tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("hello", encoding="utf-8")

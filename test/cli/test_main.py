@@ -141,7 +141,7 @@ def test_an_error_of_the_system_is_told_by_its_path(monkeypatch, capsys):
     denied = PermissionError(13, "Permission denied", "/etc/locked")
     monkeypatch.setattr("intent_recognition.cli.replay.run", failing(denied))
     assert cli.main(["replay", "a", "--model", "b"]) == 1
-    assert capsys.readouterr().err.startswith("intent replay: /etc/locked: permission denied. Che")
+    assert capsys.readouterr().err.startswith("intent replay: /etc/locked: Permission denied. Che")
 
 
 def test_only_errors_of_this_package_are_caught(monkeypatch, capsys):

@@ -80,6 +80,7 @@ def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch
     _, text, rows = replay(bag)
     assert {row["active_task"] for row in rows} == {""}
     assert "not activated: recognised task_1, but the predicted end is uncertain" in text
+    assert "no task became active" in text
 
 
 @pytest.mark.slow

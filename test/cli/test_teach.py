@@ -118,6 +118,8 @@ def test_undo_of_an_empty_library_is_one_line(tmp_path):
 
 def test_undo_of_no_library_makes_none(tmp_path, run_command):
     library = tmp_path / "misspelt"
-    with pytest.raises(ModelError, match=r"--library: expected a folder of tasks, got .*misspelt"):
+    with pytest.raises(
+        ModelError, match=r"--library .*misspelt: expected a folder of tasks, got none"
+    ):
         run_command("undo", "--library", library)
     assert not library.exists()

@@ -119,6 +119,9 @@ def test_each_cure_is_said_once_where_no_bag_can_be_read(train, tmp_path):
     assert message.count("intent recover") == 1 and message.endswith("with `intent recover`.")
     assert message.count("damaged: ") == 3 and "; and 2 more." in message
     assert "DOF" not in message.partition("got")[2]
+    write_bag(tmp_path / "wrong", task="a/b")  # the sixth, not shown
+    with pytest.raises(BagError, match=r"with `intent recover`\.$"):
+        train(tmp_path)
 
 
 def test_a_forgotten_dof_file_is_named(run_command, tmp_path):
@@ -127,6 +130,8 @@ def test_a_forgotten_dof_file_is_named(run_command, tmp_path):
     arguments = ("--output", tmp_path / "model.npz")
     with pytest.raises(BagError, match="shipped DOF file was used: give another with --dofs"):
         run_command("train", tmp_path / "demos", *arguments)
+    with pytest.raises(BagError, match=r"'a/b'\. Give one such as give_cup\.$"):
+        run_command("train", write_bag(tmp_path / "mislabelled", task="a/b"), *arguments)
     (tmp_path / "demos" / "dofs.yaml").write_text("")
     for path in (tmp_path / "demos", tmp_path / "demos" / "one"):
         with pytest.raises(BagError, match=r"give --dofs .*demos/dofs.yaml") as caught:

@@ -258,6 +258,16 @@ def test_nothing_of_a_stranger_leaves_the_folder(values, tmp_path):
     assert "a name for a folder" in reason
 
 
+def test_it_says_how_to_go_on_and_what_has_no_task(values, tmp_path, capsys):
+    for name in ("with", "none"):
+        (tmp_path / name).mkdir()
+    source = write_csv(tmp_path / "reach.csv", values)
+    imported(source, tmp_path / "with", MAP)
+    assert "with/bags/dofs.yaml" in (said := capsys.readouterr().out) and "without" not in said
+    imported(source, tmp_path / "none", {k: v for k, v in MAP.items() if k != "task"})
+    assert "1 without a task: name it under task" in " ".join(capsys.readouterr().out.split())
+
+
 def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
     (tmp_path / "set").mkdir()
     for number in range(5):
@@ -266,7 +276,10 @@ def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
     paths = [str(tmp_path / name) for name in ("set", "map.yaml", "bags")]
     assert main(["import", paths[0], "--map", paths[1], "--output", paths[2]]) == 1
     said = capsys.readouterr().err
-    assert said.count("Correct the names in the map.") == 1 and "and 2 more. Correct" in said
+    assert (
+        "a_0.csv: expected the columns of the map, z, q0, q1 among them, got t, x, y, and 4" in said
+    )
+    assert said.endswith(" alike. Correct the names in the map.\n")
 
 
 def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
