@@ -202,7 +202,7 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
     header = _header(path, content)
     if "statistics" not in header:
         raise ModelError.about(
-            str(path), "statistics to add demonstrations to", "a model without any", RETRAIN
+            str(path), "statistics to add demonstrations to", "a model without them", RETRAIN
         )
     return model, unpack_statistics(str(path), model.library, header["statistics"], content)
 
