@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs commands, each in a process of its own that has 1 GB and 20 s; one line of JSON for each.
+"""Runs commands, each in a process with 1 GB and 20 s of computing; a line of JSON for each.
 
 Forked, because a new interpreter for each of 500 files would take five minutes.
 """
@@ -16,6 +16,8 @@ from pathlib import Path
 
 MEMORY = 2**30
 SECONDS = 20
+WAITS = 10 * SECONDS
+"""One that does not even compute is ended then [s]; a busy machine needs some of it."""
 
 
 def load_all_of_a_model(path):
@@ -129,7 +131,8 @@ def child(words, output):
     os.dup2(output, 2)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.alarm(SECONDS)
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    signal.alarm(WAITS)
     code = 99
     try:
         code = run(words)
