@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two models on one recording: what the page draws of them is what they believe."""
+
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import viser
+from dashboard.browser import free_port
+
+from intent_recognition.bags import BagReader
+from intent_recognition.dashboard.compare_tab import CompareTab, posterior_over
+from intent_recognition.errors import IntentError
+from intent_recognition.promp import NONE
+from intent_recognition.report import task_colours
+
+
+@pytest.fixture
+def recording(repository):
+    return sorted((repository / "bags/toolbox/test").iterdir())[0]
+
+
+@pytest.fixture
+def compare(recording, toolbox_model, tmp_path):
+    """A tab with one recording, a good and a broken model, run to its end."""
+    broken = tmp_path / "broken.npz"
+    broken.write_bytes(b"no model")
+    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
+    models = [toolbox_model, broken]
+    tab = CompareTab(server, [recording], lambda: models, lambda: task_colours(["taught"]))
+
+    def run(first, second):
+        for field, name in zip(tab._chosen, (first, second), strict=True):
+            field.value = next(path for path in field.options if path.endswith(name))
+        tab._start()
+        for thread in threading.enumerate():
+            if thread.name == "compare":
+                thread.join()
+        return tab
+
+    yield SimpleNamespace(tab=tab, run=run, models=models)
+    server.stop()
+
+
+def test_the_posterior_is_that_of_the_recording(recording, toolbox_model):
+    task = BagReader(recording).custom_data["task"]
+    times, columns, (acts, after, at_the_end) = posterior_over(recording, toolbox_model)
+    assert times[0] == 0.0 and np.all(np.diff(times) > 0.0) and len(times) <= 800
+    np.testing.assert_allclose(np.sum(list(columns.values()), axis=0), 1.0, atol=1e-9)
+    known = [label for label in columns if label != NONE]
+    assert max(known, key=lambda label: columns[label].max()) == acts == task
+    assert 0.0 < float(after.removesuffix(" s")) < times[-1]
+    assert at_the_end.split()[0] in columns
+
+
+def test_a_recording_without_the_topics_of_the_model_is_named(repository, toolbox_model):
+    other = sorted((repository / "bags/pole").rglob("metadata.yaml"))[0].parent
+    with pytest.raises(IntentError, match="none of the topics"):
+        posterior_over(other, toolbox_model)
+
+
+def test_two_models_are_drawn_in_the_colours_of_the_page(compare, recording):
+    tab = compare.run("toolbox.npz", "toolbox.npz")
+    assert len(tab._plots) == 2 and tab._place.visible and not tab._button.disabled
+    assert tab._result.content.count(BagReader(recording).custom_data["task"]) >= 2
+    compare.run("toolbox.npz", "toolbox.npz")
+    assert len(tab._plots) == 2, "the diagrams before are gone"
+
+
+def test_a_model_that_cannot_be_used_is_said_and_the_button_works_again(compare):
+    tab = compare.run("toolbox.npz", "broken.npz")
+    assert "broken.npz" in tab._result.content and not tab._button.disabled
+    assert not tab._plots
+
+
+def test_models_that_come_later_are_offered(compare, toolbox_model):
+    compare.models.pop()
+    compare.tab.refresh()
+    (offered,) = compare.tab._chosen[0].options
+    assert offered.endswith("toolbox.npz")
