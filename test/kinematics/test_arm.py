@@ -175,6 +175,21 @@ def test_a_path_is_continuous_and_reached(name):
     np.testing.assert_allclose(arm.forward_kinematics(path.positions), poses, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_path_is_followed_from_another_branch_where_that_of_the_seed_ends(name):
+    """Paths of which a solution is known; the branch nearest to `rest` leads through some only."""
+    arm = arm_of(name)
+    rng = np.random.default_rng(3)
+    lower, upper = np.maximum(arm.limits.lower, -3), np.minimum(arm.limits.upper, 3)
+    for _ in range(12):
+        start, aim = lower + (upper - lower) * rng.uniform(0.1, 0.9, (2, arm.n_joints))
+        poses = arm.forward_kinematics(np.linspace(start, 0.5 * (start + aim), 25))
+        path = arm.follow(poses)
+        assert path.reached.all()
+        assert np.all(within_position_limits(path.positions, arm.limits, 0.0))
+        np.testing.assert_allclose(arm.forward_kinematics(path.positions), poses, atol=1e-6)
+
+
 def test_what_is_out_of_reach_is_named_with_the_distance():
     """A line away from the shoulder, of which the stretched arm's length is known."""
     arm = arm_of("lwr")
