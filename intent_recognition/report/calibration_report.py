@@ -54,8 +54,8 @@ def reliability_figures(result: Mapping) -> list[Figure]:
     return figures
 
 
-def confusion_section(result: Mapping) -> Section:
-    """Confusion matrices early in the movement, without `none` as an alternative."""
+def confusion_section(result: Mapping, segment: str) -> Section:
+    """Confusion matrices early in the movement or recording, as `segment` says."""
     rows: list[Block] = []
     for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
@@ -65,7 +65,8 @@ def confusion_section(result: Mapping) -> Section:
                 figure = confusion_shares_figure(
                     table["counts"], table["true"], table["recognised"]
                 )
-                caption = f"{100 * float(fraction):.0f} % observed, {PHASE_NAMES[phase]}."
+                percent = f"{100 * float(fraction):.0f} %"
+                caption = f"{percent} of the {segment} observed, {PHASE_NAMES[phase]}."
                 figures.append(Figure(to_svg(figure), caption))
         if figures:
             rows.append(Row(tuple(figures)))

@@ -7,6 +7,7 @@ import json
 import math
 import shutil
 from contextlib import redirect_stdout
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -131,6 +132,9 @@ def test_folds_by_index(scored):
     assert "online: onset, filter and decision" in text
     assert "prediction with start posture, known phase" in text
     assert "…" not in text
+    assert "recording observed" in text
+    assert "Shares observed are of the recording" in text and "--segment movement" in text
+    assert "nothing to recognise" not in text
     for row in result["online"].values():
         assert set(row) == ONLINE
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
@@ -244,9 +248,18 @@ def test_a_folder_to_test_on_must_hold_something(evaluate, tmp_path):
         evaluate("--protocol", f"holdout:{tmp_path / 'held_out'}")
 
 
+def test_the_title_of_a_report_names_what_was_scored():
+    learned = [Path("bags/train"), Path("more")]
+    assert command._title(learned, None) == "Evaluation on train, more"
+    title = "Evaluation on test, learned from train, more"
+    assert command._title(learned, Path("bags/test")) == title
+
+
 @pytest.mark.slow
 def test_the_report_is_a_page_by_itself(scored):
     page = scored.page
+    assert "wrote " in scored.text and scored.text.rstrip().endswith("page.html")
+    assert "Evaluation on bags" in page
     assert page.lstrip().lower().startswith("<!doctype html") and "task_1" in page
     assert 'src="http' not in page
 

@@ -93,6 +93,7 @@ def test_the_json_is_the_contracts(identical):
         "n_demonstrations",
         "tasks",
         "unit",
+        "segment",
         "recognition",
         "prediction",
         "left_out",
@@ -105,6 +106,7 @@ def test_the_json_is_the_contracts(identical):
     assert identical["n_demonstrations"] == 6
     assert identical["tasks"] == ["a", "b"]
     assert identical["unit"] == "rad"
+    assert identical["segment"] == "recording"
     for room, fractions, keys in (
         ("recognition", RECOGNITION_FRACTIONS, {"accuracy", "log_loss"}),
         ("prediction", PREDICTION_FRACTIONS, PREDICTION_KEYS),
