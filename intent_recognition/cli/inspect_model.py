@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from intent_recognition.cli.console import escape, plain_table, print_facts
+from intent_recognition.cli.console import brief_list, escape, plain_table, print_facts
 from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
-
-BAGS_SHOWN = 5
-"""Recordings that are listed. Convention."""
 
 
 def model_json(model: Model) -> dict:
@@ -115,9 +112,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             dofs.add_row("context", escape(name), escape(unit), "-")
     console.print(dofs)
     if bags:
-        more = f", and {len(bags) - BAGS_SHOWN} more" if len(bags) > BAGS_SHOWN else ""
-        shown = ", ".join(bags[:BAGS_SHOWN])
-        console.print(f"from {len(bags)} bags: {escape(shown)}{more}")
+        console.print(f"from {len(bags)} bags: {escape(brief_list(bags))}")
 
 
 def _ends(std: Mapping[str, float]) -> str:
