@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import boxed_table, busy, progress_bar
+from intent_recognition.cli.console import boxed_table, brief_list, busy, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -232,6 +232,9 @@ def print_result(console: Console, result: dict) -> None:
             console.print(table)
     for line in remarks_on(result):
         console.print(line)
+    if mistaken := result["mistaken"]:
+        taken = (f"{m['recording']} ({m['true']}) for {m['recognised']}" for m in mistaken)
+        say(console, f"taken for another task at the end: {brief_list([*taken])}", "yellow")
     print_online(console, result["online"])
     _print_none(console, result["none"])
 

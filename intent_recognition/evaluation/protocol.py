@@ -64,8 +64,8 @@ def evaluate(
     Returns:
         Numbers by name, as docs/recognition.md defines them: `recognition` and `prediction` by
         phase knowledge and share observed, `segment` ("movement" or "recording") that it is a
-        share of, `reliability`, `coverage`, `confusion` and `none`; and which recordings are
-        `left_out` or `doubtful`, each with the reason.
+        share of, `reliability`, `coverage`, `confusion` and `none`; which recordings are
+        `mistaken` for another task, and which `left_out` or `doubtful`, each with the reason.
 
     Raises:
         ArgumentError: an unknown protocol, or too few demonstrations for it.
@@ -178,4 +178,5 @@ def _tables(collected: EvaluationRecords, units: Sequence[str]) -> dict[str, obj
     content["reliability"] = collected.recognitions.reliability()
     content["coverage"] = collected.normalised_errors.table()
     content["confusion"] = collected.recognitions.confusion()
+    content["mistaken"] = collected.recognitions.mistaken
     return content

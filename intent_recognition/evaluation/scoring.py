@@ -142,7 +142,13 @@ def score_demonstration(
                 )
                 none = posterior.probabilities[-1] > posterior.probabilities[:-1].max()
                 collected.recognitions.add(
-                    phase, fraction, str(test.task), library.labels, probabilities, bool(none)
+                    phase,
+                    fraction,
+                    str(test.task),
+                    library.labels,
+                    probabilities,
+                    bool(none),
+                    test.name,
                 )
             if fraction in PREDICTION_FRACTIONS:
                 case = _PredictionCase(library, run, posterior, label, times, truth)

@@ -55,7 +55,7 @@ def reliability_figures(result: Mapping) -> list[Figure]:
 
 
 def confusion_section(result: Mapping, segment: str) -> Section:
-    """Confusion matrices early in the movement or recording, as `segment` says."""
+    """Confusion matrices early in the `segment` (movement or recording), mistakes at its end."""
     rows: list[Block] = []
     for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
@@ -70,6 +70,11 @@ def confusion_section(result: Mapping, segment: str) -> Section:
                 figures.append(Figure(to_svg(figure), caption))
         if figures:
             rows.append(Row(tuple(figures)))
+    mistaken = [tuple(map(str, one.values())) for one in result.get("mistaken", ())]
+    if mistaken:
+        columns = tuple(Column(name, align="left") for name in ("recording", "task", "taken for"))
+        caption = "Taken for another task with all observed, unknown phase: are the labels right?"
+        rows.append(Table(columns, tuple(mistaken), caption))
     return Section("Confusions", tuple(rows))
 
 

@@ -272,6 +272,13 @@ def test_the_evaluation_says_what_its_shares_are_of(rng, undrawn, segment):
     assert "nothing to recognise" not in text
 
 
+def test_recordings_taken_for_another_task_are_a_table(rng, undrawn):
+    one = {"recording": "demo_3", "true": "rocket", "recognised": "waving"}
+    page = evaluation_page({"mistaken": [one]}, "t")
+    (table,) = blocks_of(page, Table)
+    assert table.rows == (("demo_3", "rocket", "waving"),)
+
+
 def test_the_report_of_one_task_says_that_there_is_nothing_to_recognise(rng, undrawn):
     page = evaluation_page(result(rng) | {"tasks": ["waving"]}, "t")
     assert "With one task there is nothing to recognise" in render(page)
