@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import pytest
 from cli.recorded import spoil, write_all
+from rich.console import Console
 
 from intent_recognition.cli import evaluate as command
 from intent_recognition.cli.main import main
@@ -246,6 +247,18 @@ def test_a_folder_to_test_on_must_hold_something(evaluate, tmp_path):
         shutil.rmtree(tmp_path / "held_out" / name)
     with pytest.raises(ArgumentError, match="--protocol"):
         evaluate("--protocol", f"holdout:{tmp_path / 'held_out'}")
+
+
+@pytest.mark.slow
+def test_recordings_taken_for_another_task_and_a_single_task_are_told(scored):
+    mistaken = [{"recording": f"d{k}", "true": "a", "recognised": "b"} for k in range(7)]
+    text = io.StringIO()
+    result = scored.result | {"mistaken": mistaken, "tasks": ["a"]}
+    command.print_result(Console(file=text, width=140), result)
+    assert "taken for another task at the end: d0 (a) for b, " in text.getvalue()
+    assert "d4 (a) for b, and 2 more" in text.getvalue()
+    assert "With one task there is nothing to recognise" in text.getvalue()
+    assert "taken for another" not in scored.text
 
 
 def test_the_title_of_a_report_names_what_was_scored():
