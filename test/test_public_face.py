@@ -5,6 +5,7 @@ import inspect
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import get_type_hints
 
@@ -13,6 +14,8 @@ import pytest
 from test_imports import HEAVY
 
 import intent_recognition as ir
+from intent_recognition.model import Model
+from intent_recognition.model.array_dofs import dofs_of_arrays
 
 ROOT = Path(__file__).resolve().parents[1]
 MOST_S = 0.5
@@ -175,6 +178,15 @@ def test_things_are_shown_on_one_line(library):
         f" 3 observed and 2 controlled DOFs, {library.basis.n_basis} basis functions each>"
     )
     assert repr(ir.IntentEstimator(library)) == "<IntentEstimator of left, right: at rest>"
+    model = Model(library, dofs_of_arrays(library))
+    assert repr(model) == "<Model of left, right: observes human, controls robot>"
+    model = Model(library, replace(model.dofs, controlled=()))
+    assert repr(model) == "<Model of left, right: observes human, controls nothing>"
+    estimate = ir.Estimate.idle(1_500_000_000, ("left", "right", "none"))
+    assert repr(estimate) == "<Estimate at 1.500 s: at rest>"
+    probabilities, phase = np.array([0.04, 0.95, 0.01]), np.array([0.2, 0.3, 0.0])
+    moving = estimate._replace(moving=True, probabilities=probabilities, phase=phase)
+    assert str(moving) == "<Estimate at 1.500 s: right, probability 0.950, phase 0.30>"
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,8 @@ from rich.table import Table
 
 from intent_recognition.errors import printable
 
+MOST_LISTED = 5
+"""Items of a list that are printed. Convention."""
 WIDTH_OF_A_PIPE = 140
 """Columns where the output is no terminal, so that tables are not cut off. Convention."""
 
@@ -32,6 +34,12 @@ def escape(text: str) -> str:
 def make_console() -> Console:
     """A console as wide as the terminal, or wide enough for every table."""
     return Console(width=None if sys.stdout.isatty() else WIDTH_OF_A_PIPE, highlight=False)
+
+
+def brief_list(items: Sequence[object]) -> str:
+    """The first items by commas, and how many more there are."""
+    more = f", and {len(items) - MOST_LISTED} more" if len(items) > MOST_LISTED else ""
+    return ", ".join(map(str, items[:MOST_LISTED])) + more
 
 
 def say(console: Console, text: object, style: str | None = None) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import boxed_table, busy, progress_bar
+from intent_recognition.cli.console import boxed_table, brief_list, busy, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -30,7 +30,7 @@ from intent_recognition.cli.unlabelled import (
 )
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
-from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
+from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds, remarks_on
 from intent_recognition.model import merge_frames
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 
@@ -150,9 +150,9 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         from intent_recognition.report import write_evaluation_report
 
-        names = ", ".join(path.name for path in args.bags)
         with busy(console, "writing the report"):
-            write_evaluation_report(args.report, result, f"Evaluation on {names}")
+            write_evaluation_report(args.report, result, _title(args.bags, test))
+        console.print(f"wrote {args.report}")
     return 0
 
 
@@ -184,6 +184,12 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
             "--test", "no --protocol with it", args.protocol, "Leave one of them out."
         )
     return args.test
+
+
+def _title(bags: list[Path], test: Path | None) -> str:
+    """Of the report: what was scored, and what was learned from where that is something else."""
+    names = ", ".join(path.name for path in bags)
+    return f"Evaluation on {f'{test.name}, learned from ' if test else ''}{names}"
 
 
 def _train_and_test(n_train: int, n: int) -> list[Fold]:
@@ -218,11 +224,17 @@ def print_result(console: Console, result: dict) -> None:
             rows = result[kind][phase]
             names = list(next(iter(rows.values())))
             titles = (f">{name}".replace("_", " ") for name in names)
-            table = boxed_table(f"{kind}, {phase}".replace("_", " "), "observed", *titles)
+            title = f"{kind}, {phase}".replace("_", " ")
+            table = boxed_table(title, f"{result['segment']} observed", *titles)
             for fraction, values in rows.items():
                 cells = [_cell(values[name]) for name in names]
                 table.add_row(f"{float(fraction):.0%}", *cells)
             console.print(table)
+    for line in remarks_on(result):
+        console.print(line)
+    if mistaken := result["mistaken"]:
+        taken = (f"{m['recording']} ({m['true']}) for {m['recognised']}" for m in mistaken)
+        say(console, f"taken for another task at the end: {brief_list([*taken])}", "yellow")
     print_online(console, result["online"])
     _print_none(console, result["none"])
 

@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from intent_recognition.cli.console import escape, plain_table, print_facts
+from intent_recognition.cli.console import brief_list, escape, plain_table, print_facts
 from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
 
-BAGS_SHOWN = 5
-"""Recordings that are listed. Convention."""
+MEANINGS = {
+    "ridge": " (smoothness of what is learned)",
+    "score": " (of log loss and error, less is better)",
+}
+"""Of words in the provenance that do not speak for themselves."""
 
 
 def model_json(model: Model) -> dict:
@@ -73,8 +76,10 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         {
             "model": str(path),
             "basis": f"{library.basis.n_basis} functions per degree of freedom",
-            "none": f"prior {library.none_prior:.3g}, margin {library.none_margin:.3g} nats",
-            "change of mind": f"margin {library.switch_margin:.3g} nats",
+            "none": f"prior {library.none_prior:.3g}, margin {library.none_margin:.3g} nats"
+            " (evidence that a known task must have over it)",
+            "change of mind": f"margin {library.switch_margin:.3g} nats (evidence that it must have"
+            " over staying with the task)",
             "noise": f"scale {library.noise_scale:.3g}, correlated over"
             f" {library.correlation_time_s:.3g} s",
             "progress": _progress(library),
@@ -115,9 +120,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             dofs.add_row("context", escape(name), escape(unit), "-")
     console.print(dofs)
     if bags:
-        more = f", and {len(bags) - BAGS_SHOWN} more" if len(bags) > BAGS_SHOWN else ""
-        shown = ", ".join(bags[:BAGS_SHOWN])
-        console.print(f"from {len(bags)} bags: {escape(shown)}{more}")
+        console.print(f"from {len(bags)} bags: {escape(brief_list(bags))}")
 
 
 def _ends(std: Mapping[str, float]) -> str:
@@ -130,7 +133,7 @@ def _listed(value: object) -> Iterable:
 
 def _brief(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_brief(item)}" for key, item in value.items())
+        return ", ".join(f"{k} {_brief(item)}{MEANINGS.get(k, '')}" for k, item in value.items())
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, (list, tuple)):

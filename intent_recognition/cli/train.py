@@ -160,7 +160,7 @@ def train(
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:
-    """A table of the tasks and one line on the regularisation."""
+    """A table of the tasks, one line on the regularisation, and warnings if it predicts badly."""
     titles = ("task", ">demonstrations", ">duration [s]", ">std of duration")
     table = boxed_table(f"learned from {report.n_used} demonstrations", *titles)
     for index, label in enumerate(library.labels):
@@ -173,11 +173,21 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     console.print(table)
     chosen = report.chosen
     kind = "aligned in time" if chosen.aligned else "at steady progress"
+    how = f"{kind}, noise variance x {chosen.noise_scale:g}"
+    if not report.tried:
+        console.print(f"settings kept: {how}")
+        return
     console.print(
-        f"best of {len(report.tried)} settings, by predicting demonstrations left out: {kind},"
-        f" noise variance x {chosen.noise_scale:g} (log loss {chosen.log_loss:.3f}, squared error"
-        f" of the controlled agent {chosen.error:.3f} of its variance)"
+        f"best of {len(report.tried)} settings, by predicting demonstrations left out: {how}"
+        f" (log loss {chosen.log_loss:.3f}, squared error of the controlled agent"
+        f" {chosen.error:.3f} of its variance)"
     )
+    if library.n_tasks > 1 and chosen.log_loss > np.log(library.n_tasks):
+        console.print(
+            f"[yellow]Guessing would recognise the tasks better (log loss"
+            f" {np.log(library.n_tasks):.3f}): a label may be wrong, or tasks look alike."
+            " `intent evaluate` names recordings that are taken for another task.[/yellow]"
+        )
     if chosen.error > 1.0:
         console.print(
             "[yellow]A constant posture would predict the controlled agent better: record more"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import busy
+from intent_recognition.cli.console import brief_list, busy, say
 from intent_recognition.cli.options import a_path
 from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
 from intent_recognition.cli.rejections import all_left_out, print_found
@@ -78,15 +78,26 @@ def add_to_model(
         raise TrainingError.about(
             "BAG", "a demonstration that can be added", reasons, "Check the labels."
         )
+    _print_known(console, trained, accumulated)
     with busy(console, "adding"):
         more = add_statistics(trained, accumulated.tasks, accumulated.used)
-    tried: tuple = (more.chosen,)
+    tried: tuple = ()
     if args.choose_again:
         with busy(console, "choosing the regularisation"):
             more, tried = choose_again(more)
     more = with_frames(more, found.frames)
     report = _report(more, accumulated, tried)._replace(rejected=all_left_out(found))
     return Model(more.library, dofs), report
+
+
+def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -> None:
+    """Warn of recordings whose names the model has: it keeps no more of them to compare."""
+    before = trained.library.provenance.get("bags")
+    known = {*before} if isinstance(before, (list, tuple)) else set()
+    if again := [name for name in accumulated.used if name in known]:
+        names = brief_list(again)
+        say(console, f"the model already has recordings of these names: {names}", "yellow")
+        say(console, "Those that are the same recordings are now counted twice.", "yellow")
 
 
 def _report(more: Trained, accumulated: Accumulated, tried: tuple) -> TrainingReport:

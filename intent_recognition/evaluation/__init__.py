@@ -6,6 +6,7 @@ from intent_recognition.evaluation.calibration import reliability_bins
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import run_online
 from intent_recognition.evaluation.protocol import evaluate
+from intent_recognition.evaluation.remarks import remarks_on
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.evaluation.roc import GRID, on_grid, roc_curve
 from intent_recognition.evaluation.scoring import PHASES
@@ -54,6 +55,7 @@ __all__ = [
     "propose_segments",
     "recognise_segments",
     "reliability_bins",
+    "remarks_on",
     "replay",
     "roc_curve",
     "run_online",

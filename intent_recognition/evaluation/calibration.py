@@ -21,9 +21,15 @@ QUANTILES = (0.67449, 1.0, 1.28155, 1.64485, 2.0, 2.57583)
 
 
 class RecognitionRecords:
-    """Recognised tasks of many recordings, by phase knowledge and share observed."""
+    """Recognised tasks of many recordings, by phase knowledge and share observed.
+
+    Attributes:
+        mistaken: recordings that are taken for another task even when all of them was seen, the
+            phase unknown: by name, with the true and the recognised task.
+    """
 
     def __init__(self) -> None:
+        self.mistaken: list[dict[str, str]] = []
         self._records: dict[str, dict[float, list[tuple]]] = defaultdict(lambda: defaultdict(list))
 
     def add(
@@ -34,6 +40,7 @@ class RecognitionRecords:
         labels: Sequence[str],
         probabilities: NDArray[np.float64],
         none: bool,
+        name: str = "",
     ) -> None:
         """Add one recording at one share observed.
 
@@ -44,8 +51,12 @@ class RecognitionRecords:
             labels: the K tasks.
             probabilities: theirs, without none, (K,).
             none: whether none was more probable than any of them.
+            name: of the recording.
         """
         self._records[phase][fraction].append((truth, tuple(labels), probabilities, none))
+        answer = labels[int(np.argmax(probabilities))]
+        if fraction == 1.0 and phase == "unknown_phase" and answer != truth:
+            self.mistaken.append({"recording": name, "true": truth, "recognised": answer})
 
     def confusion(self) -> dict[str, dict[str, dict[str, object]]]:
         """Per phase and share: rows are true tasks, columns recognised ones, none the last."""

@@ -63,9 +63,9 @@ def evaluate(
 
     Returns:
         Numbers by name, as docs/recognition.md defines them: `recognition` and `prediction` by
-        phase knowledge and share of the movement observed, `reliability`, `coverage`,
-        `confusion` and `none`; and which recordings are `left_out` or `doubtful`, each with the
-        reason.
+        phase knowledge and share observed, `segment` ("movement" or "recording") that it is a
+        share of, `reliability`, `coverage`, `confusion` and `none`; which recordings are
+        `mistaken` for another task, and which `left_out` or `doubtful`, each with the reason.
 
     Raises:
         ArgumentError: an unknown protocol, or too few demonstrations for it.
@@ -81,8 +81,8 @@ def evaluate(
         expected, cure = "recordings to train and to test on", "See docs/recognition.md."
         raise ArgumentError(describe("demonstrations", expected, reasons, cure))
     doubts = stream_doubts([*map(correlate_speeds, usable)])
-    recordings = usable
-    if settings.segmentation == "movement":
+    recordings, segment = usable, settings.segmentation
+    if segment == "movement":
         usable = cut_to_movement(usable)
         settings = replace(settings, segmentation="recording")
     usable = [where_both_were_recorded(recorded) for recorded in usable]
@@ -117,6 +117,7 @@ def evaluate(
         "n_demonstrations": done,
         "tasks": sorted(labels),
         "unit": units[0] if len(units) == 1 else list(units),
+        "segment": segment,
         "left_out": [{"recording": r.name, "reason": r.reason} for r in left_out.values()],
         "doubtful": [{"recording": d.name, "reason": d.reason} for d in doubts],
         **_tables(collected, units),
@@ -177,4 +178,5 @@ def _tables(collected: EvaluationRecords, units: Sequence[str]) -> dict[str, obj
     content["reliability"] = collected.recognitions.reliability()
     content["coverage"] = collected.normalised_errors.table()
     content["confusion"] = collected.recognitions.confusion()
+    content["mistaken"] = collected.recognitions.mistaken
     return content

@@ -27,9 +27,9 @@ from intent_recognition.recognition import TaskPosterior, task_posterior
 from intent_recognition.signals import Demonstration, merge
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""Shares of the movement after which recognition is scored. Convention."""
+"""Shares of the movement, or of the recording, after which recognition is scored. Convention."""
 PREDICTION_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the movement after which prediction is scored. Convention."""
+"""Shares of the movement, or of the recording, after which prediction is scored. Convention."""
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 PHASES = ("known_phase", "unknown_phase")
 SMALLEST_PROBABILITY = 1e-300
@@ -142,7 +142,13 @@ def score_demonstration(
                 )
                 none = posterior.probabilities[-1] > posterior.probabilities[:-1].max()
                 collected.recognitions.add(
-                    phase, fraction, str(test.task), library.labels, probabilities, bool(none)
+                    phase,
+                    fraction,
+                    str(test.task),
+                    library.labels,
+                    probabilities,
+                    bool(none),
+                    test.name,
                 )
             if fraction in PREDICTION_FRACTIONS:
                 case = _PredictionCase(library, run, posterior, label, times, truth)

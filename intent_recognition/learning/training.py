@@ -57,7 +57,7 @@ class TrainingReport(NamedTuple):
         used: names of those learned from, of very many the first 1000.
         rejected: (name, reason) of those left out, of very many the first 1000.
         chosen: the hyperparameters taken.
-        tried: all that were scored.
+        tried: all that were scored; none where the hyperparameters of a model were kept.
         n_used, n_rejected: how many in all.
         trained: the library with its statistics, to add demonstrations to.
     """

@@ -79,6 +79,14 @@ class Model:
     library: TaskLibrary
     dofs: DofSpec
 
+    def __repr__(self) -> str:
+        """Tasks, and the topics of both agents."""
+        human, robot = (
+            ", ".join(dict.fromkeys(entry.topic for entry in side)) or "nothing"
+            for side in (self.dofs.observed, self.dofs.controlled)
+        )
+        return f"<Model of {', '.join(self.labels)}: observes {human}, controls {robot}>"
+
     @property
     def labels(self) -> tuple[str, ...]:
         """Labels of the tasks."""

@@ -35,6 +35,16 @@ class Estimate(NamedTuple):
     posterior: TaskPosterior | None
     labels: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """When, and what is most probable; the arrays are attributes."""
+        if not self.moving:
+            return f"<Estimate at {self.stamp_ns * 1e-9:.3f} s: at rest>"
+        best = int(np.argmax(self.probabilities))
+        return (
+            f"<Estimate at {self.stamp_ns * 1e-9:.3f} s: {self.task}, probability"
+            f" {self.probabilities[best]:.3f}, phase {self.phase[best]:.2f}>"
+        )
+
     @classmethod
     def idle(cls, stamp_ns: int, labels: tuple[str, ...]) -> Estimate:
         """The estimate at rest, with the labels of the K tasks and none."""

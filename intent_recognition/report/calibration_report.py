@@ -54,8 +54,8 @@ def reliability_figures(result: Mapping) -> list[Figure]:
     return figures
 
 
-def confusion_section(result: Mapping) -> Section:
-    """Confusion matrices early in the movement, without `none` as an alternative."""
+def confusion_section(result: Mapping, segment: str) -> Section:
+    """Confusion matrices early in the `segment` (movement or recording), mistakes at its end."""
     rows: list[Block] = []
     for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
@@ -65,10 +65,16 @@ def confusion_section(result: Mapping) -> Section:
                 figure = confusion_shares_figure(
                     table["counts"], table["true"], table["recognised"]
                 )
-                caption = f"{100 * float(fraction):.0f} % observed, {PHASE_NAMES[phase]}."
+                percent = f"{100 * float(fraction):.0f} %"
+                caption = f"{percent} of the {segment} observed, {PHASE_NAMES[phase]}."
                 figures.append(Figure(to_svg(figure), caption))
         if figures:
             rows.append(Row(tuple(figures)))
+    mistaken = [tuple(map(str, one.values())) for one in result.get("mistaken", ())]
+    if mistaken:
+        columns = tuple(Column(name, align="left") for name in ("recording", "task", "taken for"))
+        caption = "Taken for another task with all observed, unknown phase: are the labels right?"
+        rows.append(Table(columns, tuple(mistaken), caption))
     return Section("Confusions", tuple(rows))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.evaluation import remarks_on
 from intent_recognition.report.calibration_report import (
     by_phase,
     confusion_section,
@@ -52,14 +53,15 @@ ONLINE_COLUMNS = {
 }
 ONLINE_EXPLANATION = (
     "Every recording is fed to the estimator and the decision that the nodes run, with their"
-    " default settings, learned from the movements alone and in at most ten folds. Unknown phase:"
-    " the onset is detected and the duration inferred; known phase: both are given."
+    " default settings, learned from the movements alone; recordings that are left out in turn are"
+    " left out in at most ten folds. Unknown phase: the onset is detected and the duration"
+    " inferred; known phase: both are given. The share at the decision is of the movement."
 )
 WITHOUT_UNIT = {"coverage_2_sigma": "%", "nll": "nat"}
 EXPLANATION = (
-    "Every recording is scored by a library learned without it. Known phase: start and end of the"
-    " test movement are given; unknown phase: only its start, speed and progress are inferred."
-    " RMSE is the root mean square error of the controlled agent over the whole movement, averaged"
+    "No recording is scored by a library that learned from it. Known phase: start and end of the"
+    " {segment} are given; unknown phase: only its start, speed and progress are inferred."
+    " RMSE is the root mean square error of the controlled agent over the whole {segment}, averaged"
     " over recordings; baselines know the true task."
 )
 
@@ -81,18 +83,22 @@ def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Pa
 def evaluation_page(result: Mapping, title: str) -> ReportPage:
     """The report's content; arguments as of `write_evaluation_report`."""
     tasks = ", ".join(str(task) for task in result.get("tasks", ()))
+    segment = result.get("segment", "movement")
+    explained = " ".join([*remarks_on(result), EXPLANATION.format(segment=segment)])
     sections = [
-        Section("Result", (_key_numbers(result), Text(EXPLANATION, small=True))),
-        Section("Recognition", _recognition(result.get("recognition", {}))),
-        confusion_section(result),
-        *(_prediction(result.get("prediction", {}), unit) for unit in _units(result)),
+        Section("Result", (_key_numbers(result, segment), Text(explained, small=True))),
+        Section("Recognition", _recognition(result.get("recognition", {}), segment)),
+        confusion_section(result, segment),
+        *(_prediction(result.get("prediction", {}), unit, segment) for unit in _units(result)),
         *(
-            _prediction(result["prediction_with_start_posture"], unit, ", start posture known")
+            _prediction(
+                result["prediction_with_start_posture"], unit, segment, ", start posture known"
+            )
             for unit in _units(result)
             if "prediction_with_start_posture" in result
         ),
         Section("Online", _online(result.get("online", {}))),
-        Section("Calibration", _calibration(result)),
+        Section("Calibration", _calibration(result, segment)),
         none_section(result),
         Section("Without labels", _mixture(result.get("mixture", {}))),
         Section("Left out and doubtful", _faults(result)),
@@ -119,13 +125,13 @@ def _units(result: Mapping) -> list[str]:
     return [unit] if isinstance(unit, str) else list(unit)
 
 
-def _key_numbers(result: Mapping) -> KeyNumbers:
+def _key_numbers(result: Mapping, segment: str) -> KeyNumbers:
     numbers = []
     for phase, name in PHASE_NAMES.items():
         early = result.get("recognition", {}).get(phase, {}).get("0.3")
         if early:
             text = f"{100 * number(early.get('accuracy'), ''):.0f} %"
-            numbers.append(KeyNumber("recognised at 30 %", text, note=name))
+            numbers.append(KeyNumber(f"recognised at 30 % of the {segment}", text, note=name))
     for phase, name in PHASE_NAMES.items():
         half = result.get("prediction", {}).get(phase, {}).get("0.5")
         for unit in _units(result) if half else ():
@@ -134,20 +140,21 @@ def _key_numbers(result: Mapping) -> KeyNumbers:
             best = np.nanmin([*(number(half.get(b), unit) for b in baselines), np.inf])
             good = bool(ours <= best) if np.isfinite(best) else None
             note = f"{name}; better baseline {_text(best)} {unit}" if good is not None else name
-            label = "RMSE at 50 %"
+            label = f"RMSE at 50 % of the {segment}"
             numbers.append(KeyNumber(label, f"{_text(ours)} {unit}", good=good, note=note))
     return KeyNumbers(tuple(numbers))
 
 
-def _recognition(recognition: Mapping) -> tuple[Block, ...]:
+def _recognition(recognition: Mapping, segment: str) -> tuple[Block, ...]:
     phases = by_phase(recognition)
     if not phases:
         return ()
     figure = recognition_figure(
         {phase: series(table, "accuracy") for phase, table in phases.items()},
         {phase: series(table, "log_loss") for phase, table in phases.items()},
+        segment,
     )
-    columns = [Column("observed", "%", form=".0f")]
+    columns = [Column(f"{segment} observed", "%", form=".0f")]
     for phase in phases:
         columns.append(Column(f"accuracy, {PHASE_NAMES[phase]}", "%", form=".1f"))
         columns.append(Column(f"log loss, {PHASE_NAMES[phase]}", "nat", form=".3f"))
@@ -159,11 +166,11 @@ def _recognition(recognition: Mapping) -> tuple[Block, ...]:
             row.append(_known(100 * number(scores.get("accuracy"), "")))
             row.append(_known(number(scores.get("log_loss"), "")))
         rows.append(row)
-    caption = "Accuracy and mean log loss over the share of the movement observed."
+    caption = f"Accuracy and mean log loss over the share of the {segment} observed."
     return Figure(to_svg(figure), caption), Table.of(columns, rows)
 
 
-def _prediction(prediction: Mapping, unit: str, remark: str = "") -> Section:
+def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") -> Section:
     phases = by_phase(prediction)
     heading = f"Prediction of the controlled agent{remark} [{unit}]" if unit else "Prediction"
     if not phases:
@@ -174,17 +181,17 @@ def _prediction(prediction: Mapping, unit: str, remark: str = "") -> Section:
     }
     blocks: list[Block] = [
         Figure(
-            to_svg(rmse_figure(panels, unit)),
+            to_svg(rmse_figure(panels, unit, segment)),
             "Solid and dotted: the library; dashed: baselines, which are given the true task.",
         )
     ]
     for phase, table in phases.items():
-        blocks.append(_prediction_table(table, unit, PHASE_NAMES[phase]))
+        blocks.append(_prediction_table(table, unit, segment, PHASE_NAMES[phase]))
     return Section(heading, tuple(blocks))
 
 
-def _prediction_table(table: Mapping, unit: str, caption: str) -> Table:
-    columns = [Column("observed", "%")]
+def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> Table:
+    columns = [Column(f"{segment} observed", "%")]
     columns += [Column(t, WITHOUT_UNIT.get(n, unit)) for n, t in PREDICTION_COLUMNS.items()]
     rows = []
     for fraction in sorted(table, key=float):
@@ -219,7 +226,7 @@ def _faults(result: Mapping) -> tuple[Block, ...]:
     return (Table(columns, tuple(rows)),) if rows else ()
 
 
-def _calibration(result: Mapping) -> tuple[Block, ...]:
+def _calibration(result: Mapping, segment: str) -> tuple[Block, ...]:
     drawn = []
     prediction = result.get("prediction", {})
     units = _units(result)
@@ -231,7 +238,7 @@ def _calibration(result: Mapping) -> tuple[Block, ...]:
         if coverage:
             where = f" ({unit})" if len(units) > 1 else ""
             caption = f"Share of true values within two standard deviations{where}."
-            drawn.append(Figure(to_svg(coverage_figure(coverage)), caption))
+            drawn.append(Figure(to_svg(coverage_figure(coverage, segment)), caption))
     drawn += reliability_figures(result)
     return tuple(Row(tuple(drawn[i : i + 2])) for i in range(0, len(drawn), 2))
 

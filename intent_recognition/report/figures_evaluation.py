@@ -44,22 +44,34 @@ Series = Mapping[str, tuple[Values, Values]]
 
 
 @styled
-def recognition_figure(accuracy: Series, log_loss: Series) -> "Figure":
-    """Accuracy and log loss over the share observed, phase known and unknown."""
+def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movement") -> "Figure":
+    """Accuracy and log loss over the share observed, phase known and unknown.
+
+    Args:
+        accuracy: per phase knowledge.
+        log_loss: per phase knowledge.
+        segment: what the shares are of, "movement" or "recording".
+    """
     figure = new_figure(11.2, 3.5)
     left, right = figure.subplots(1, 2)
-    _phases(left, accuracy)
+    _phases(left, accuracy, segment)
     left.set(ylabel="accuracy", ylim=(min(0.5, _lowest(accuracy) - 0.05), 1.02))
     left.legend(loc="lower right")
-    _phases(right, log_loss)
+    _phases(right, log_loss, segment)
     right.set(ylabel="log loss [nat]", ylim=(0.0, None))
     right.legend(loc="upper right")
     return figure
 
 
 @styled
-def rmse_figure(panels: Mapping[str, Series], unit: str) -> "Figure":
-    """Error of the controlled agent beside the baselines, a panel per phase knowledge."""
+def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movement") -> "Figure":
+    """Error of the controlled agent beside the baselines, a panel per phase knowledge.
+
+    Args:
+        panels: per phase knowledge, errors by name.
+        unit: of the errors.
+        segment: what the shares are of, "movement" or "recording".
+    """
     figure = new_figure(11.2, 3.9)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axes, (phase, series) in zip(grid, panels.items(), strict=True):
@@ -67,7 +79,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str) -> "Figure":
             label, colour, marker, line = RMSE_STYLES[name]
             _line(axes, fractions, values, label, colour, marker, line)
         axes.set_title(PHASE_NAMES.get(phase, phase))
-        axes.set_xlabel("share of the movement observed [%]")
+        axes.set_xlabel(_observed(segment))
         axes.margins(y=0.12)
     grid[0].set_ylabel(f"RMSE [{unit}]")
     handles, labels = grid[0].get_legend_handles_labels()
@@ -76,8 +88,13 @@ def rmse_figure(panels: Mapping[str, Series], unit: str) -> "Figure":
 
 
 @styled
-def coverage_figure(coverage: Series) -> "Figure":
-    """Share of true values within +-2 sigma; 95 % is right."""
+def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
+    """Share of true values within +-2 sigma; 95 % is right.
+
+    Args:
+        coverage: per phase knowledge.
+        segment: what the shares observed are of, "movement" or "recording".
+    """
     figure, axes = new_axes(5.6, 3.7)
     axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
     axes.text(
@@ -88,7 +105,8 @@ def coverage_figure(coverage: Series) -> "Figure":
         fontsize=8.5,
         transform=axes.get_yaxis_transform(),
     )
-    _phases(axes, {name: (f, 100 * np.asarray(v, float)) for name, (f, v) in coverage.items()})
+    percent = {name: (f, 100 * np.asarray(v, float)) for name, (f, v) in coverage.items()}
+    _phases(axes, percent, segment)
     axes.set_ylim(min(80.0, 100 * _lowest(coverage) - 5), 102)
     axes.set_ylabel("inside \N{PLUS-MINUS SIGN}2 sigma [%]")
     axes.legend(loc="lower right")
@@ -130,7 +148,7 @@ def reliability_figure(
     axes.set_ylim(-0.04, 1.04)
     axes.set_xlabel("probability given to a task")
     axes.set_ylabel("share of cases in which it was true")
-    axes.legend(loc="lower right", markerscale=0.6)
+    figure.legend(loc="outside upper center", ncols=2, markerscale=0.6)  # points may be anywhere
     return figure
 
 
@@ -141,11 +159,15 @@ def draw_phase(axes: "Axes", phase: str, at: Values, values: Values) -> None:
     axes.plot(at, values, label=PHASE_NAMES.get(phase, phase), **style)
 
 
-def _phases(axes: "Axes", series: Series) -> None:
+def _phases(axes: "Axes", series: Series, segment: str) -> None:
     for phase, (fractions, values) in series.items():
         percent = 100 * np.asarray(fractions, dtype=float)
         draw_phase(axes, phase, percent, np.asarray(values, dtype=float))
-    axes.set(xlabel="share of the movement observed [%]", xlim=(0, 103))
+    axes.set(xlabel=_observed(segment), xlim=(0, 103))
+
+
+def _observed(segment: str) -> str:
+    return f"share of the {segment} observed [%]"
 
 
 def _line(

@@ -7,10 +7,12 @@ import json
 import math
 import shutil
 from contextlib import redirect_stdout
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from cli.recorded import spoil, write_all
+from rich.console import Console
 
 from intent_recognition.cli import evaluate as command
 from intent_recognition.cli.main import main
@@ -131,6 +133,9 @@ def test_folds_by_index(scored):
     assert "online: onset, filter and decision" in text
     assert "prediction with start posture, known phase" in text
     assert "…" not in text
+    assert "recording observed" in text
+    assert "Shares observed are of the recording" in text and "--segment movement" in text
+    assert "nothing to recognise" not in text
     for row in result["online"].values():
         assert set(row) == ONLINE
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
@@ -245,8 +250,29 @@ def test_a_folder_to_test_on_must_hold_something(evaluate, tmp_path):
 
 
 @pytest.mark.slow
+def test_recordings_taken_for_another_task_and_a_single_task_are_told(scored):
+    mistaken = [{"recording": f"d{k}", "true": "a", "recognised": "b"} for k in range(7)]
+    text = io.StringIO()
+    result = scored.result | {"mistaken": mistaken, "tasks": ["a"]}
+    command.print_result(Console(file=text, width=140), result)
+    assert "taken for another task at the end: d0 (a) for b, " in text.getvalue()
+    assert "d4 (a) for b, and 2 more" in text.getvalue()
+    assert "With one task there is nothing to recognise" in text.getvalue()
+    assert "taken for another" not in scored.text
+
+
+def test_the_title_of_a_report_names_what_was_scored():
+    learned = [Path("bags/train"), Path("more")]
+    assert command._title(learned, None) == "Evaluation on train, more"
+    title = "Evaluation on test, learned from train, more"
+    assert command._title(learned, Path("bags/test")) == title
+
+
+@pytest.mark.slow
 def test_the_report_is_a_page_by_itself(scored):
     page = scored.page
+    assert "wrote " in scored.text and scored.text.rstrip().endswith("page.html")
+    assert "Evaluation on bags" in page
     assert page.lstrip().lower().startswith("<!doctype html") and "task_1" in page
     assert 'src="http' not in page
 

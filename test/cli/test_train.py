@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent train`: what it learns, what it leaves out and says so."""
 
+import io
 import json
 from pathlib import Path
 
@@ -9,12 +10,20 @@ import pytest
 import yaml
 from bag_builder import POSE, START_NS, pose, write_bag
 from cli.recorded import DOFS, PER_TASK, spoil, write_all
-from model_builder import GLOVE, make_dofs
+from model_builder import GLOVE, make_dofs, true_library
+from rich.console import Console
 
 from intent_recognition import __version__
 from intent_recognition.bags import BagWriter
+from intent_recognition.cli.console import brief_list
+from intent_recognition.cli.train import print_library
 from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
-from intent_recognition.learning import Hyperparameters, TrainingSettings
+from intent_recognition.learning import (
+    Hyperparameters,
+    Trained,
+    TrainingReport,
+    TrainingSettings,
+)
 from intent_recognition.model.file import load_model
 
 
@@ -52,6 +61,23 @@ def test_it_learns_writes_and_tells(train, recorded):
         assert word in text, text
     assert str(output) in text.replace("\n", "")
     assert "duration [s]" in text
+
+
+def test_long_lists_end_with_how_many_more():
+    assert brief_list("abcde") == "a, b, c, d, e"
+    assert brief_list("abcdefg") == "a, b, c, d, e, and 2 more"
+
+
+@pytest.mark.parametrize(
+    ("log_loss", "warned"), [(0.69, False), (0.70, True), (float("nan"), False)]
+)
+def test_recognition_worse_than_guessing_is_a_warning(log_loss, warned):
+    library, text = true_library(DOFS, n_tasks=2), io.StringIO()
+    chosen = Hyperparameters(log_loss=log_loss, error=0.1)
+    report = TrainingReport((), (), chosen, (chosen,), 8, 0, Trained(library, None, {}, chosen))
+    print_library(Console(file=text, width=200), library, report)
+    assert ("Guessing would recognise the tasks better" in text.getvalue()) == warned
+    assert "best of 1 settings" in text.getvalue()
 
 
 @pytest.mark.slow

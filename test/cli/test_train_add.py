@@ -60,6 +60,15 @@ def test_added_bags_are_as_good_as_learned_anew(train, first, recorded):
     assert more.n_demonstrations.tolist() == [4, 4]
     assert more.provenance["bags"] == [f"demo_{k:02d}" for k in range(8)]
     assert load_model(first).library.n_demonstrations.sum() == 5
+    assert "already has" not in text and "best of" not in text and "log loss" not in text
+    assert "settings kept: " in text
+
+
+@pytest.mark.slow
+def test_a_recording_that_the_model_has_is_named(train, first):
+    path, text = train("twice.npz", (3, 4, 5), "--add", first)
+    assert "the model already has recordings of these names: demo_03, demo_04\n" in text
+    assert load_model(path).library.n_demonstrations.sum() == 8
 
 
 @pytest.mark.slow

@@ -93,6 +93,7 @@ def test_the_json_is_the_contracts(identical):
         "n_demonstrations",
         "tasks",
         "unit",
+        "segment",
         "recognition",
         "prediction",
         "left_out",
@@ -100,11 +101,14 @@ def test_the_json_is_the_contracts(identical):
         "reliability",
         "coverage",
         "confusion",
+        "mistaken",
         "none",
     }
     assert identical["n_demonstrations"] == 6
     assert identical["tasks"] == ["a", "b"]
     assert identical["unit"] == "rad"
+    assert identical["segment"] == "recording"
+    assert identical["mistaken"] == []
     for room, fractions, keys in (
         ("recognition", RECOGNITION_FRACTIONS, {"accuracy", "log_loss"}),
         ("prediction", PREDICTION_FRACTIONS, PREDICTION_KEYS),
@@ -331,6 +335,14 @@ def test_scores_against_a_loop_written_out(rng, monkeypatch):
         expected["nll"].append(np.mean(nll))
     for name, values in expected.items():
         assert row[name] == pytest.approx(np.mean(values), rel=1e-3, abs=1e-9), name
+
+
+@pytest.mark.slow
+def test_a_recording_under_a_wrong_label_is_named():
+    wrong = replace(IDENTICAL[0], name="wrong", task="b")
+    result = evaluate([*IDENTICAL, wrong], "loo", SETTINGS)
+    (one,) = (one for one in result["mistaken"] if one["recording"] == "wrong")
+    assert one == {"recording": "wrong", "true": "b", "recognised": "a"}
 
 
 @pytest.mark.slow

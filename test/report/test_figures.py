@@ -92,6 +92,28 @@ def all_figures(per_task, trace, rng):
     }
 
 
+@pytest.mark.parametrize("segment", ["recording", "movement"])
+def test_axes_say_what_the_share_is_of(segment):
+    series = {"known_phase": (FRACTIONS, FRACTIONS)}
+    panels = {"known_phase": {"rmse": (FRACTIONS, FRACTIONS)}}
+    for figure in (
+        recognition_figure(series, series, segment),
+        rmse_figure(panels, "rad", segment),
+        coverage_figure(series, segment),
+    ):
+        labels = {axes.get_xlabel() for axes in figure.axes}
+        assert labels == {f"share of the {segment} observed [%]"}
+
+
+def test_the_legend_of_a_reliability_diagram_covers_no_point():
+    given = np.linspace(0.0, 1.0, 11)
+    figure = reliability_figure(given, np.zeros(11), np.full(11, 5))
+    to_png(figure)  # lays it out
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert axes.get_legend() is None
+    assert not legend.get_window_extent().overlaps(axes.get_window_extent())
+
+
 @pytest.mark.slow
 def test_every_figure_draws_labels_its_axes_and_is_never_registered(all_figures):
     for name, figure in all_figures.items():

@@ -260,6 +260,30 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
     )
 
 
+@pytest.mark.parametrize("segment", ["recording", "movement"])
+def test_the_evaluation_says_what_its_shares_are_of(rng, undrawn, segment):
+    page = evaluation_page(result(rng) | {"segment": segment}, "t")
+    tables = blocks_of(page, Table)
+    assert {table.columns[0].title for table in tables} == {f"{segment} observed"}
+    assert f"recognised at 30 % of the {segment}" in key_numbers(page)
+    text = render(page)
+    assert f"Shares observed are of the {segment}" in text
+    assert ("--segment movement" in text) == (segment == "recording")
+    assert "nothing to recognise" not in text
+
+
+def test_recordings_taken_for_another_task_are_a_table(rng, undrawn):
+    one = {"recording": "demo_3", "true": "rocket", "recognised": "waving"}
+    page = evaluation_page({"mistaken": [one]}, "t")
+    (table,) = blocks_of(page, Table)
+    assert table.rows == (("demo_3", "rocket", "waving"),)
+
+
+def test_the_report_of_one_task_says_that_there_is_nothing_to_recognise(rng, undrawn):
+    page = evaluation_page(result(rng) | {"tasks": ["waving"]}, "t")
+    assert "With one task there is nothing to recognise" in render(page)
+
+
 @pytest.mark.slow
 def test_several_units_give_a_section_each(rng, undrawn):
     content = result(rng, ["rad", "m"])
