@@ -37,7 +37,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.runtime: requirements.txt $(SOURCES) | $(BIN)/python
-	@echo "installing ROS 2 Jazzy and the libraries into $(VENV), about 1 GB: one to three minutes"
+	@echo "installing ROS 2 Jazzy and the libraries into $(VENV), 1.5 GB: one to three minutes"
 	$(PIP) install --quiet -r requirements.txt
 	$(PIP) install --quiet --no-deps --no-build-isolation --config-settings editable_mode=compat -e .
 	@touch $@

@@ -67,12 +67,13 @@ class PathMarkers:
 
 @dataclass(frozen=True)
 class NodeHealth:
-    """The newest report of one node: level 0 to 3, message, values, when it came."""
+    """The newest report of one node: level 0 to 3, message, values, when; whether the last."""
 
     level: int
     message: str
     values: Mapping[str, str]
     at_s: float
+    ended: bool = False
 
     def silent_s(self, now_s: float) -> float:
         """For how long it has been silent; zero while reports are due."""

@@ -152,7 +152,8 @@ def _node(name: str, health: NodeHealth, now_s: float) -> str:
     silent = health.silent_s(now_s)
     alarm = silent and not may_end(name)
     colour = BAD if alarm else STALE if silent else LEVELS.get(health.level, STALE)
-    message = f"silent for {silent:.0f} s" if silent else escape(health.message)
+    told = f"ended: {escape(health.message)}" if health.ended else f"silent for {silent:.0f} s"
+    message = told if silent else escape(health.message)
     details = "" if silent else _details(health.values)
     return (
         f'<div style="border-left:4px solid {colour};padding:.15em 0 .15em .6em;margin:.45em 0">'

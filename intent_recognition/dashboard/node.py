@@ -81,7 +81,7 @@ class Dashboard(Node):
             self._commands,
             teleoperation,
             session,
-            bags=find_bags(Path(bags) if bags else share_path("bags"))[:MOST_BAGS],
+            bags=(find_bags(Path(bags)) if bags else shipped_bags())[:MOST_BAGS],
             models=self._find_models,
             play=self._play,
             stop=self._stop,
@@ -147,6 +147,12 @@ class Dashboard(Node):
         if self.executor is not None:
             self.executor.remove_node(player)
         player.destroy_node()
+
+
+def shipped_bags() -> list[Path]:
+    """The shipped recordings, first those that the demo's model fits and was not learned from."""
+    bags = share_path("bags")
+    return sorted(find_bags(bags), key=lambda bag: not bag.is_relative_to(bags / "toolbox/test"))
 
 
 @lru_cache(maxsize=1000)

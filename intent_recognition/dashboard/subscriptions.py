@@ -34,6 +34,7 @@ from intent_recognition.dashboard.checks import (
 from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
+from intent_recognition.nodes.diagnostics import ENDED
 
 DEFAULT_BODY = "wrist"
 MOST_JOINTS = 100
@@ -157,7 +158,8 @@ class CellSubscriptions:
             known = name in nodes or len(nodes) < MOST_NODES
             check("status", f"at most {MOST_NODES} nodes", known, "one more")
             text, values = _told(status)
-            nodes[name] = NodeHealth(int.from_bytes(status.level, "little"), text, values, now_s)
+            level = int.from_bytes(status.level, "little")
+            nodes[name] = NodeHealth(level, text, values, now_s, ENDED in values)
 
     def _on_skills(self, message: DiagnosticArray) -> None:
         check("status", f"at most {MOST_CHANGES}", len(message.status) <= MOST_CHANGES, "more")

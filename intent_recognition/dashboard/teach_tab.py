@@ -31,17 +31,18 @@ HAND_GOAL_M = (0.60, 0.20, 0.42)
 SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
 """Demonstrations of a task that are recorded before learning. Convention."""
+RECORD, REACH = "Record a demonstration", "Reach to the wrist goal"
 TAKE = "Tick `Take the wrist`."
 BY_GOALS = (
     TAKE,
     "Drag the two goals: where the human reaches, and where the robot's hand should then be. Name"
-    f" the task and press `Record` {FEW} times or more; each time is a little different.",
+    f" the task and press `{RECORD}` {FEW} times or more; each time is a little different.",
     "Press `Learn`: the running graph knows the task at once.",
-    "Press `Reach`: the robot should help.",
+    f"Press `{REACH}`: the robot should help.",
 )
 BY_POINTER = (
     TAKE,
-    "Name the task. Press `Record`, drag the wrist, then the robot's hand, and press `Stop`;"
+    f"Name the task. Press `{RECORD}`, drag the wrist, then the robot's hand, and press `Stop`;"
     f" {FEW} times or more.",
     BY_GOALS[2],
     "Drag the wrist again: the robot should help.",
@@ -59,7 +60,6 @@ ARMS = (
     "It must take `joint_trajectory`: the demo has one.",
     "Others than the LWR need a URDF on `robot_description`, and pinocchio (`pip install pin`).",
 )
-RECORD = "Record a demonstration"
 
 
 class TeachTab:
@@ -83,7 +83,7 @@ class TeachTab:
     ):
         self._teleoperation, self._session = teleoperation, session
         self._commands, self._do = commands, do
-        self._rested = False
+        self._rested = self._helped = False
         gui = server.gui
         self._hint = gui.add_html("")
         self._take = gui.add_checkbox("Take the wrist", False)
@@ -96,7 +96,7 @@ class TeachTab:
             self._vary = gui.add_slider("Variation [cm]", 0.0, 8.0, 0.5, 3.0)
         self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color=rgb(markup.BAD))
         self._learn = gui.add_button("Learn", icon=viser.Icon.SCHOOL, color=rgb(markup.GOOD))
-        self._reach = gui.add_button("Reach to the wrist goal", icon=viser.Icon.HAND_FINGER)
+        self._reach = gui.add_button(REACH, icon=viser.Icon.HAND_FINGER)
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
         self._status = gui.add_html("")
         self._handles = DragHandles(
@@ -110,6 +110,8 @@ class TeachTab:
         teacher = self._commands.offers(f"{TEACHER}/start")
         taken, by_hand = teleoperation.holds_wrist, self._how.value == BY_HAND
         obstacle = self._obstacle(teacher, taken)
+        came = session.learned and state.active == self._task.value.strip()
+        self._helped = (self._helped or came) and not session.recorded
         steps = BY_POINTER if by_hand else BY_GOALS
         set_content(self._hint, obstacle or markup.steps(steps, self._steps_done(taken)))
         others = not taken and teleoperation.others_move_wrist()
@@ -145,7 +147,9 @@ class TeachTab:
             return 0
         if session.recorded:
             return 2 if session.recorded >= FEW else 1
-        return 3 if session.learned else 1
+        if session.learned:
+            return 4 if self._helped else 3
+        return 1
 
     def _update_handles(self, kind: str, taken: bool) -> None:
         """Show the pair in use; the leading pair is where wrist and hand are at rest."""

@@ -28,7 +28,6 @@ QUATERNION = "quaternion"
 """The one representation of an orientation that entries may have."""
 OBSERVED_KEYS = (*KEYS, "context")
 CONTROLLED_KEYS = (*KEYS, "link", "robot")
-EXAMPLE = f"Correct the file; {DEFAULT} of this package is an example."
 SIDES = ("observed", "controlled", "velocities")
 EXTRINSICS = "extrinsics"
 """Key beside the sides: poses of tracker frames in the world."""
@@ -162,7 +161,7 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
     try:
         text = read_text(source)
     except (OSError, UntrustedError) as error:
-        cure = f"Check the path; {DEFAULT} of this package is an example."
+        cure = f"Check the path; {share_path(DEFAULT)} is an example."
         raise _error(str(source), "a readable DOF file", error, cure) from error
     try:
         content = load_yaml(text)
@@ -367,5 +366,6 @@ def _check_hands(spec: DofSpec, source: str) -> None:
         before = same if entry.link and not entry.orientation else ()
 
 
-def _error(argument: str, expected: str, got: object, cure: str = EXAMPLE) -> DofError:
-    return DofError.about(argument, expected, got, cure)
+def _error(argument: str, expected: str, got: object, cure: str = "") -> DofError:
+    example = f"Correct the file; {share_path(DEFAULT)} is an example."
+    return DofError.about(argument, expected, got, cure or example)

@@ -48,6 +48,13 @@ class HandError:
         spread = "-" if self.two_std_cm is None else f"{self.two_std_cm:.1f}"
         return f"{self.mean_cm:.1f} +- {spread} cm"
 
+    @property
+    def short(self) -> str:
+        """As `str`, but without the spread where it is not known: `3.2 cm`."""
+        if self.mean_cm is None or self.two_std_cm is not None:
+            return str(self)
+        return f"{self.mean_cm:.1f} cm"
+
 
 PAPER_RECOGNISED = (40, 40)
 """Interactions recognised, of how many (Ewerton et al. 2015, Sec. IV-B)."""
@@ -217,7 +224,7 @@ def summary_line(summary: DemoSummary) -> str:
             remarks.append(f"paper {PAPER_HAND_ERROR[task]}")
         if task in summary.tasks_apart:
             remarks.append(FIXED_PLACE)
-        parts.append(f"{task} {error}" + (f" ({'; '.join(remarks)})" if remarks else ""))
+        parts.append(f"{task} {error.short}" + (f" ({'; '.join(remarks)})" if remarks else ""))
     if summary.median_decision_share is not None:
         parts.append(f"median decision at {100 * summary.median_decision_share:.0f} %")
     if summary.median_arrival_s is not None:

@@ -183,6 +183,8 @@ class BagPlayer(Node):
             self.get_logger().warning(f"not played: {damage.reason} (byte {damage.offset})")
         self._diagnostics.value("published", self.published)
         self.get_logger().info(f"{self.published} messages played")
+        if not self.exit_code and not self._stopping.is_set():
+            self._diagnostics.end("played")
         self.finished.set()
         self.done = self._exit_at_end
 

@@ -22,6 +22,9 @@ LATENCY_WINDOW = 2000
 PUBLISHERS, LIFECYCLE, ACTIVE, INACTIVE = "publishers ", "lifecycle", "active", "not active"
 """Keys of a report, the first to be followed by a topic, and what a lifecycle node says."""
 
+ENDED = "ended"
+"""Key of the last report of a node that ends because its work is done."""
+
 MODEL = "model"
 """Key under which the estimator says which model file it has loaded."""
 
@@ -132,6 +135,12 @@ class Diagnostics:
         """Set level (see `Level`) and message, until set again."""
         self._level = bytes([level])
         self._message = message
+
+    def end(self, message: str) -> None:
+        """Report at once that the work is done; what follows is no failure but silence."""
+        self.status(Level.OK, message)
+        self.value(ENDED, "yes")
+        self.publish()
 
     def report(self) -> DiagnosticStatus:
         """The status as it would be published now; starts a new period for the rates."""

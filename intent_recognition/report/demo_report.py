@@ -52,6 +52,7 @@ MISSES_SHOWN = 3
 """Missed interactions that are drawn. Convention."""
 TITLE = "Toolbox assembly with a simulated coworker"
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
+COLOURS = "Green: an aim is met, such as the paper's hand error; red: missed; blue: no aim."
 
 
 def write_demo_report(
@@ -88,8 +89,9 @@ def demo_page(
     by_index = {trace["index"]: usable(trace) for trace in traces}
     labels = [label for trace in by_index.values() for label in trace.get("labels", ())]
     unchanged = [record for record in records if not record.changed_from]
+    remarks = (Text(COLOURS, small=True), Text(CONDITIONS, small=True))
     sections = [
-        Section("Result", (_key_numbers(summary), Text(CONDITIONS, small=True))),
+        Section("Result", (_key_numbers(summary), *remarks)),
         Section("Accuracy and timing", _figures_of_records(unchanged, summary, labels)),
         Section("Recognition", _figures_of_posteriors(unchanged, by_index)),
         *_details(records, by_index),
@@ -346,9 +348,7 @@ def _figure(figure: "Drawing", caption: str) -> Figure:
 
 def hand_error_text(error: HandError) -> str:
     """As `3.2 +- 2.6 cm`, or what is known of it."""
-    if error.two_std_cm is None:
-        return _absent(error.mean_cm, lambda x: f"{x:.1f} cm")
-    return str(error).replace("+-", PLUS_MINUS)
+    return _absent(error.mean_cm, lambda _: error.short.replace("+-", PLUS_MINUS))
 
 
 def _absent(value: float | None, form: Callable[[float], str]) -> str:

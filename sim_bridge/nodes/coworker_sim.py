@@ -165,7 +165,7 @@ class CoworkerSim(Node):
         if self._timer is not None:
             self._timer.cancel()
         self._tasks.publish(String(data=""))
-        self.diagnostics.status(Level.OK, "session over")
+        self.diagnostics.end("session over")
         self.done = self._exit_at_end
 
 

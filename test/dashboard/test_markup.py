@@ -67,6 +67,13 @@ def test_a_node_that_is_done_raises_no_alarm():
     assert markup.BAD not in markup.nodes_table(nodes, 10.0)
 
 
+def test_a_node_that_said_that_its_work_is_done_has_ended():
+    nodes = {"coworker_sim": NodeHealth(0, "session over", {}, 0.0, ended=True)}
+    assert "ended: session over" in markup.nodes_table(nodes, 10.0)
+    assert "silent" not in markup.nodes_table(nodes, 10.0)
+    assert "ended" not in markup.nodes_table(nodes, 1.0), "it still reports"
+
+
 def test_details_have_rates_latency_and_what_was_rejected():
     values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
     text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from intent_recognition.bags.definitions import make_message
 from intent_recognition.demonstrations import DofEntry, DofSpec, extract, load_dofs
 from intent_recognition.errors import DofError, MessageError
+from intent_recognition.share import share_path
 
 ENTRY = {"topic": "/a", "type": "geometry_msgs/msg/PoseStamped", "fields": ["pose.x"], "unit": "m"}
 JOINT_ENTRY = {
@@ -130,6 +131,7 @@ def test_mistakes_are_named(tmp_path, content, named):
     with pytest.raises(DofError, match=named) as caught:
         load_dofs(path)
     assert "mine.yaml" in str(caught.value)
+    assert f"{share_path('config/dofs.yaml')} is an example." in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["observed: [", "\x00", ": :"])
@@ -137,7 +139,7 @@ def test_no_yaml_is_named(tmp_path, text):
     (tmp_path / "bad.yaml").write_text(text)
     with pytest.raises(DofError, match=r"bad\.yaml"):
         load_dofs(tmp_path / "bad.yaml")
-    with pytest.raises(DofError, match="nowhere"):
+    with pytest.raises(DofError, match=r"nowhere.* Check the path; /.*config/dofs\.yaml is"):
         load_dofs(tmp_path / "nowhere.yaml")
 
 

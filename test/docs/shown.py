@@ -27,7 +27,7 @@ class Shown:
 
 
 def commands() -> list[Shown]:
-    """Every command of every shell block: comments off, continued lines joined, && taken apart."""
+    """Every command of every shell block: without comments and last &, lines joined, && apart."""
     found = []
     for page in PAGES:
         for block in BLOCK.findall(page.read_text(encoding="utf-8")):
@@ -47,7 +47,7 @@ def inline_commands() -> list[Shown]:
 
 
 def _commands_of(page: str, line: str) -> list[Shown]:
-    parts = line.strip().removeprefix("# or:").split(" && ")
+    parts = line.strip().removeprefix("# or:").removesuffix(" &").split(" && ")
     split = [shlex.split(part, comments=True) for part in parts]
     return [Shown(page, tuple(words)) for words in split if words]
 

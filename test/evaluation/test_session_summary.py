@@ -129,7 +129,9 @@ def test_hand_error_equals_numpy(errors_m):
 def test_one_error_has_no_spread():
     assert hand_error([0.03]) == HandError(1, 3.0, None)
     assert str(hand_error([0.03])) == "3.0 +- - cm"
-    assert str(hand_error([])) == "- cm"
+    assert hand_error([0.03]).short == "3.0 cm"
+    assert hand_error([0.03, 0.05]).short == str(hand_error([0.03, 0.05])) == "4.0 +- 2.8 cm"
+    assert str(hand_error([])) == hand_error([]).short == "- cm"
 
 
 @RELAXED
@@ -152,9 +154,9 @@ def test_the_line_says_the_numbers_and_the_papers():
     assert line.startswith(
         "summary: recognised 3/4, decided before the end 3/4, hand error 3.0 +- 2.8 cm, "
     )
-    assert "hold_screwdriver 4.0 +- - cm (paper 2.1 +- 2.3 cm)" in line
-    assert "plate_handover 2.0 +- - cm (paper 3.2 +- 2.6 cm)" in line
-    assert "screw_handover 50.0 +- - cm (not in the overall hand error" in line
+    assert "hold_screwdriver 4.0 cm (paper 2.1 +- 2.3 cm)" in line
+    assert "plate_handover 2.0 cm (paper 3.2 +- 2.6 cm)" in line
+    assert "screw_handover 50.0 cm (not in the overall hand error" in line
     assert "median decision at 30 %" in line
     assert summary.too_many_missed
 

@@ -134,6 +134,7 @@ def test_begins_where_asked_and_plays_the_topics_asked_for(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
     node = harness.add(player(bag, rate=0.0, start_offset=0.2, topics=["/mocap/wrist/pose"]))
     harness.spin_until(node.finished.is_set)
+    assert node._diagnostics.report().message == "played"
     harness.spin_until(lambda: len(seen) == node.published)
     assert node.published == 10
     assert node.position_s == pytest.approx(node.duration_s)

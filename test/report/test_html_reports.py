@@ -123,6 +123,7 @@ def test_key_numbers_stand_beside_the_papers(session, bare_page):
     assert numbers["hand error, screw handover"].paper == ""
     assert bare_page.footer == summary_line(summary)
     assert "Conditions differ" in render(bare_page)
+    assert "Green: an aim is met" in render(bare_page)
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -8,6 +9,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.diagnostics import ENDED, values_of
 from intent_recognition.nodes.qos import SENSOR, STATE
 from sim_bridge.coworker.session import SessionTiming, plan_session
 from sim_bridge.nodes.coworker_sim import SAMPLE_NS, CoworkerSim
@@ -75,6 +77,16 @@ def test_publishes_what_the_plan_says_bit_for_bit(played):
     np.testing.assert_array_equal(sent, expected.samples.positions_m[seen])
     assert {m.header.frame_id for m in poses} == {"world"}
     assert node.diagnostics.rejected("occluded") == np.sum(~expected.samples.visible)
+
+
+def test_the_end_is_reported_before_the_node_leaves(harness):
+    reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
+    node = harness.add(make(use_sim_time=True, wait_for_subscribers=0))
+    play(harness, node, harness.publisher(Clock, "/clock", 10))
+    last = harness.spin_until(
+        lambda: [s for r in reports for s in r.status if ENDED in values_of(s)], what="the end"
+    )
+    assert last[0].message == "session over"
 
 
 def test_a_worker_assembles_a_box(harness):
