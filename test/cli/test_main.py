@@ -104,7 +104,7 @@ def test_a_misspelt_command_is_told_the_nearest(capsys):
 def test_a_missing_file_is_told_without_the_number_of_the_system(tmp_path, capsys):
     missing, output = str(tmp_path / "none.yaml"), str(tmp_path / "out")
     for argv, cure in (
-        (["evaluate", str(tmp_path), "--dofs", missing], "Check the path; config/dofs.yaml"),
+        (["evaluate", str(tmp_path), "--dofs", missing], "/config/dofs.yaml is an example."),
         (["import", str(tmp_path), "--map", missing, "--output", output], "Check the path."),
     ):
         assert cli.main(argv) == 1
