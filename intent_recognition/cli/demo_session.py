@@ -70,9 +70,7 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
 
     calls = _calls(args, model, scene)
-    if args.dashboard:
-        begin_library(args.output / LIBRARY, model, console)
-    log = _run_graph(args, calls, len(scene.plan.interactions), console)
+    log = _run_graph(args, calls, model, len(scene.plan.interactions), console)
     first_ns = first_sample_ns(log, scene.plan)
     if first_ns is None:
         got = f"{len(log.wrist_ns)} poses, none of them at a place of the session"
@@ -144,7 +142,11 @@ def watched_graph(
 
 
 def _run_graph(
-    args: argparse.Namespace, calls: dict[str, NodeCall], n_tasks: int, console: Console
+    args: argparse.Namespace,
+    calls: dict[str, NodeCall],
+    model: Path,
+    n_tasks: int,
+    console: Console,
 ) -> "SessionLog":
     """Run the nodes through one session; returns what was observed."""
     from intent_recognition.nodes.session_observer import SessionObserver
@@ -153,6 +155,8 @@ def _run_graph(
     make_observer = partial(SessionObserver, progress.on_task, progress.on_active)
     with watched_graph(args, make_observer) as (observer, watch):
         _refuse_busy_domain(observer, watch)
+        if args.dashboard:
+            begin_library(args.output / LIBRARY, model, console)
         _start_nodes(args, calls, observer, watch)
         console.print("the nodes found one another; the session begins")
         if args.dashboard:
