@@ -31,7 +31,9 @@ from intent_recognition.model import (
     Change,
     Executions,
     TaskFolder,
+    is_task_folder,
     library_dofs,
+    load_trained,
     now,
     skill_history,
     undoable,
@@ -289,6 +291,8 @@ class TaskTeacher(TopicRecorder):
         if not library:
             cure = "Start it with -p library:=DIR."
             raise ArgumentError.about("parameter library", "a folder", "nothing", cure)
+        if model and not is_task_folder(Path(library)):
+            load_trained(model)  # one without statistics is refused before anything is made
         folder = TaskFolder(library, library_dofs(library, model, dofs))
         if model and not folder.model_path.exists():
             folder.start_from(model)

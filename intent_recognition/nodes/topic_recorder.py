@@ -25,7 +25,7 @@ from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 
 DISCOVERY_PERIOD_S = 0.1
 """Time between two looks for new topics [s]. Convention."""
-SILENT_S = 3.0
+UNPUBLISHED_S = 3.0
 """How long after its start a recorder names the topics without a publisher [s]. Convention."""
 QUEUE_DEPTH = 2000
 """Messages of a topic that wait while the disk is slow. Convention."""
@@ -94,7 +94,7 @@ class TopicRecorder(Node):
         steady_timer(self, DISCOVERY_PERIOD_S, self.discover)
         steady_timer(self, FLUSH_PERIOD_S, self._flush)
         self.discover()
-        self._patience = steady_timer(self, SILENT_S, self._warn_of_silent)
+        self._patience = steady_timer(self, UNPUBLISHED_S, self._warn_of_silent)
 
     @property
     def listening(self) -> tuple[str, ...]:
