@@ -127,7 +127,7 @@ setup(
         "console_scripts": [
             "intent = intent_recognition.cli.main:main",
             f"dashboard = {PACKAGE}.dashboard.start:main",
-            *(f"{name} = {room}.nodes.{name}:main" for name, room in NODES.items()),
+            *(f"{name} = {room}.nodes.start:{name}" for name, room in NODES.items()),
         ]
     },
     distclass=DistributionWithDataFiles,

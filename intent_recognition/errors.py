@@ -107,6 +107,14 @@ def _words(got: object, argument: str | None = None) -> str:
     return reason if known else f"{got.filename}: {reason}"
 
 
+def without_ros(error: ImportError) -> IntentError | None:
+    """What to say of an import that failed because ROS 2 is not there; None of any other."""
+    package = (error.name or "").partition(".")[0]
+    if not package.endswith(("rclpy", "_msgs", "_srvs", "_interfaces")):
+        return None
+    return IntentError.about(package, "ROS 2 Jazzy", error, "Source it, or pip install .[ros].")
+
+
 def printable(text: str) -> str:
     r"""A text without what moves a cursor or colours a terminal: such characters as Python writes
     them.

@@ -17,6 +17,7 @@ from intent_recognition.bags.cdr.layout import (
 from intent_recognition.bags.cdr.template import SerializedTemplate
 from intent_recognition.bags.copying import BagPart, copy_message, cut_bag
 from intent_recognition.bags.definitions import message_class
+from intent_recognition.bags.files import cure_of
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import RECOVER, BagMessage
 from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
@@ -48,6 +49,7 @@ __all__ = [
     "SerializedTemplate",
     "TopicInfo",
     "copy_message",
+    "cure_of",
     "cut_bag",
     "decode",
     "header_stamp_ns",

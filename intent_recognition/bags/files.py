@@ -25,7 +25,8 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         return None, []
     if not any(path.glob("*.mcap")) and not (path / FILE_NAME).exists():
         n_bags = sum(1 for _ in path.glob(f"*/{FILE_NAME}"))
-        cure = "Check the path; the storage of recordings is MCAP (`ros2 bag record -s mcap`)."
+        storage = "the storage of recordings is MCAP (`ros2 bag record -s mcap`)"
+        cure = cure_of(path, f"Check the path; {storage}.")
         got = f"a folder of {n_bags} bags" if n_bags else "a folder without .mcap files"
         raise BagError.about(str(path), "a bag", got, "Name one." if n_bags else cure)
     try:
@@ -44,12 +45,23 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
     return metadata, []
 
 
+TABLES = (".csv", ".tsv", ".parquet", ".c3d")
+"""Files that are no bags, but can become some."""
+
+
+def cure_of(path: Path, otherwise: str) -> str:
+    """What helps where a path holds no bag: to import it, if it is a table or a folder of them."""
+    files = path.iterdir() if path.is_dir() else [path]
+    tables = any(file.suffix.lower() in TABLES for file in files)
+    return "Make bags of tables with `intent import` (docs/import.md)." if tables else otherwise
+
+
 def _check_file(path: Path) -> None:
     """Whether a single file can be a recording; one that ends in .mcap may be a damaged one."""
     if path.suffix != ".mcap":
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
-                cure = "Give a bag: a folder with .mcap files, or one of them."
+                cure = cure_of(path, "Give a bag: a folder with .mcap files, or one of them.")
                 raise BagError.about(str(path), "a recording", "another kind of file", cure)
 
 

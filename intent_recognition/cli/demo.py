@@ -25,7 +25,6 @@ from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import (
     ArgumentError,
     DofError,
-    IntentError,
     ResourceBusyError,
 )
 from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
@@ -197,12 +196,8 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
     console = console_beside(args.json)
-    try:
-        import rclpy  # noqa: F401
-    except ImportError as error:
-        raise IntentError.about(
-            "rclpy", "ROS 2 Jazzy", error, "Source it, or pip install .[ros]."
-        ) from error
+    import rclpy  # noqa: F401  before anything is trained
+
     end_like_interrupted(*END_SIGNALS)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE

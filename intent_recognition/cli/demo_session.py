@@ -8,11 +8,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 
+from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
     from intent_recognition.evaluation import SessionLog
     from intent_recognition.nodes.session_observer import SessionObserver
 
+LIBRARY, MODEL = "tasks", "model.npz"
+"""Folder of what is taught on the page, below the demo's, and the model in it."""
+OWN_INPUTS = ("mocap/wrist/pose", "joint_states", "/clock")
+"""Topics that nothing but the demo may publish."""
 DISCOVERY_S = 0.5
 """Time to find other graphs in the domain [s]. Convention."""
 GRAPH_DEADLINE_S = 30.0
@@ -64,13 +70,40 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
 
     calls = _calls(args, model, scene)
-    log = _run_graph(args, calls, len(scene.plan.interactions), console)
+    log = _run_graph(args, calls, model, len(scene.plan.interactions), console)
     first_ns = first_sample_ns(log, scene.plan)
     if first_ns is None:
+        got = f"{len(log.wrist_ns)} poses, none of them at a place of the session"
+        cure = "See the nodes' logs, and let nothing else publish in this ROS_DOMAIN_ID."
         raise IntentError.about(
-            "mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs."
+            "mocap/wrist/pose", "the coworker's poses", got if len(log.wrist_ns) else "none", cure
         )
     return Session(log, first_ns)
+
+
+def begin_library(library: Path, model: Path, console: Console) -> None:
+    """Let the teacher begin with the estimator's model; what was taught before is kept.
+
+    Args:
+        library: folder of the page's tasks; where it is there, it gets the next free number, unless
+            the estimator's model is its own.
+        model: model file of the estimator.
+        console: where that is told.
+
+    Raises:
+        ResourceBusyError: the model is an earlier one of the library.
+    """
+    if not library.exists() or model.resolve() == (library / MODEL).resolve():
+        return
+    if library.resolve() in model.resolve().parents:
+        cure = f"Copy that file, or give {library / MODEL}."
+        raise ResourceBusyError.about("--model", f"a model outside of {library}", model, cure)
+    named = (library.with_name(f"{library.name}_{n}") for n in count(1))
+    kept = next(path for path in named if not path.exists())
+    library.rename(kept)
+    say(
+        console, f"what the page was taught before is kept in {kept}; --model {kept / MODEL} has it"
+    )
 
 
 @contextmanager
@@ -109,7 +142,11 @@ def watched_graph(
 
 
 def _run_graph(
-    args: argparse.Namespace, calls: dict[str, NodeCall], n_tasks: int, console: Console
+    args: argparse.Namespace,
+    calls: dict[str, NodeCall],
+    model: Path,
+    n_tasks: int,
+    console: Console,
 ) -> "SessionLog":
     """Run the nodes through one session; returns what was observed."""
     from intent_recognition.nodes.session_observer import SessionObserver
@@ -118,18 +155,18 @@ def _run_graph(
     make_observer = partial(SessionObserver, progress.on_task, progress.on_active)
     with watched_graph(args, make_observer) as (observer, watch):
         _refuse_busy_domain(observer, watch)
+        if args.dashboard:
+            begin_library(args.output / LIBRARY, model, console)
         _start_nodes(args, calls, observer, watch)
         console.print("the nodes found one another; the session begins")
         if args.dashboard:
-            console.print(f"the page is at {_page(args)}")
+            say(console, f"the page is at {_page(args)}")
         slowest = _follow(args, observer, progress, watch)
         log = observer.log()
         if args.dashboard:
             observer.close()
-            console.print(
-                f"the session is over; the page stays open at {_page(args)}:"
-                " teach a task there, or end with Ctrl-C"
-            )
+            say(console, f"the session is over; the page stays open at {_page(args)}")
+            say(console, "teach a task there, or end it with Ctrl-C: the table of results follows")
             watch.until_interrupted()
         if slowest < args.rate:
             console.print(
@@ -206,7 +243,7 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
             "record": str(args.record.resolve()) if args.record else "",
             "dashboard": args.dashboard,
             "port": args.port,
-            "library": str((args.output / "tasks").resolve()),
+            "library": str((args.output / LIBRARY).resolve()),
             "models": str(args.output.resolve()),
         },
     )
@@ -221,15 +258,17 @@ def _page(args: argparse.Namespace) -> str:
 
 
 def _refuse_busy_domain(observer: "SessionObserver", watch: NodeWatch) -> None:
-    """Make sure that no other graph with such nodes is in this domain."""
+    """Make sure that no other graph with such nodes, or publishers, is in this domain."""
     watch.for_seconds(DISCOVERY_S)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
+    published = [topic for topic in OWN_INPUTS if observer.count_publishers(topic)]
+    taken += [f"publishers of {topic}" for topic in published]
     if taken:
         raise ResourceBusyError.about(
             f"ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}",
             "no other graph in it",
             ", ".join(taken),
-            "Stop those nodes, or choose another ROS_DOMAIN_ID.",
+            "Stop them, or choose another ROS_DOMAIN_ID.",
         )
 
 

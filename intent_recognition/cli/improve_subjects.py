@@ -13,7 +13,12 @@ import numpy as np
 from rich.console import Console
 
 from intent_recognition.cli.console import busy
-from intent_recognition.cli.teach import DEFAULT_LIBRARY, HANDED_OVER_S, teacher_node
+from intent_recognition.cli.teach import (
+    DEFAULT_LIBRARY,
+    HANDED_OVER_S,
+    refuse_other_model,
+    teacher_node,
+)
 from intent_recognition.cli.undo import FOUND_S
 from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.durable import copy
@@ -177,6 +182,7 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
 
     Raises:
         ModelError: there is no model in it, and none to begin with.
+        ResourceBusyError: it has another model than the one given.
     """
     path = args.library or DEFAULT_LIBRARY
     present = path / "model.npz"
@@ -185,6 +191,7 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
         raise ModelError.about(
             str(path), "a folder of tasks with a model", "no model.npz in it", cure
         )
+    refuse_other_model(path, args.model, args.dofs)
     model = present if present.exists() else args.model
     load_trained(model)  # one that holds no statistics is refused before anything is made
     folder = TaskFolder(path, load_model(model).dofs, now)

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
+from intent_recognition.bags import cure_of
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, print_facts
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
@@ -119,9 +120,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bags_of(source: Path) -> list[Path]:
+    if not source.exists():
+        expected = "a bag, a folder of bags, a model (.npz) or a library of tasks"
+        raise BagError.about(str(source), expected, "nothing", "Check the path.")
     bags = find_bags(source)
     if not bags:
-        raise BagError.about(str(source), "recordings", "none in this folder", CURE)
+        cure = cure_of(source, CURE)
+        raise BagError.about(str(source), "recordings", "none in this folder", cure)
     return bags
 
 

@@ -14,7 +14,8 @@ from difflib import get_close_matches
 from intent_recognition import __version__
 from intent_recognition.cli.completion import add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
-from intent_recognition.errors import IntentError, one_line
+from intent_recognition.cli.options import CommandParser
+from intent_recognition.errors import IntentError, one_line, without_ros
 from intent_recognition.interrupts import INTERRUPTED, ignore_interrupts, raise_interrupts
 
 CURES = {
@@ -26,7 +27,7 @@ CURES = {
 
 def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     """The parser of all commands, or of some: what is left out need not be imported."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="intent",
         description="Learn interaction primitives from recordings, recognise a coworker's task,"
         " and move the robot in time.",
@@ -63,6 +64,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader has had enough
         _drop_output()
         return 0
+    except ImportError as error:
+        if (told := without_ros(error)) is None:
+            raise
+        sys.stderr.write(f"intent {args.command}: {one_line(told)}\n")
+        return 1
     except (IntentError, OSError, MemoryError, RecursionError) as error:
         cure = next((f". {cure}" for kind, cure in CURES.items() if isinstance(error, kind)), "")
         sys.stderr.write(f"intent {args.command}: {one_line(error)}{cure}\n")

@@ -5,7 +5,9 @@ import argparse
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -17,6 +19,38 @@ XYZ: dict[str, Any] = {"nargs": 3, "metavar": ("X", "Y", "Z")}
 PART = r"[A-Za-z_{][\w{}]*"
 NAME = rf"(?:~/|/)?{PART}(?:/{PART})*"
 """A name of ROS 2: relative, absolute or private; parts of it may be substitutions in braces."""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """Takes options by their whole names only; an unknown one is the first thing it complains of.
+
+    The parsers of the commands are of this class, too.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**({"allow_abbrev": False} | kwargs))
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Parse, once all options are known."""
+        words = list(sys.argv[1:] if args is None else args)
+        self._refuse_unknown(words)
+        return super().parse_known_args(words, namespace)
+
+    def _refuse_unknown(self, words: Sequence[str]) -> None:
+        known = self._option_string_actions
+        for word in words:
+            if word == "--" or (self._subparsers is not None and not word.startswith("-")):
+                return  # what follows is no option, or one of the command
+            name = word.partition("=")[0]
+            short = not word.startswith("--") and word[:2] in known
+            if not re.match("--?[A-Za-z]", word) or " " in name or name in known or short:
+                continue
+            longer = [option for option in known if option.startswith(name)]
+            near = longer or get_close_matches(name, known, 1)
+            cure = f"did you mean {near[0]}?" if near else f"`{self.prog} --help` lists them"
+            self.error(f"unknown option {name}: {cure}")
 
 
 def number(

@@ -22,7 +22,8 @@ from intent_recognition.cli.options import (
     node_arguments,
     number,
 )
-from intent_recognition.errors import BagError, IntentError
+from intent_recognition.errors import BagError, IntentError, ResourceBusyError
+from intent_recognition.model import TaskFolder, is_task_folder, library_dofs, load_model
 
 if TYPE_CHECKING:
     from intent_recognition.nodes.task_teacher import TaskTeacher
@@ -90,13 +91,14 @@ def add_library_options(
         "--model",
         type=a_path,
         metavar="M.npz",
-        help="where the library is new: the model to begin with",
+        help="the model that a new library begins with; refused where the library has another one",
     )
     parser.add_argument(
         "--dofs",
         type=a_path,
         metavar="F",
-        help="where the library is new and no model is given: its DOF file",
+        help="DOF file of a new library that begins without a model; refused where the library has"
+        " other DOFs",
     )
     add_node_options(parser)
 
@@ -108,9 +110,11 @@ def run(args: argparse.Namespace) -> int:
         IntentError: the library cannot be used, or no topic to be recorded has a publisher.
     """
     console = make_console()
+    refuse_other_model(args.library, args.model, args.dofs)
+    with busy(console, "waiting for the topics"):
+        _wait_for_topics(args)
     with teacher_node(args, task=args.task) as (teacher, spin):
-        with busy(console, "waiting for the topics"):
-            _wait_for_topics(teacher, spin)
+        spin(lambda: len(teacher.listening) == len(teacher.wanted), DISCOVERY_S)
         say(console, f"library {teacher.folder.path}")
         learned = _teach(args, teacher, spin, console)
     return 0 if learned else 1
@@ -125,12 +129,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
     from intent_recognition.nodes.runtime import spin_until, spinning
     from intent_recognition.nodes.task_teacher import TaskTeacher
 
-    chosen: dict[str, object] = {
-        "library": str(args.library.absolute()),
-        "task": task,
-        "executions": 0,
-    }
-    chosen |= {k: str(v.absolute()) for k in ("model", "dofs") if (v := getattr(args, k))}
+    chosen: dict[str, object] = {**_paths(args), "task": task, "executions": 0}
     words = [*node_arguments(args, chosen), "--log-level", "warn"]
     with spinning(TaskTeacher, words) as (node, executor):
         yield node, partial(spin_until, executor)
@@ -143,13 +142,53 @@ def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: 
     say(console, teacher.last_status or what)
 
 
-def _wait_for_topics(teacher: "TaskTeacher", spin: Spin) -> None:
-    wanted = teacher.wanted
-    if spin(lambda: len(teacher.listening) == len(wanted), DISCOVERY_S):
+def _paths(args: argparse.Namespace) -> dict[str, str]:
+    """Library, model and DOF file, as far as they are given."""
+    names = ("library", "model", "dofs")
+    return {name: str(path.absolute()) for name in names if (path := getattr(args, name))}
+
+
+def refuse_other_model(library: Path, model: Path | None, dofs: Path | None) -> None:
+    """Make sure that a library that has a model is not asked to begin with another one.
+
+    Raises:
+        ResourceBusyError: it is.
+        DofError: the DOF file is not that of its model.
+    """
+    if not is_task_folder(library):
         return
-    silent = sorted(set(wanted) - set(teacher.listening))
+    folder = TaskFolder(library, library_dofs(library, model or "", dofs or ""))
+    if model and folder.model_path.exists() and not folder.began_with(model):
+        load_model(model)
+        expected = f"the model that {library} began with, or none"
+        cure = "Leave it out to go on with that library, or name a new --library."
+        raise ResourceBusyError.about("--model", expected, model, cure)
+
+
+def _wait_for_topics(args: argparse.Namespace) -> None:
+    """Wait for publishers of what is recorded, before anything is written.
+
+    Raises:
+        BagError: a topic has none.
+    """
+    from rclpy.node import Node
+
+    from intent_recognition.demonstrations import topics_of
+    from intent_recognition.nodes.runtime import spin_until, spinning
+
+    wanted = topics_of(library_dofs(**_paths(args)))
+    words = [*node_arguments(args, {}), "--log-level", "warn"]
+    with spinning(partial(Node, "intent_teach"), words) as (node, executor):
+        topics = [node.resolve_topic_name(topic) for topic in wanted]
+
+        def silent() -> list[str]:
+            return sorted(topic for topic in topics if not node.count_publishers(topic))
+
+        if spin_until(executor, lambda: not silent(), DISCOVERY_S):
+            return
+        expected = f"publishers of {', '.join(silent())}"
     cure = "Start the tracker and the arm, or remap the topics."
-    raise BagError.about("topics", f"publishers of {', '.join(silent)}", "none", cure)
+    raise BagError.about("topics", expected, "none", cure)
 
 
 def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console: Console) -> int:

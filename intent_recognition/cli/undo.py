@@ -6,7 +6,12 @@ import argparse
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.teach import add_library_options, teacher_node, wait_until_used
+from intent_recognition.cli.teach import (
+    add_library_options,
+    refuse_other_model,
+    teacher_node,
+    wait_until_used,
+)
 from intent_recognition.errors import ModelError
 
 FOUND_S = 2.0
@@ -35,11 +40,13 @@ def change_library(args: argparse.Namespace) -> int:
     Raises:
         BagError: no execution was corrected, or the last one was kept before.
         ModelError: there is no library, or nothing to take back.
+        ResourceBusyError: the library has another model than the one given.
         TrainingError: the correction cannot be learned from.
     """
     if not args.library.is_dir():
         cure = "Name the one that `intent teach` or task_teacher made."
         raise ModelError.about(f"--library {args.library}", "a folder of tasks", "none", cure)
+    refuse_other_model(args.library, args.model, args.dofs)
     console = make_console()
     with teacher_node(args) as (teacher, spin):
         with busy(console, "looking for the estimator"):

@@ -4,21 +4,26 @@
 import sys
 from collections.abc import Sequence
 
-import intent_recognition.nodes  # noqa: F401  before all else: quiet while importing
+from intent_recognition.nodes.start import explained, tell_missing
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the page; 1 with one line on stderr where its libraries are not installed."""
+    """Run the page; 1 with one line on stderr where its libraries, or ROS 2, are not installed."""
     try:
         from intent_recognition.dashboard.node import Dashboard
     except ImportError as error:
         if error.name not in ("viser", "yourdfpy"):
-            raise
+            tell_missing("dashboard", error)
+            return 1
         sys.stderr.write(
             f"dashboard: {error.name}: expected an installed library, got none."
             " Install it with `pip install viser yourdfpy`.\n"
         )
         return 1
+    from intent_recognition.dashboard import node
     from intent_recognition.nodes.runtime import run
+
+    if explained("dashboard", node.__doc__ or "", args):
+        return 0
 
     return run(Dashboard, args)

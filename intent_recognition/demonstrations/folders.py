@@ -4,7 +4,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from intent_recognition.bags import FILE_NAME
+from intent_recognition.bags import FILE_NAME, cure_of
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 
@@ -42,7 +42,8 @@ def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
 
 def no_bag(folder: Path) -> Rejection:
     """Of a folder without bags."""
-    return Rejection(str(folder), "", 0, "there is no bag in this folder", "Check the path.")
+    cure = cure_of(folder, "Check the path.")
+    return Rejection(str(folder), "", 0, "there is no bag in this folder", cure)
 
 
 def _is_bag(folder: Path) -> bool:

@@ -37,6 +37,7 @@ from intent_recognition.signals import (
 
 GAP_FACTOR = 3.0
 """A step this many times longer than the median step of the topic is a gap. Convention."""
+EMPTY = "it holds no messages: nothing was published while it was recorded"
 JOINT_STATES = "joint_states"
 """Last part of the topics that carry joint positions."""
 
@@ -130,6 +131,7 @@ def inspect_bag(path: str | Path) -> BagSummary:
     elif not times_ns:  # the headers of damaged chunks tell of what is lost
         times_ns = [reader.start_ns]
     parts = list(split_session(markers, {}, str(path))) if markers else []
+    is_empty = not reader.damage and not any(topic.count for topic in topics)
     return BagSummary(
         path=str(path),
         task=task_of(reader),
@@ -140,7 +142,7 @@ def inspect_bag(path: str | Path) -> BagSummary:
         demonstrations=tuple(p for p in parts if isinstance(p, SessionPart)),
         unfinished=tuple(p for p in parts if isinstance(p, Rejection)),
         damage=tuple(reader.damage),
-        notes=tuple(reader.notes),
+        notes=(*reader.notes, *((EMPTY,) if is_empty else ())),
     )
 
 

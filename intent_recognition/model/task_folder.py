@@ -31,6 +31,7 @@ from intent_recognition.demonstrations import (
     CORRECTED,
     DofSpec,
     check_label,
+    load_dofs,
     settle_orientations,
     write_corrected,
 )
@@ -151,6 +152,11 @@ class TaskFolder:
             loaded, trained = load_trained(model)
             self.dofs = check_dofs(loaded, self.dofs, "the DOFs asked for")
             self._keep(START, "", "", trained)
+
+    def began_with(self, model: str | Path) -> bool:
+        """Whether a model is the one that the folder began with, or its present one."""
+        began = [self.path / change.model for change in self.history() if change.action == START]
+        return any(_same(Path(model), one) for one in (*began, self.model_path) if one.is_file())
 
     def new_bag(self, task: str) -> Path:
         """Directory for the next recording of a task; nothing is made yet.
@@ -381,6 +387,16 @@ class TaskFolder:
 def is_task_folder(path: Path) -> bool:
     """Whether something was learned in a folder, or executed."""
     return (path / HISTORY).is_file() or (path / OUTCOMES).is_file()
+
+
+def library_dofs(library: str | Path, model: str | Path = "", dofs: str | Path = "") -> DofSpec:
+    """The DOFs of a library: as given, else those of its model, else the shipped ones."""
+    if dofs:
+        return load_dofs(dofs)
+    present = Path(library) / MODEL
+    if present.exists() or model:
+        return load_model(present if present.exists() else model).dofs
+    return load_dofs()
 
 
 def _kept(execution: Path) -> Path:

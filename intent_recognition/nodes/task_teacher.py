@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.demonstrations import HAND_LINK, DofSpec, load_dofs, topics_of
+from intent_recognition.demonstrations import HAND_LINK, topics_of
 from intent_recognition.errors import (
     ArgumentError,
     BagError,
@@ -31,7 +31,9 @@ from intent_recognition.model import (
     Change,
     Executions,
     TaskFolder,
-    load_model,
+    is_task_folder,
+    library_dofs,
+    load_trained,
     now,
     skill_history,
     undoable,
@@ -289,7 +291,9 @@ class TaskTeacher(TopicRecorder):
         if not library:
             cure = "Start it with -p library:=DIR."
             raise ArgumentError.about("parameter library", "a folder", "nothing", cure)
-        folder = TaskFolder(library, _dofs(dofs, model, library))
+        if model and not is_task_folder(Path(library)):
+            load_trained(model)  # one without statistics is refused before anything is made
+        folder = TaskFolder(library, library_dofs(library, model, dofs))
         if model and not folder.model_path.exists():
             folder.start_from(model)
         return folder
@@ -384,16 +388,6 @@ class TaskTeacher(TopicRecorder):
 def _is_trial(model: str, folder: TaskFolder) -> bool:
     """Whether a model is one that a teacher that has ended let the estimator try."""
     return Path(model).is_relative_to(folder.path / PRACTICE)
-
-
-def _dofs(dofs: str, model: str, library: str) -> DofSpec:
-    """The DOFs of the library: as given, else those of its model, else the shipped ones."""
-    if dofs:
-        return load_dofs(dofs)
-    present = Path(library) / "model.npz"
-    if present.exists() or model:
-        return load_model(present if present.exists() else model).dofs
-    return load_dofs()
 
 
 main = partial(run, TaskTeacher)

@@ -25,6 +25,8 @@ from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 
 DISCOVERY_PERIOD_S = 0.1
 """Time between two looks for new topics [s]. Convention."""
+UNPUBLISHED_S = 3.0
+"""How long after its start a recorder names the topics without a publisher [s]. Convention."""
 QUEUE_DEPTH = 2000
 """Messages of a topic that wait while the disk is slow. Convention."""
 NOISE_TOPICS = ("/rosout", "/parameter_events")
@@ -92,6 +94,7 @@ class TopicRecorder(Node):
         steady_timer(self, DISCOVERY_PERIOD_S, self.discover)
         steady_timer(self, FLUSH_PERIOD_S, self._flush)
         self.discover()
+        self._patience = steady_timer(self, UNPUBLISHED_S, self._warn_of_silent)
 
     @property
     def listening(self) -> tuple[str, ...]:
@@ -179,6 +182,14 @@ class TopicRecorder(Node):
                 self.diagnostics.reject("ambiguous_type", f"{resolved} has {', '.join(types)}")
             elif types:
                 self._follow(resolved, stored, types[0])
+
+    def _warn_of_silent(self) -> None:
+        """Name what is still without a publisher, once."""
+        self._patience.cancel()
+        silent = sorted(set(self.wanted) - set(self._sources))
+        if silent or not (self.wanted or set(self._sources) - set(ABSOLUTE_TOPICS)):
+            topics = f"to {', '.join(silent)}" if silent else "anything"
+            self.get_logger().warning(f"nobody publishes {topics} yet; what comes is recorded")
 
     def _check_names(self, topics: Sequence[str]) -> None:
         """Refuse topics that would be one and the same in the bag."""

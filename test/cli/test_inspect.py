@@ -14,7 +14,7 @@ from intent_recognition.bags.writer import BagWriter
 from intent_recognition.cli.inspect_bag import moment
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.errors import BagError, ModelError
+from intent_recognition.errors import BagError, IntentError, ModelError
 from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.model.file import Model, load_model, save_model
 
@@ -232,3 +232,28 @@ def test_a_model_s_context_is_shown(run_command, tmp_path):
 def test_moments_of_simulated_clocks_are_plain_seconds():
     assert moment(1_500_000_000) == "t = 1.500 s"
     assert moment(START_NS) == "2023-11-14 22:13:20.000 UTC"
+
+
+def test_an_empty_bag_is_a_problem(run_command, tmp_path):
+    for name in ("empty_00", "empty_01"):
+        write_bag(tmp_path / name, count=0)
+    assert "note: it holds no messages" in run_command("inspect", tmp_path / "empty_00")[1]
+    assert "it holds no messages" in " ".join(run_command("inspect", tmp_path)[1].split())
+
+
+def test_what_is_inspected_is_named_where_there_is_nothing(run_command, tmp_path):
+    with pytest.raises(BagError, match=r"npzz: expected a bag, a folder of bags, a model"):
+        run_command("inspect", tmp_path / "toolbox.npzz")
+
+
+@pytest.mark.parametrize(
+    "words", [("inspect",), ("train", "--output", "m.npz"), ("evaluate",), ("replay",)]
+)
+def test_a_table_is_to_be_imported(words, run_command, tmp_path, model_file):
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    (folder / "walk.csv").write_text("time,x\n0,1\n")
+    more = ("--model", model_file) if words == ("replay",) else ()
+    for path in (folder, folder / "walk.csv"):
+        with pytest.raises(IntentError, match=r"`intent import` \(docs/import.md\)"):
+            run_command(*words, path, *more)

@@ -241,3 +241,81 @@ def test_the_commands_run_where_there_is_no_ros(tmp_path):
     )
     assert run.returncode == 0, run.stderr
     assert load_model(model) and saved.is_dir()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("train", "bag", "--ouput", "m.npz"), "unknown option --ouput: did you mean --output?"),
+        (("train", "bag", "--out=m.npz"), "unknown option --out: did you mean --output?"),
+        (("demo", "--headles"), "unknown option --headles: did you mean --headless?"),
+        (("train", "-x"), "unknown option -x: `intent train --help` lists them"),
+        (("via", "add", "--hnd", "1"), "unknown option --hnd: did you mean --hand?"),
+        (("--versoin", "train"), "unknown option --versoin: did you mean --version?"),
+    ],
+)
+def test_an_unknown_option_is_told_the_nearest_before_all_else(words, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(words)
+    errors = capsys.readouterr().err
+    command = " ".join(word for word in words[:2] if word in (*cli.COMMANDS, "add"))
+    assert ended.value.code == 2 and said in errors and "required" not in errors
+    assert errors.startswith(f"usage: intent {command if words[0] in cli.COMMANDS else ''}")
+
+
+WITH_VALUES = ("via", "add", "a", "--hand", "-0.1", "-.2", ".5", "--phase", "0.5")
+
+
+def test_values_are_not_taken_for_options():
+    args = cli.make_parser().parse_args(WITH_VALUES)
+    assert args.hand == [-0.1, -0.2, 0.5]
+    assert cli.make_parser().parse_args(["inspect", "--", "--bag"]).paths == [Path("--bag")]
+
+
+def test_every_command_that_needs_ros_says_so_where_there_is_none(tmp_path):
+    """Every executable, too; and all explain themselves where there is."""
+    program = tmp_path / "without_ros.py"
+    program.write_text(WITHOUT_ROS)
+    commands = (
+        f"intent demo --output {tmp_path}/out",
+        f"intent record --output {tmp_path}/new",
+        f"intent play {write_bag(tmp_path / 'bag')}",
+        *("intent_estimator", "task_teacher --help", "arm_sim", "dashboard"),
+    )
+    run = subprocess.run(
+        [sys.executable, str(program)],
+        input="\n".join(commands),
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])},
+    )
+    assert run.returncode == 0, run.stderr
+    lines = run.stderr.splitlines()
+    assert len(lines) == len(commands)
+    for line, words in zip(lines, commands, strict=True):
+        name = " ".join(words.split()[:2]) if words.startswith("intent ") else words.split()[0]
+        assert line.startswith(f"{name}: ") and "expected ROS 2 Jazzy, got " in line
+        assert line.endswith("Source it, or pip install .[ros].")
+
+
+WITHOUT_ROS = """
+import sys
+
+import intent_recognition.dashboard.start
+from intent_recognition.cli.main import main
+from intent_recognition.nodes import start
+import sim_bridge.nodes.start as bridge
+
+class NoRos:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0].endswith(("rclpy", "_msgs", "_interfaces", "_srvs")):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, NoRos())
+mains = {"dashboard": intent_recognition.dashboard.start.main, "arm_sim": bridge.arm_sim}
+for line in sys.stdin:
+    name, *words = sys.argv = line.split()
+    run = mains.get(name) or getattr(start, name, None)
+    assert (main(words) if name == "intent" else run()) == 1, line
+"""

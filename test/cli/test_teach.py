@@ -6,20 +6,25 @@ import sys
 import threading
 
 import pytest
+import yaml
 from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library, write_recording
 from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
-from intent_recognition.errors import ModelError
-from intent_recognition.model.task_folder import TaskFolder
-from intent_recognition.nodes import qos
+from intent_recognition.cli import teach
+from intent_recognition.demonstrations import DofEntry, DofSpec
+from intent_recognition.errors import BagError, DofError, ModelError, ResourceBusyError
+from intent_recognition.model import TaskFolder, load_model, save_model
+from intent_recognition.nodes import qos, runtime
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
 from intent_recognition.signals.observation import merge
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 OLD, NEW = TRUTH.labels[0], TRUTH.labels[2]
+ELBOW = DofEntry("elbow", DOFS.observed[0].type, fields=("pose.position.x",))
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 LONGEST_S = 300.0
 """After so long a command is ended and what it printed is shown [s]."""
@@ -123,3 +128,36 @@ def test_undo_of_no_library_makes_none(tmp_path, run_command):
     ):
         run_command("undo", "--library", library)
     assert not library.exists()
+
+
+@pytest.fixture
+def soon(monkeypatch):
+    """Topics are waited for no longer than a moment."""
+    monkeypatch.setattr(teach, "DISCOVERY_S", 0.1)
+    monkeypatch.setattr(runtime, "make_executor", SingleThreadedExecutor)  # stderr is no file
+
+
+@pytest.mark.usefixtures("soon")
+def test_what_is_refused_for_its_topics_makes_no_library(tmp_path, run_command, old):
+    library = tmp_path / "tasks"
+    with pytest.raises(BagError, match=r"publishers of /joint_states, /mocap/wrist/pose"):
+        run_command("teach", NEW, "--library", library, "--model", old)
+    assert not library.exists()
+
+
+@pytest.mark.usefixtures("soon")
+def test_a_library_goes_on_with_its_own_model_and_dofs(tmp_path, run_command, old):
+    library = tmp_path / "tasks"
+    TaskFolder(library, DOFS).start_from(old)
+    before = sorted(library.rglob("*"))
+    other = tmp_path / "other.npz"
+    save_model(other, load_model(old))
+    with pytest.raises(ResourceBusyError, match=r"--model: expected the model that .*tasks began"):
+        run_command("teach", NEW, "--library", library, "--model", other)
+    dofs = tmp_path / "dofs.yaml"
+    dofs.write_text(yaml.safe_dump(DofSpec((ELBOW,), DOFS.controlled).to_dict()))
+    with pytest.raises(DofError, match="observed"):
+        run_command("teach", NEW, "--library", library, "--dofs", dofs)
+    with pytest.raises(BagError, match="publishers"):  # the one it began with: as far as the topics
+        run_command("teach", NEW, "--library", library, "--model", old)
+    assert sorted(library.rglob("*")) == before

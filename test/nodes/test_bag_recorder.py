@@ -20,6 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import BagError
+from intent_recognition.nodes import topic_recorder
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
 
@@ -299,3 +300,15 @@ def test_simulated_time_is_what_is_logged_and_nothing_before_it_runs(harness, tm
     stored = list(BagReader(tmp_path / "bag").raw_messages())
     assert [m.log_time_ns for m in stored] == [5_000_000_000, 6_000_000_000]
     assert [m.publish_time_ns for m in stored] == [5_000_000_000, 6_000_000_000]
+
+
+@pytest.mark.parametrize("topics", [{}, {"topics": ["late", "early"]}])
+def test_topics_that_nobody_publishes_are_named_once(harness, tmp_path, monkeypatch, topics):
+    monkeypatch.setattr(topic_recorder, "UNPUBLISHED_S", 0.5)
+    early = harness.publisher(PoseStamped, "early", SENSOR) if topics else None
+    node = harness.add(recorder(output=str(tmp_path / "new"), **topics))
+    said = []
+    monkeypatch.setattr(node.get_logger(), "warning", said.append)
+    harness.spin_until(lambda: said)
+    named = "to /late" if early else "anything"
+    assert said == [f"nobody publishes {named} yet; what comes is recorded"]

@@ -198,6 +198,7 @@ def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
     ]
     with pytest.raises(ModelError, match="statistics"):
         TaskTeacher(parameter_overrides=overrides)
+    assert not (tmp_path / "mine").exists()
 
 
 @pytest.mark.parametrize(("error", "left"), [(TrainingError, 1), (ResourceBusyError, 2)])
