@@ -20,14 +20,15 @@ from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.errors import IntentError, ResourceBusyError
 from intent_recognition.interrupts import noted_interrupts
+from intent_recognition.model import LIBRARY_MODEL
 from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
 
 if TYPE_CHECKING:
     from intent_recognition.evaluation import SessionLog
     from intent_recognition.nodes.session_observer import SessionObserver
 
-LIBRARY, MODEL = "tasks", "model.npz"
-"""Folder of what is taught on the page, below the demo's, and the model in it."""
+LIBRARY = "tasks"
+"""Folder of what is taught on the page, below the demo's."""
 OWN_INPUTS = ("mocap/wrist/pose", "joint_states", "/clock")
 """Topics that nothing but the demo may publish."""
 DISCOVERY_S = 0.5
@@ -93,16 +94,17 @@ def begin_library(library: Path, model: Path, console: Console) -> None:
     Raises:
         ResourceBusyError: the model is an earlier one of the library.
     """
-    if not library.exists() or model.resolve() == (library / MODEL).resolve():
+    if not library.exists() or model.resolve() == (library / LIBRARY_MODEL).resolve():
         return
     if library.resolve() in model.resolve().parents:
-        cure = f"Copy that file, or give {library / MODEL}."
+        cure = f"Copy that file, or give {library / LIBRARY_MODEL}."
         raise ResourceBusyError.about("--model", f"a model outside of {library}", model, cure)
     named = (library.with_name(f"{library.name}_{n}") for n in count(1))
     kept = next(path for path in named if not path.exists())
     library.rename(kept)
     say(
-        console, f"what the page was taught before is kept in {kept}; --model {kept / MODEL} has it"
+        console,
+        f"what the page was taught before is kept in {kept}; --model {kept / LIBRARY_MODEL} has it",
     )
 
 

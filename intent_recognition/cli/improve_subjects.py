@@ -26,10 +26,10 @@ from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.improvement import Cost, CovarianceSearch, Practice, PracticeSession
 from intent_recognition.kinematics import read_urdf
 from intent_recognition.model import (
+    LIBRARY_MODEL,
     Change,
     PractisedTask,
     TaskFolder,
-    load_model,
     load_pouring_skill,
     load_trained,
     now,
@@ -185,16 +185,16 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
         ResourceBusyError: it has another model than the one given.
     """
     path = args.library or DEFAULT_LIBRARY
-    present = path / "model.npz"
+    present = path / LIBRARY_MODEL
     if not present.exists() and args.model is None:
         cure = "Name the folder with --library, or a model to begin one with --model."
         raise ModelError.about(
-            str(path), "a folder of tasks with a model", "no model.npz in it", cure
+            str(path), "a folder of tasks with a model", f"no {LIBRARY_MODEL} in it", cure
         )
     refuse_other_model(path, args.model, args.dofs)
     model = present if present.exists() else args.model
-    load_trained(model)  # one that holds no statistics is refused before anything is made
-    folder = TaskFolder(path, load_model(model).dofs, now)
+    loaded, _ = load_trained(model)  # without statistics it is refused before anything is made
+    folder = TaskFolder(path, loaded.dofs, now)
     if not present.exists():
         folder.start_from(model)
     return folder

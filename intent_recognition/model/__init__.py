@@ -21,6 +21,7 @@ from intent_recognition.model.frames import (
     with_frames,
 )
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
+from intent_recognition.model.library_folder import LIBRARY_MODEL, is_task_folder, library_dofs
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.practised import PractisedTask, undo_practice
 from intent_recognition.model.skills import SKILL_COLUMNS, TO_UNDO, SkillPeriod, skill_history
@@ -29,8 +30,6 @@ from intent_recognition.model.task_folder import (
     WAIT,
     Change,
     TaskFolder,
-    is_task_folder,
-    library_dofs,
     now,
     read_history,
     undoable,
@@ -41,6 +40,7 @@ __all__ = [
     "CORRECTIONS",
     "DOWN",
     "FRAMES",
+    "LIBRARY_MODEL",
     "PRACTICE",
     "SKILL_COLUMNS",
     "SPILLED",

@@ -24,7 +24,8 @@ from intent_recognition.kinematics import Arm
 from intent_recognition.learning import change_rule
 from intent_recognition.model.file import Model, load_trained, save_model
 from intent_recognition.model.history import IMPROVE, Change, standing
-from intent_recognition.model.task_folder import MODEL, PRACTICE, UNDONE, TaskFolder
+from intent_recognition.model.library_folder import LIBRARY_MODEL
+from intent_recognition.model.task_folder import PRACTICE, UNDONE, TaskFolder
 
 TRIAL = "trial.npz"
 
@@ -57,7 +58,7 @@ class PractisedTask:
     ) -> None:
         if not folder.model_path.exists():
             cure = "Teach a task first, or name the folder of tasks."
-            raise ModelError.about(str(folder.path), f"a folder with {MODEL}", "none", cure)
+            raise ModelError.about(str(folder.path), f"a folder with {LIBRARY_MODEL}", "none", cure)
         self.folder, self.task, self.since = folder, task, folder.present_model()
         self._model, self._trained = load_trained(folder.model_path)
         self.practice = TaskPractice(

@@ -31,7 +31,6 @@ from intent_recognition.demonstrations import (
     CORRECTED,
     DofSpec,
     check_label,
-    load_dofs,
     settle_orientations,
     write_corrected,
 )
@@ -54,7 +53,6 @@ from intent_recognition.learning import (
     move_task,
     with_margins,
 )
-from intent_recognition.model.executions import OUTCOMES
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.frames import with_frames
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
@@ -72,9 +70,9 @@ from intent_recognition.model.history import (
     standing,
     undoable,
 )
+from intent_recognition.model.library_folder import LIBRARY_MODEL
 from intent_recognition.model.recordings import check_usable, is_correction, is_finished
 
-MODEL = "model.npz"
 BAGS, UNDONE, MODELS, PRACTICE = "bags", "undone", "models", "practice"
 DAMAGED, LOCK, UNFINISHED = "history.damaged", ".lock", "unfinished"
 METADATA = "metadata.yaml"
@@ -121,7 +119,7 @@ class TaskFolder:
     @property
     def model_path(self) -> Path:
         """The present model; it is not there before anything was learned."""
-        return self.path / MODEL
+        return self.path / LIBRARY_MODEL
 
     def history(self) -> list[Change]:
         """All changes, the oldest first."""
@@ -382,21 +380,6 @@ class TaskFolder:
 
     def _relative(self, path: Path) -> str:
         return path.absolute().relative_to(self.path).as_posix()
-
-
-def is_task_folder(path: Path) -> bool:
-    """Whether something was learned in a folder, or executed."""
-    return (path / HISTORY).is_file() or (path / OUTCOMES).is_file()
-
-
-def library_dofs(library: str | Path, model: str | Path = "", dofs: str | Path = "") -> DofSpec:
-    """The DOFs of a library: as given, else those of its model, else the shipped ones."""
-    if dofs:
-        return load_dofs(dofs)
-    present = Path(library) / MODEL
-    if present.exists() or model:
-        return load_model(present if present.exists() else model).dofs
-    return load_dofs()
 
 
 def _kept(execution: Path) -> Path:
