@@ -104,7 +104,7 @@ setup(
             "yourdfpy>=0.0.56",
         ],
         # Kinematics of any arm from its URDF; the LWR's own need nothing.
-        "arms": ["coal>=3.0", "pin>=3.0"],
+        "arms": ["coal>=3.0", "pin>=3.0", "xacro>=2.0"],
         "dask": [
             "distributed>=2024.1",
         ],

@@ -66,6 +66,10 @@ def add_parser(subparsers: Subparsers) -> None:
                 "intent demo --headless --changes 10",
             ),
             ("another arm does what the LWR was taught", "intent demo --arm panda"),
+            (
+                "the left one of a robot with two arms",
+                "intent demo --arm robot.urdf --base torso --tip left_gripper",
+            ),
             ("four arms, and one report of all", "intent demo --arm lwr,panda,iiwa,xarm"),
             (
                 "an arm in the second of two people's place",
@@ -132,9 +136,23 @@ def add_parser(subparsers: Subparsers) -> None:
         "--arm",
         default="lwr",
         metavar="ARM",
-        help="lwr (default), panda, iiwa, xarm, or the path of a URDF; the others do with their"
-        " hands what the LWR was taught. Several, separated by commas, run in turn, with"
-        " one report",
+        help="lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file; the others do"
+        " with their hands what the LWR was taught. Several, separated by commas, run in turn,"
+        " with one report",
+    )
+    session.add_argument(
+        "--tip",
+        default="",
+        metavar="LINK",
+        help="link that is the arm's hand, where there are two arms (default: the end of the"
+        " branch with the most joints, before the gripper)",
+    )
+    session.add_argument(
+        "--base",
+        default="",
+        metavar="LINK",
+        help="link where the arm begins: joints before it, such as a lift, are held at zero"
+        " (default: the root)",
     )
     session.add_argument(
         "--seed", type=number(int, 0), default=1, help="random seed of the session (default: 1)"
@@ -208,8 +226,8 @@ def run(args: argparse.Namespace) -> int:
     arms = args.arm.split(",")
     if len(arms) > 1:
         return _run_several(args, arms, console)
-    scene = make_scene(args)
     _check(args)
+    scene = make_scene(args)
     records, numbers = _run_one(args, scene, console)
     write_json(args.json, numbers)
     return _end(records, console)
@@ -219,16 +237,17 @@ def _run_several(args: argparse.Namespace, arms: list[str], console: Console) ->
     """The same session with one arm after the other, and one report of all."""
     from intent_recognition.report import write_arms_report
 
-    for option in ("record", "dashboard", "model"):
+    for option in ("record", "dashboard", "model", "tip", "base"):
         if getattr(args, option):
             cure = "Run one arm at a time."
             raise ArgumentError.about("--arm", f"one arm with --{option}", args.arm, cure)
     own = [{"arm": arm, "output": args.output / Path(arm).stem} for arm in arms]
     parts = [argparse.Namespace(**vars(args) | values) for values in own]
+    for part in parts:
+        _check(part)
     scenes = [make_scene(part) for part in parts]
     sessions, numbers = {}, {}
     for part, scene in zip(parts, scenes, strict=True):
-        _check(part)
         console.print(f"arm: {part.arm}")
         sessions[part.arm], numbers[part.arm] = _run_one(part, scene, console)
     report = write_arms_report(args.output / "report.html", sessions)
@@ -324,6 +343,8 @@ def _run_one(
     from intent_recognition.experiments.toolbox.session_scoring import score_session
     from intent_recognition.report import table_lines, write_demo_report
 
+    if scene.note:
+        say(console, scene.note)
     if args.model is not None:
         _check_model(args.model, scene)
     model = args.model or _train(args.output / "model.npz", console, scene)

@@ -3,15 +3,18 @@
 
 import argparse
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, KinematicsError
+from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED
 
 if TYPE_CHECKING:
     from intent_recognition.experiments.toolbox.session_scoring import Scoring
+    from sim_bridge.arm import Robot
     from sim_bridge.coworker import SessionPlan
     from sim_bridge.scenarios.toolbox import ToolboxArm
 
@@ -32,6 +35,7 @@ class Scene(NamedTuple):
         own: parameters that depend on the arm, by node.
         plan: what the worker does.
         scoring: where the hand belongs, and where it is.
+        note: what a user should know of the arm; empty: nothing.
     """
 
     bags: str
@@ -42,6 +46,7 @@ class Scene(NamedTuple):
     own: Mapping[str, Mapping[str, object]]
     plan: "SessionPlan"
     scoring: "Scoring"
+    note: str = ""
 
 
 def make_scene(args: argparse.Namespace) -> Scene:
@@ -73,11 +78,14 @@ def _toolbox(args: argparse.Namespace) -> Scene:
 
     tasks = session_tasks(args)
     plan = plan_session(args.seed, tasks)
-    arm = None if args.arm == LWR else _arm(args.arm, HOME_HAND_M)
+    plain = args.arm == LWR and not (args.base or args.tip)
+    arm = None if plain else _arm(args, HOME_HAND_M)
     home = HOME.tolist() if arm is None else arm.home.tolist()
     named = {"arm": "", "hand_link": ""}
+    of_arm: dict[str, object] = {"initial_position": home}
     if arm is not None:
-        named = {"arm": args.arm, "hand_link": arm.robot.tip}
+        named = {"arm": _file(args, arm.robot), "hand_link": arm.robot.tip}
+        of_arm["tip"] = arm.robot.tip
     places_m = toolbox_places(plan)
     scoring = Scoring(places_m) if arm is None else Scoring(places_m, arm.hand)
     return Scene(
@@ -86,9 +94,10 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         "bags/sessions",
         "demo",
         named | {"task_list": ",".join(tasks)},
-        {"primitive_activation": {"home": home}, "arm_sim": {"initial_position": home}},
+        {"primitive_activation": {"home": home}, "arm_sim": of_arm},
         plan,
         scoring,
+        "" if arm is None else _note(arm.robot),
     )
 
 
@@ -103,21 +112,23 @@ def _assembly(args: argparse.Namespace) -> Scene:
         raise ArgumentError.about("--changes", "0 with --scenario assembly", args.changes, cure)
     session = plan_live(args.seed, args.task_list, args.interactions or 0, SessionTiming())
     places_m = np.array([one.assistant[-1][1].goal_m for one in session.interactions])
-    arm = _arm(args.arm, REST_M)
+    arm = _arm(args, REST_M)
+    named = _file(args, arm.robot)
     return Scene(
         "bags/assembly",
         "config/dofs_two_humans.yaml",
         "",
         "assembly",
-        {"arm": args.arm, "task_list": ",".join(one.task for one in session.interactions)},
-        in_assistants_place(args.arm),
+        {"arm": named, "task_list": ",".join(one.task for one in session.interactions)},
+        in_assistants_place(named, arm.robot.tip),
         of_worker(session),
         Scoring(places_m, arm.hand, REST_M),
+        _note(arm.robot),
     )
 
 
-def _arm(name: str, home_m: NDArray[np.float64]) -> "ToolboxArm":
-    """An arm by its name or URDF.
+def _arm(args: argparse.Namespace, home_m: NDArray[np.float64]) -> "ToolboxArm":
+    """The arm that the options name, and the link that is its hand.
 
     Raises:
         ArgumentError: there is no such arm, or it cannot reach home.
@@ -125,9 +136,35 @@ def _arm(name: str, home_m: NDArray[np.float64]) -> "ToolboxArm":
     from sim_bridge.arm import find_robot
     from sim_bridge.scenarios.toolbox import ToolboxArm
 
-    arm = ToolboxArm(find_robot(name), home_m)
+    arm = ToolboxArm(find_robot(args.arm, base=args.base, tip=args.tip), home_m)
     try:
         _ = arm.home
     except KinematicsError as error:
-        raise ArgumentError(f"--arm {name}: its hand does not reach home. {error}") from error
+        cure = "Name another --tip or --base, or a larger arm."
+        raise ArgumentError(
+            f"--arm {args.arm}: its hand does not reach home. {error} {cure}"
+        ) from error
     return arm
+
+
+def _file(args: argparse.Namespace, robot: "Robot") -> str:
+    """What the nodes are told of an arm: a name, or a URDF in which only this arm moves."""
+    from sim_bridge.arm import NAMES
+
+    if args.arm in NAMES and not (args.base or args.tip):
+        return str(args.arm)
+    path: Path = args.output / "arm.urdf"
+    path.write_text(robot.source, encoding="utf-8")
+    return str(path.resolve())
+
+
+def _note(robot: "Robot") -> str:
+    """Which limits are assumed."""
+    if not robot.assumed:
+        return ""
+    speed, effort = DEFAULT_SPEED["revolute"], DEFAULT_EFFORT["revolute"]
+    return (
+        f"{', '.join(robot.assumed)}: the URDF has no limit of speed or effort above 0;"
+        f" {speed:g} rad/s and {effort:g} Nm are assumed (prismatic:"
+        f" {DEFAULT_SPEED['prismatic']:g} m/s, {DEFAULT_EFFORT['prismatic']:g} N)"
+    )

@@ -78,7 +78,7 @@ def arm_in_world(description: str, link: str = "") -> Arm:
 
     Args:
         description: text of the URDF.
-        link: that is the hand, wherever on the arm; empty: the last one before the tree branches.
+        link: that is the hand, wherever on the arm; empty: the end of the arm, before its gripper.
 
     Raises:
         ArgumentError: it cannot be used.

@@ -29,10 +29,18 @@ from intent_recognition.kinematics.lwr import (
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.refinement import reach_position
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
-from intent_recognition.kinematics.urdf_tree import parse_xml, read_urdf
+from intent_recognition.kinematics.urdf_tree import (
+    DEFAULT_EFFORT,
+    DEFAULT_SPEED,
+    parse_urdf,
+    parse_xml,
+    read_urdf,
+)
 
 __all__ = [
     "DEFAULT_ACCELERATION_RAD_S2",
+    "DEFAULT_EFFORT",
+    "DEFAULT_SPEED",
     "DH",
     "JOINT_NAMES",
     "LWR_LIMITS",
@@ -58,6 +66,7 @@ __all__ = [
     "joint_poses",
     "package_shares",
     "parse_boxes",
+    "parse_urdf",
     "parse_xml",
     "position_violation",
     "reach_position",

@@ -16,6 +16,7 @@ from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, Target
 from intent_recognition.kinematics.reduced_model import ReducedModel, load_pinocchio
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
+from intent_recognition.kinematics.urdf_tree import LINK
 
 
 class Arm:
@@ -61,18 +62,19 @@ class Arm:
         """Read an arm; meshes are not needed. Joints beside the chain stay at zero.
 
         Args:
-            source: path of a URDF, or its text.
+            source: path of a URDF or xacro file, or the text of a URDF.
             base: link at which the chain begins; the root by default.
-            tip: link at which it ends; by default the last one before the tree branches, which is
-                the hand of an arm with fingers.
+            tip: link at which it ends; by default the end of the branch with the most joints,
+                before its gripper.
             rest: posture that redundant joints are drawn to (n,); by default the middle of the
                 limits.
             acceleration_rad_s2: acceleration limit of every joint, which a URDF does not hold.
-            beyond: whether joints after the tip belong to the arm, up to where the tree branches;
-                they do not move it, and keep near `rest`.
+            beyond: whether joints after the tip belong to the arm, up to the default tip; they do
+                not move it, and keep near `rest`.
 
         Raises:
-            ArgumentError: no URDF, no such link, no chain between them, or a joint without limits.
+            ArgumentError: no URDF, no such link, no chain between them, several arms and no
+                tip, or a joint without limits of its position.
         """
         return cls(read_chain(source, base, tip, acceleration_rad_s2, beyond), rest)
 
@@ -213,9 +215,9 @@ class Arm:
             raise ArgumentError(describe("robot", "a URDF", str(error), cure)) from error
         self._reduced = ReducedModel.of(pin, full, chain.names, chain.mimics)
         self._model, self._data = self._reduced.model, self._reduced.model.createData()
-        self._tip_frame = self._model.getFrameId(chain.tip)
+        self._tip_frame = self._model.getFrameId(LINK + chain.tip)
         pin.framesForwardKinematics(self._model, self._data, self._reduced.offset)
-        at = self._data.oMf[self._model.getFrameId(chain.base)]
+        at = self._data.oMf[self._model.getFrameId(LINK + chain.base)]
         self._from_base = None if at.isIdentity() else at.inverse()
 
     def _pose(self, q: NDArray[np.float64]) -> NDArray[np.float64]:

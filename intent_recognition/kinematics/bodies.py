@@ -19,7 +19,12 @@ from intent_recognition.errors import ArgumentError, ShapeError, describe, one_l
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.reduced_model import ReducedModel, load_pinocchio
 from intent_recognition.kinematics.urdf import read_mimics
-from intent_recognition.kinematics.urdf_tree import parse_urdf, read_urdf
+from intent_recognition.kinematics.urdf_tree import (
+    LINK,
+    parse_urdf,
+    read_urdf,
+    separate_names,
+)
 
 _N_POSTURES = 100
 """Random postures from which bodies that are always near one another are told. Convention."""
@@ -256,7 +261,9 @@ class Bodies:
     def _read(self, text: str, names: tuple[str, ...]) -> None:
         pin, packages = self._pin, package_shares()
         mimics = read_mimics(text)
-        check_meshes(parse_urdf(text).iterfind("link/collision/geometry/mesh"))
+        root = parse_urdf(text)
+        check_meshes(root.iterfind("link/collision/geometry/mesh"))
+        text = separate_names(root)
         try:
             full = pin.buildModelFromXML(text)
             shapes = pin.buildGeomFromUrdfString(
@@ -278,7 +285,10 @@ class Bodies:
                 shape.geometry.buildConvexHull(True, "Qt")
                 shape.geometry = shape.geometry.convex
         frames = self._model.model.frames
-        self._names = [frames[s.parentFrame].name for s in self._geometry.geometryObjects]
+        self._names = [
+            frames[shape.parentFrame].name.removeprefix(LINK)
+            for shape in self._geometry.geometryObjects
+        ]
         self._n_links = len(self._names)
         self._request = self._coal.DistanceRequest()
 

@@ -14,13 +14,18 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics.limits import JointLimits
-from intent_recognition.kinematics.urdf_tree import end_of, parse_urdf
+from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
+from intent_recognition.kinematics.urdf_tree import (
+    ASSUMED,
+    end_of,
+    parse_urdf,
+    separate_names,
+)
 
 UNLIMITED_RAD = 1e6
 """Position limit of a continuous joint [rad], which has none. Convention."""
 _MOST_NAMES = 12
 """Names of links that an error lists. Convention."""
-_MOVING = ("revolute", "continuous", "prismatic")
 
 
 class Mimic(NamedTuple):
@@ -36,13 +41,15 @@ class UrdfChain(NamedTuple):
     """What of a URDF moves a tip against a base.
 
     Attributes:
-        xml: the URDF without shapes, continuous joints with limits that are never met.
+        xml: the URDF without shapes, continuous joints with limits that are never met, for
+            pinocchio (`separate_names`).
         base: link at which the chain begins.
         tip: link at which it ends.
         names: independent joints that move the tip, from the base on, and those beyond it.
         continuous: which of them have no position limits.
         limits: theirs.
         mimics: joints of the whole URDF that copy another.
+        assumed: names of those without a limit of speed or effort, which have the defaults.
     """
 
     xml: str
@@ -52,6 +59,7 @@ class UrdfChain(NamedTuple):
     continuous: tuple[bool, ...]
     limits: JointLimits
     mimics: tuple[Mimic, ...]
+    assumed: tuple[str, ...]
 
 
 def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
@@ -83,21 +91,22 @@ def read_chain(
         if name is not None and name not in links:
             raise ArgumentError(describe(argument, f"a link of {_few(links)}", name, "Name one."))
     base = base if base is not None else _root_link(links, above)
-    last = _last_link(base, joints)
-    tip = tip if tip is not None else last
-    way = _way(base, tip, above)
-    longer = _way(base, last, above) if beyond else []
-    way = longer if longer[: len(way)] == way else way
     mimics = {mimic.joint: mimic for mimic in _mimics(joints)}
     by_name = {joint.get("name", ""): joint for joint in joints}
+    masters = {m.joint: m.master for m in mimics.values() if m.master in {*by_name} - {m.joint}}
+    if tip is None:
+        tip = default_tip(base, joints, masters)
+    way = _way(base, tip, above)
+    if beyond:
+        way += _way(tip, default_tip(tip, joints, masters), above)
     names = []
     for joint in way:
         kind, name = joint.get("type", ""), joint.get("name", "")
-        if kind not in (*_MOVING, "fixed"):
+        if kind not in (*MOVING, "fixed"):
             expected = "revolute, continuous, prismatic or fixed joints"
             raise ArgumentError(describe(name, expected, kind, "Choose base and tip beyond it."))
         master = mimics[name].master if name in mimics else name
-        if kind in _MOVING and master not in names:
+        if kind in MOVING and master not in names:
             names.append(master)
     if not names:
         cure = "Choose a tip beyond the first moving joint."
@@ -109,8 +118,9 @@ def read_chain(
     limits = _limits(moved, acceleration_rad_s2)
     limits = _with_mimics(limits, names, by_name, [mimics[m] for m in _names(way) if m in mimics])
     continuous = tuple(joint.get("type") == "continuous" for joint in moved)
+    assumed = tuple(name for name in names if by_name[name].get(ASSUMED))
     return UrdfChain(
-        _bare(root), base, tip, tuple(names), continuous, limits, tuple(mimics.values())
+        _bare(root), base, tip, tuple(names), continuous, limits, tuple(mimics.values()), assumed
     )
 
 
@@ -127,17 +137,6 @@ def _root_link(links: list[str], above: Mapping[str, ET.Element]) -> str:
     if len(roots) != 1:
         raise ArgumentError(describe("base", "one root link", _few(roots), "Name the base."))
     return roots[0]
-
-
-def _last_link(base: str, joints: list[ET.Element]) -> str:
-    """The link before the tree branches, which is the hand of a plain arm."""
-    link, seen = base, {base}
-    while True:
-        below = [end_of(joint, "child") for joint in joints if end_of(joint, "parent") == link]
-        if len(below) != 1 or below[0] in seen:
-            return link
-        link = below[0]
-        seen.add(link)
 
 
 def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Element]:
@@ -192,15 +191,7 @@ def _limits(joints: list[ET.Element], acceleration_rad_s2: float) -> JointLimits
             free = joint.get("type") == "continuous"
             values[name].append(bound if free else _number(joint, limit, name))
         for name in ("velocity", "effort"):
-            value = _number(joint, limit, name)
-            if value <= 0.0:
-                cure = "Write the arm's own limit into the URDF."
-                raise ArgumentError(
-                    describe(
-                        joint.get("name", "joint"), f"{name} above 0 in its limit", value, cure
-                    )
-                )
-            values[name].append(value)
+            values[name].append(_number(joint, limit, name))
     lower, upper, velocity, effort = (np.array(column) for column in values.values())
     return JointLimits(lower, upper, velocity, np.full(len(joints), acceleration_rad_s2), effort)
 
@@ -232,4 +223,4 @@ def _bare(root: ET.Element) -> str:
         turned.extend(child for child in joint if child.tag != "limit")
         bound = repr(UNLIMITED_RAD)
         ET.SubElement(turned, "limit", lower=f"-{bound}", upper=bound, velocity=bound, effort=bound)
-    return ET.tostring(bare, encoding="unicode")
+    return separate_names(bare)

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The XML of a URDF, checked once: a tree of links and joints, its numbers finite."""
 
+from contextlib import suppress
+from copy import deepcopy
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError, describe, one_line
 from intent_recognition.untrusted import MOST_TEXT, UntrustedError, load_xml, read_text
 
 MOST_LINKS = 1000
@@ -17,6 +19,15 @@ MOST_JOINTS = 150
 1.7 GB for 300. A humanoid with two hands has 80."""
 LARGEST = 1e6
 """Largest number of a length, angle, mass or inertia, in SI units. Convention: beyond any arm."""
+ASSUMED = "assumed"
+"""Attribute that `parse_urdf` gives to joints for which it assumes a limit."""
+LINK = "link "
+"""How names of links begin in a model of pinocchio."""
+DEFAULT_SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
+"""Largest speed of a joint whose URDF has none above 0 [rad/s, m/s]. Convention: below that of the
+arms and lifts of common robots, so that a plan is slow rather than impossible."""
+DEFAULT_EFFORT = {"revolute": 50.0, "continuous": 50.0, "prismatic": 500.0}
+"""Likewise the largest effort [Nm, N]. Convention: of the middle joints of common arms."""
 LEAST_AXIS = 1e-6
 """Least component of an axis, of which only the direction counts. Convention: above rounding."""
 _SIX = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), 1)
@@ -34,19 +45,37 @@ _NUMBERS = {
 
 
 def read_urdf(source: str | Path) -> str:
-    """The text of a URDF, which may be given itself or as a path.
+    """The text of a URDF, which may be given itself or as a path; a file `.xacro` is expanded.
+
+    Only expand files that you trust: xacro evaluates expressions and includes other files.
 
     Raises:
         ArgumentError: the file cannot be read.
     """
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return source
+    if Path(source).suffix == ".xacro":
+        return _expanded(Path(source))
     try:
         return read_text(Path(source), 10 * MOST_TEXT)
     except (OSError, ValueError) as error:
         cure = "Give the path of a URDF, or its text."
         got = error if isinstance(error, OSError) else f"{source}: {error}"
         raise ArgumentError(describe("robot", "a URDF", got, cure)) from error
+
+
+def _expanded(path: Path) -> str:
+    """The URDF that a xacro file describes with its default arguments."""
+    try:
+        import xacro
+    except ImportError as error:
+        cure = "Install it: pip install xacro, or apt install ros-jazzy-xacro."
+        raise ArgumentError(describe("xacro", "the library", str(error), cure)) from error
+    try:
+        return str(xacro.process_file(str(path)).toxml())
+    except Exception as error:  # also what the file's own expressions raise
+        cure = "Expand it yourself, with its arguments: xacro FILE name:=value > robot.urdf."
+        raise ArgumentError(describe("robot", "a xacro file", one_line(error), cure)) from error
 
 
 def parse_xml(text: str) -> ET.Element:
@@ -64,6 +93,9 @@ def parse_xml(text: str) -> ET.Element:
 
 def parse_urdf(source: str | Path) -> ET.Element:
     """The root of a URDF whose links and joints are a tree, or several, with finite numbers.
+
+    Limits of speed and effort that are missing, 0 or below are `DEFAULT_SPEED` and
+    `DEFAULT_EFFORT` in it; such joints have the attribute `ASSUMED`.
 
     Raises:
         ArgumentError: the file cannot be read or is no URDF; says what is wrong with it.
@@ -86,6 +118,8 @@ def parse_urdf(source: str | Path) -> ET.Element:
         for element in part.iter():
             for attribute, count in _NUMBERS.get(element.tag, {}).items():
                 _check_numbers(part, element, attribute, count)
+    for joint in joints:
+        _complete(joint)
     return root
 
 
@@ -102,6 +136,33 @@ def end_of(joint: ET.Element, end: str) -> str:
             describe(joint.get("name", "joint"), f"a {end} link", "none", "Add it.")
         )
     return name
+
+
+def separate_names(root: ET.Element) -> str:
+    """The text of a URDF whose links begin with `LINK`, so that no joint has the name of a link.
+
+    Pinocchio keeps both in one list and cannot reduce a model in which they are equal.
+    """
+    copy = deepcopy(root)
+    for link in copy.findall("link"):
+        link.set("name", LINK + link.get("name", ""))
+    for joint in copy.findall("joint"):
+        for end in (*joint.findall("parent"), *joint.findall("child")):
+            end.set("link", LINK + end.get("link", ""))
+    return ET.tostring(copy, encoding="unicode")
+
+
+def _complete(joint: ET.Element) -> None:
+    """Give a joint that moves the limits of speed and effort that it lacks."""
+    kind, limit = joint.get("type", ""), joint.find("limit")
+    if kind not in DEFAULT_SPEED:
+        return
+    limit = ET.SubElement(joint, "limit") if limit is None else limit
+    for attribute, default in (("velocity", DEFAULT_SPEED), ("effort", DEFAULT_EFFORT)):
+        with suppress(ValueError):  # what is no number is refused where it is needed
+            if float(limit.get(attribute, "0")) <= 0.0:
+                limit.set(attribute, repr(default[kind]))
+                joint.set(ASSUMED, attribute)
 
 
 def _names(kind: str, elements: list[ET.Element]) -> set[str]:

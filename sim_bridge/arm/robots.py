@@ -24,6 +24,7 @@ from intent_recognition.kinematics import (
     LWR_LIMITS,
     JointLimits,
     package_shares,
+    parse_urdf,
     parse_xml,
     read_chain,
     read_urdf,
@@ -61,6 +62,8 @@ class Robot:
         ready: posture to begin in (n,) [rad].
         base_position_m: where the base stands in the world (3,).
         gains: of its controllers; None: from torque limits and inertia.
+        source: text of a URDF with the same joints; `find_robot` makes the same arm of it.
+        assumed: joints whose URDF has no limit of speed or effort; they have the defaults.
     """
 
     name: str
@@ -72,6 +75,8 @@ class Robot:
     ready: NDArray[np.float64]
     base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gains: ControllerGains | None = None
+    source: str = ""
+    assumed: tuple[str, ...] = ()
 
     @property
     def n_joints(self) -> int:
@@ -115,20 +120,27 @@ NAMES = ("lwr", *PRESETS)
 
 
 def find_robot(
-    robot: str, *, tip: str = "", base_position_m: Sequence[float] | None = None
+    robot: str,
+    *,
+    base: str = "",
+    tip: str = "",
+    base_position_m: Sequence[float] | None = None,
 ) -> Robot:
-    """An arm by its name, or from the path of a URDF.
+    """An arm by its name, or from the path of a URDF or xacro file.
+
+    Joints that neither move the hand nor hang on it, such as wheels, a head and another arm, are
+    held at zero; so are those below `base`.
 
     Args:
         robot: one of `NAMES`, or a path.
-        tip: link that is the hand; by default the preset's, or the last one before the tree
-            branches.
+        base: link from which on joints belong to the arm; the root by default.
+        tip: link that is the hand; by default the preset's, or that of `Arm.from_urdf`.
         base_position_m: where the base stands in the world (3,); by default the preset's.
 
     Raises:
         ArgumentError: neither, or the URDF cannot be used.
     """
-    if robot == "lwr" and not tip and base_position_m is None:
+    if robot == "lwr" and not (base or tip) and base_position_m is None:
         return lwr()
     if robot in PRESETS:
         import pybullet_data
@@ -138,16 +150,16 @@ def find_robot(
         at = preset.base_position_m if base_position_m is None else base_position_m
         ready = np.array(preset.ready)
         text = with_meshes(read_urdf(path), path.parent)
-        return _robot(robot, text, tip or preset.tip, ready, _position(at))
+        return _robot(robot, text, base, tip or preset.tip, ready, _position(at))
     at = _position((0.0, 0.0, 0.0) if base_position_m is None else base_position_m)
     if robot == "lwr":
-        return _robot(robot, lwr_urdf(), tip or HAND_LINK, np.array(READY_POSITION), at)
+        return _robot(robot, lwr_urdf(), base, tip or HAND_LINK, np.array(READY_POSITION), at)
     path = Path(robot)
     if not path.is_file():
-        expected = f"one of {', '.join(NAMES)}, or the path of a URDF"
+        expected = f"one of {', '.join(NAMES)}, or the path of a URDF or xacro file"
         raise ArgumentError.about("robot", expected, robot, "Choose one.")
     text = with_meshes(read_urdf(path), path.resolve().parent)
-    return _robot(path.stem, text, tip or None, None, at)
+    return _robot(path.stem, text, base, tip or None, None, at)
 
 
 def describe_robot(robot: str = "") -> str:
@@ -158,11 +170,13 @@ def describe_robot(robot: str = "") -> str:
 def _robot(
     name: str,
     text: str,
+    base: str,
     tip: str | None,
     ready: NDArray[np.float64] | None,
     base_position_m: tuple[float, float, float],
 ) -> Robot:
-    chain = read_chain(text, None, tip, DEFAULT_ACCELERATION_RAD_S2)
+    chain = read_chain(text, base or None, tip, DEFAULT_ACCELERATION_RAD_S2)
+    text = with_others_held(text, chain.names)
     copies = [mimic.joint for mimic in chain.mimics if mimic.master in chain.names]
     if copies:
         cure = "Choose a tip before it."
@@ -180,6 +194,8 @@ def _robot(
         ready,
         base_position_m,
         ControllerGains() if chain.names == JOINT_NAMES else None,
+        text,
+        chain.assumed,
     )
 
 
@@ -200,6 +216,23 @@ def derived_gains(torque: NDArray[np.float64], inertia: NDArray[np.float64]) -> 
         limit_stiffness=8.0 * torque,
         limit_damping=0.17 * torque,
     )
+
+
+def with_others_held(text: str, joint_names: Sequence[str]) -> str:
+    """A URDF in which only the joints of an arm move, and those of what its last link carries."""
+    root = parse_urdf(text)
+    joints = root.findall("joint[@type]")
+    (carrier,) = (end_of(j, "child") for j in joints if j.get("name") == joint_names[-1])
+    carried, added = {carrier}, 1
+    while added:
+        beyond = {end_of(j, "child") for j in joints if end_of(j, "parent") in carried} - carried
+        carried, added = carried | beyond, len(beyond)
+    for joint in joints:
+        if joint.get("name") not in joint_names and end_of(joint, "parent") not in carried:
+            joint.set("type", "fixed")
+            for mimic in joint.findall("mimic"):
+                joint.remove(mimic)
+    return ET.tostring(root, encoding="unicode")
 
 
 def with_meshes(text: str, folder: Path) -> str:

@@ -245,9 +245,9 @@ def test_a_continuous_joint_turns_on():
         (MIXED, {"tip": "a"}, "tip: expected a link that joints move"),
         (robot(joint("j", "revolute", "a", "b", ""), links="ab"), {}, "j: expected a finite lower"),
         (
-            robot(joint("j", "revolute", "a", "b", LIMIT.replace('"9"', '"0"')), links="ab"),
+            robot(joint("j", "revolute", "a", "b", LIMIT.replace('"9"', '"x"')), links="ab"),
             {},
-            "j: expected effort above 0",
+            "j: expected a finite effort, got x",
         ),
         (robot(joint("j", "floating", "a", "b"), links="ab"), {}, "j: expected revolute"),
         (robot(TURN, links="abc"), {}, "base: expected one root link"),

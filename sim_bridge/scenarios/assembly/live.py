@@ -40,20 +40,21 @@ def plan_live(seed: int, task_list: str, count: int, timing: SessionTiming) -> A
     return plan_session(seed, SESSIONS, tasks, idle_s=timing.idle_s, hold_s=held)
 
 
-def in_assistants_place(arm: str) -> dict[str, dict[str, object]]:
+def in_assistants_place(arm: str, tip: str = "") -> dict[str, dict[str, object]]:
     """What the nodes must know of the arm that takes the assistant's place, by node.
 
     Args:
         arm: name, or path of a URDF.
+        tip: link that is its hand; empty: as `find_robot` takes it.
 
     Raises:
         IntentError: there is no such arm, or its hand does not reach where assistants rest.
     """
-    placed = ToolboxArm(find_robot(arm), REST_M)
+    placed = ToolboxArm(find_robot(arm, tip=tip), REST_M)
     hand, home = {"hand_link": placed.robot.tip}, placed.home.tolist()
     return {
         "intent_estimator": hand,
         "dashboard": hand,
         "primitive_activation": hand | {"home": home, "hold_time": STAY_S},
-        "arm_sim": {"initial_position": home, "scene": "none"},
+        "arm_sim": {"initial_position": home, "scene": "none", "tip": tip},
     }

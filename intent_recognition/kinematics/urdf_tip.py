@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which link of a URDF's tree is the hand: the end of the arm, before its gripper.
+
+The arm is the branch with the most joints in a row. Branches without joints that move, wheels, a
+head and sensors are thus passed by, and a joint that opens a gripper is no joint of the arm. Two
+arms of one length cannot be told apart.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics.urdf_tree import end_of
+
+MOVING = ("revolute", "continuous", "prismatic")
+"""Types of joints with one degree of freedom."""
+_JAW_JOINT = re.compile("gripper|finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
+"""The last joint of a branch opens a gripper if its name is like this. Convention."""
+_JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
+"""Likewise if it moves a link of such a name. Convention: `gripper_link` may be a palm."""
+_TOOL = re.compile("tool|tcp|flange|hand|grip|grasp|end_?effector|(^|_)ee(_|$)", re.IGNORECASE)
+"""Frames at the end of an arm that are its hand, not a sensor's. Convention."""
+
+
+class _Below(NamedTuple):
+    """What hangs on a link.
+
+    Attributes:
+        arm: joints of an arm in the longest row.
+        links: links in the longest row.
+        moving: names of all joints that move.
+        tool: whether a link is named like a hand.
+    """
+
+    arm: int = 0
+    links: int = 0
+    moving: frozenset[str] = frozenset()
+    tool: bool = False
+
+
+def default_tip(base: str, joints: Sequence[ET.Element], masters: Mapping[str, str]) -> str:
+    """The link that is the hand of the one arm of a URDF, or the longest.
+
+    Args:
+        base: link at which the arm begins.
+        joints: a tree.
+        masters: by name of a joint that copies another, that other one.
+
+    Raises:
+        ArgumentError: there are several arms.
+    """
+    at: dict[str, list[ET.Element]] = defaultdict(list)
+    for joint in joints:
+        at[end_of(joint, "parent")].append(joint)
+    links = [base]
+    for link in links:
+        links += [end_of(joint, "child") for joint in at[link]]
+    below: dict[str, _Below] = {}
+    for link in reversed(links):
+        parts = [_with(joint, below, masters) for joint in at[link]]
+        below[link] = _Below(
+            max((part.arm for part in parts), default=0),
+            max((part.links for part in parts), default=0),
+            frozenset().union(*(part.moving for part in parts)),
+            any(part.tool for part in parts),
+        )
+    return _walk(base, at, below, masters, frozenset())
+
+
+def _with(joint: ET.Element, below: Mapping[str, _Below], masters: Mapping[str, str]) -> _Below:
+    """A joint and what is beyond it."""
+    child, name = end_of(joint, "child"), joint.get("name", "")
+    beyond = below[child]
+    tool, n_links = beyond.tool or bool(_TOOL.search(child)), beyond.links + 1
+    if joint.get("type") not in MOVING:
+        return _Below(beyond.arm, n_links, beyond.moving, tool)
+    copies = {copy for copy, master in masters.items() if master == name}
+    jaw = beyond.arm == 0 and (
+        _JAW_JOINT.search(name)
+        or (not beyond.moving and _JAW_LINK.search(child))
+        or copies - beyond.moving  # such as the other finger
+    )
+    own = int(name not in masters and not jaw)
+    return _Below(beyond.arm + own, n_links, beyond.moving | {name}, tool)
+
+
+def _walk(
+    link: str,
+    at: Mapping[str, Sequence[ET.Element]],
+    below: Mapping[str, _Below],
+    masters: Mapping[str, str],
+    passed: frozenset[str],
+) -> str:
+    """The hand beyond a link to which the joints `passed` lead."""
+    while joints := at.get(link, ()):
+        parts = [_with(joint, below, masters) for joint in joints]
+        most = below[link].arm
+        ways = [k for k, part in enumerate(parts) if most and part.arm == most]
+        if most and len(ways) > 1:
+            if most <= len(passed):
+                return link  # fingers
+            ends = [end_of(joints[k], "child") for k in ways]
+            inside = passed | below[link].moving
+            tips = " or ".join(_walk(end, at, below, masters, inside) for end in ends)
+            cure = "Name one (--tip)."
+            raise ArgumentError(describe("tip", f"{tips}, as there are several arms", "none", cure))
+        if not most:
+            ways = _at_the_end(parts)
+            held = [joints[k].get("type") not in MOVING for k in ways]
+            copies = [masters.get(joints[k].get("name", "")) in passed for k in ways]
+            if len(ways) != 1 or not (held[0] or copies[0]):
+                return link
+        joint = joints[ways[0]]
+        if joint.get("type") in MOVING:
+            passed |= {joint.get("name", "")}
+        link = end_of(joint, "child")
+    return link
+
+
+def _at_the_end(parts: Sequence[_Below]) -> list[int]:
+    """Which branches beyond the last joint of an arm may lead to its hand: none is a sensor."""
+    ways = (
+        [k for k, part in enumerate(parts) if part.moving]
+        or [k for k, part in enumerate(parts) if part.tool]
+        or list(range(len(parts)))
+    )
+    if any(parts[k].moving for k in ways):
+        return ways
+    most = max(parts[k].links for k in ways)
+    return [k for k in ways if parts[k].links == most]

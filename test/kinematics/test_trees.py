@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm in the trees of robots that people have: its hand, its joints, what is held."""
+
+import numpy as np
+import pytest
+from kinematics.trees import LIMITS, TREES, row, urdf
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED, Arm, Bodies
+from sim_bridge.arm import SimulatedArm, find_robot
+
+ONE = [name for name, tree in TREES.items() if tree.joints]
+SEVERAL = [name for name in TREES if name not in ONE]
+
+
+@pytest.mark.parametrize("name", ONE)
+def test_the_hand_and_the_joints_of_an_arm_are_found(name):
+    tree = TREES[name]
+    arm = Arm.from_urdf(urdf(tree.branches), base=tree.base or None, tip=tree.asked or None)
+    assert (arm.tip, " ".join(arm.joint_names)) == (tree.tip, tree.joints)
+    assert np.isfinite(arm.forward_kinematics(arm.rest)).all()
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_of_two_arms_the_hands_are_named(name):
+    with pytest.raises(ArgumentError, match=f"tip: expected {TREES[name].tip}, as .*--tip"):
+        Arm.from_urdf(urdf(TREES[name].branches))
+
+
+@pytest.mark.parametrize("name", ONE)
+def test_only_the_arm_and_its_gripper_move_in_the_simulation(name, tmp_path):
+    tree, path = TREES[name], tmp_path / "robot.urdf"
+    path.write_text(urdf(tree.branches))
+    robot = find_robot(str(path), base=tree.base, tip=tree.asked)
+    path.write_text(robot.source)
+    again = find_robot(str(path), tip=robot.tip)
+    assert again.joint_names == robot.joint_names == tuple(tree.joints.split())
+    with SimulatedArm(robot=again) as arm:
+        assert not [j for j in arm.other_joints if any(w in j for w in ("head", "wheel", "l_j"))]
+        arm.step(50)
+        expected = Arm.from_urdf(again.description, base="world", tip=again.tip)
+        pose = expected.forward_kinematics(arm.state().q)
+        np.testing.assert_allclose(arm.hand_pose().position, pose[:3, 3], atol=1e-5)
+
+
+def test_a_link_is_meant_where_a_joint_has_its_name():
+    arm = Arm.from_urdf(urdf(TREES["one_name"].branches, length_m=0.2), tip="hand")
+    np.testing.assert_allclose(arm.forward_kinematics(np.zeros(6))[2, 3], 6 * 0.2 + 0.02)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        LIMITS | {"r": '<limit lower="-3" upper="3"/>', "c": ""},
+        LIMITS | {"r": '<limit lower="-3" upper="3" velocity="0" effort="0"/>'},
+    ],
+)
+def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp_path):
+    text = urdf((row("base", "", 5, after=" c:roll hand"),), limits)
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    robot = find_robot(str(path))
+    assumed = ("j1", "j2", "j3", "j4", "j5", *(("roll",) if not limits["c"] else ()))
+    assert robot.assumed == assumed
+    np.testing.assert_array_equal(robot.limits.velocity[:5], DEFAULT_SPEED["revolute"])
+    np.testing.assert_array_equal(robot.limits.torque[:5], DEFAULT_EFFORT["revolute"])
+    assert Bodies(text, robot.joint_names, clearance_m=0.02).pairs == ()
+
+
+def test_a_xacro_file_is_expanded(tmp_path):
+    text = urdf((row("base", "", 6),)).replace('velocity="2"', 'velocity="${2 * speed}"')
+    head = '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    text = text.replace('<robot name="tree">', head + '<xacro:property name="speed" value="0.4"/>')
+    path = tmp_path / "robot.urdf.xacro"
+    path.write_text(text)
+    np.testing.assert_allclose(find_robot(str(path)).limits.velocity, 0.8)
+    path.write_text(text.replace("speed}", "pace}"))
+    with pytest.raises(ArgumentError, match=r"a xacro file, got .*pace.* xacro FILE"):
+        find_robot(str(path))

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""URDFs with the trees of arms that people have, written from a few words each."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+KINDS = {"r": "revolute", "c": "continuous", "p": "prismatic", "f": "fixed"}
+INERTIAL = (
+    '<inertial><mass value="0.5"/><inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0"'
+    ' iyz="0"/></inertial>'
+)
+LIMITS = {
+    "r": '<limit lower="-3" upper="3" velocity="2" effort="60"/>',
+    "c": '<limit velocity="2" effort="60"/>',
+    "p": '<limit lower="0" upper="0.3" velocity="0.2" effort="400"/>',
+    "f": "",
+}
+
+
+class Tree(NamedTuple):
+    """A robot and what is to be found of it.
+
+    Attributes:
+        branches: each a row of links, from one that is known on; between them the joints, such as
+            "r:elbow" or "r", which is named after its child; "r:a=b" copies joint b.
+        tip: that is found; several where one must be named.
+        joints: of the arm.
+        base: that is named.
+        asked: tip that is named.
+    """
+
+    branches: tuple[str, ...]
+    tip: str
+    joints: str
+    base: str = ""
+    asked: str = ""
+
+
+def urdf(branches, limits=LIMITS, length_m=0.16):
+    """The text of a URDF: joints turn about z and y by turns, links are `length_m` long."""
+    links, joints = [], []
+    for branch in branches:
+        words = branch.split()
+        for parent, child in pairwise(words[::2]):
+            kind, _, name = words[2 * words[::2].index(child) - 1].partition(":")
+            name, _, master = (name or f"{child}_joint").partition("=")
+            links += [link for link in (parent, child) if link not in links]
+            axis = "0 0 1" if kind == "p" or len(joints) % 3 == 0 else "0 1 0"
+            mimic = f'<mimic joint="{master}"/>' if master else ""
+            joints.append(
+                f'<joint name="{name}" type="{KINDS[kind]}"><parent link="{parent}"/>'
+                f'<child link="{child}"/><origin xyz="0 0 {length_m if kind != "f" else 0.02}"/>'
+                f'<axis xyz="{axis}"/>{limits[kind]}{mimic}</joint>'
+            )
+    inside = "".join(f'<link name="{name}">{INERTIAL}</link>' for name in links) + "".join(joints)
+    return f'<robot name="tree">{inside}</robot>'
+
+
+def row(base, prefix, count, kind="r", after=""):
+    """A row of `count` joints of one kind: j1, j2, ... of links l1, l2, ..."""
+    return base + "".join(f" {kind}:{prefix}j{k} {prefix}l{k}" for k in range(1, count + 1)) + after
+
+
+def names(prefix, count):
+    """Names of the joints of a row."""
+    return " ".join(f"{prefix}j{k}" for k in range(1, count + 1))
+
+
+TREES = {
+    "ur": Tree(
+        (
+            "world f base_link f base",
+            row("base_link f inertia", "", 6, after=" f flange f tool0"),
+            "l6 f ft_frame",
+        ),
+        "tool0",
+        names("", 6),
+    ),
+    "ur_robotiq": Tree(
+        (
+            row("base_link", "", 6, after=" f tool0 f coupler f robotiq_base"),
+            "robotiq_base r:finger_joint left_knuckle f left_outer r:lin=finger_joint left_tip",
+            "robotiq_base r:right=finger_joint right_knuckle r:rin=finger_joint right_tip",
+        ),
+        "robotiq_base",
+        names("", 6),
+    ),
+    "kinova_jaco": Tree(
+        (
+            row("world f base", "", 6, "c", " f end_effector"),
+            "l6 r:finger_1 f1 r:finger_tip_1 t1",
+            "l6 r:finger_2 f2 r:finger_tip_2 t2",
+            "l6 r:finger_3 f3 r:finger_tip_3 t3",
+        ),
+        "l6",
+        names("", 6),
+    ),
+    "kinova_gen3": Tree(
+        (
+            row("base", "", 7, "c", " f bracelet f end_effector_link"),
+            "bracelet f camera_link f camera_color_frame f camera_optical",
+        ),
+        "end_effector_link",
+        names("", 7),
+    ),
+    "fetch": Tree(
+        (
+            "base c r_wheel",
+            "base c l_wheel",
+            "base p:torso torso f bellows",
+            row("torso", "", 7, after=" f gripper p:r_gripper_finger r_tip"),
+            "gripper p:l_gripper_finger l_tip",
+            "torso r head_pan r head_tilt f camera",
+        ),
+        "gripper",
+        "torso " + names("", 7),
+    ),
+    "fetch_without_lift": Tree(
+        (
+            "base c r_wheel",
+            "base p:torso torso",
+            row("torso", "", 7, after=" f gripper p:r_gripper_finger r_tip"),
+            "torso r head_pan r head_tilt",
+        ),
+        "gripper",
+        names("", 7),
+        base="torso",
+    ),
+    "so100": Tree(
+        (row("base", "", 4, after=" r:5 Fixed_Jaw r:6 Moving_Jaw"),),
+        "Fixed_Jaw",
+        names("", 4) + " 5",
+    ),
+    "so101": Tree(
+        (
+            row("base", "", 4, after=" r:wrist_roll gripper_link r:gripper moving_part"),
+            "gripper_link f gripper_frame_link",
+        ),
+        "gripper_link",
+        names("", 4) + " wrist_roll",
+    ),
+    "z1": Tree(
+        (row("world f base", "", 6, after=" f gripperStator r:jointGripper gripperMover"),),
+        "gripperStator",
+        names("", 6),
+    ),
+    "tiago": Tree(
+        (
+            "footprint f base c wheel_right",
+            "base c wheel_left",
+            "base r caster_1 c caster_wheel_1",
+            "base p:torso_lift torso r head_1 r head_2 f camera",
+            row("torso", "", 7, after=" f arm_tool f gripper p:gripper_left g1"),
+            "gripper p:gripper_right g2",
+        ),
+        "gripper",
+        "torso_lift " + names("", 7),
+    ),
+    "baxter": Tree(
+        (
+            "base f torso r head f screen",
+            row("torso f right_mount", "r_", 7, after=" f right_hand f right_gripper"),
+            row("torso f left_mount", "l_", 7, after=" f left_hand f left_gripper"),
+        ),
+        "right_gripper or left_gripper",
+        "",
+    ),
+    "baxter_left": Tree(
+        (
+            "base f torso r head f screen",
+            row("torso f right_mount", "r_", 7, after=" f right_hand"),
+            row("torso f left_mount", "l_", 7, after=" f left_hand"),
+        ),
+        "left_hand",
+        names("l_", 7),
+        asked="left_hand",
+    ),
+    "pr2": Tree(
+        (
+            "footprint f base r caster_rotation c wheel",
+            "base p:torso_lift torso r head_pan r head_tilt",
+            "torso r laser_tilt",
+            row("torso", "r_", 7, after=" f r_palm p:r_gripper_joint r_gripper_tool"),
+            row("torso", "l_", 7, after=" f l_palm r:l_l_finger l_lf r:l_lt=l_l_finger l_lft"),
+            "l_palm r:l_r_finger=l_l_finger l_rf",
+        ),
+        "r_palm or l_palm",
+        "",
+    ),
+    "pr2_right": Tree(
+        (
+            "footprint f base r caster_rotation c wheel",
+            "base p:torso_lift torso r head_pan r head_tilt",
+            row("torso", "r_", 7, after=" f r_palm p:r_gripper_joint r_gripper_tool"),
+            row("torso", "l_", 7, after=" f l_palm"),
+        ),
+        "r_palm",
+        names("r_", 7),
+        base="torso",
+        asked="r_palm",
+    ),
+    "one_name": Tree((row("base", "", 6, after=" f:hand hand"),), "hand", names("", 6)),
+    "allegro": Tree(
+        (row("base", "", 6, after=" f palm"),)
+        + tuple(row("palm", f"{k}_", 4) for k in ("index", "middle", "ring", "little")),
+        "palm",
+        names("", 6),
+    ),
+    "scara": Tree(("base r:a l1 r:b l2 r:c l3 p:d quill",), "quill", "a b c d"),
+}
