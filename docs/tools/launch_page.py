@@ -10,21 +10,41 @@ INTRODUCTION = """\
 <!-- Written by docs/tools/write_reference.py from nodes/graph.py; do not edit. -->
 
 `ros2 launch intent_recognition NAME.launch.py ARGUMENT:=VALUE ...`; `--show-args` says the same \
-in the terminal. What is not given is taken from the parameter file, then from the node's default.
+in the terminal. Defaults stand behind the names. What has none and is not given is taken from the \
+parameter file, then from the node's default.
 """
 KINDS = {tuple: "list, separated by commas", str: "text", bool: "true or false", int: "integer"}
 
 
 def launch_page() -> str:
     """The page as Markdown."""
-    return "\n".join([INTRODUCTION, *(_section(name, spec) for name, spec in GRAPHS.items())])
+    arguments = {a.name: a for spec in GRAPHS.values() for a in spec.arguments()}
+    rows = [f"| `{a.name}` | {_kind(a)} | {a.description} |" for a in arguments.values()]
+    table = "\n".join(["## Arguments\n", "| argument | type | meaning |", "|---|---|---|", *rows])
+    return "\n".join(
+        [INTRODUCTION, *(_section(name, spec) for name, spec in GRAPHS.items()), table, ""]
+    )
 
 
 def _section(name: str, spec: GraphSpec) -> str:
-    nodes = ", ".join(map(_node, spec.nodes))
-    rows = [_row(argument, spec) for argument in spec.arguments()]
-    table = "\n".join(["| argument | type | default | meaning |", "|---|---|---|---|", *rows])
-    return f"## {name}.launch.py\n\nStarts {nodes}.\n\n{table}\n"
+    """The nodes of a launch file, and its arguments with their defaults."""
+    nodes, takes = (
+        ", ".join(map(_node, spec.nodes)),
+        ", ".join(_given(a, spec) for a in spec.arguments()),
+    )
+    return f"## {name}.launch.py\n\nStarts {nodes}.\n\nTakes {takes}.\n"
+
+
+def _given(argument: Argument, spec: GraphSpec) -> str:
+    """Name and default of an argument, as they are written in the terminal."""
+    default = spec.defaults.get(argument.name, "")
+    shown = str(default).lower() if isinstance(default, bool) else str(default)
+    needed = " (needed)" if argument.needed else ""
+    return f"`{argument.name}{f':={shown}' if shown else ''}`{needed}"
+
+
+def _kind(argument: Argument) -> str:
+    return KINDS.get(argument.kind, "number")
 
 
 def _node(name: str) -> str:
@@ -32,11 +52,3 @@ def _node(name: str) -> str:
     if NODES[name].module:
         shown = f"[{shown}](nodes.md#{NODES[name].executable or name})"
     return f"{shown} (with `{NODES[name].when}`)" if NODES[name].when else shown
-
-
-def _row(argument: Argument, spec: GraphSpec) -> str:
-    default = spec.defaults.get(argument.name, "")
-    shown = str(default).lower() if isinstance(default, bool) else str(default)
-    shown = "**needed**" if argument.needed else f"`{shown}`" if shown else ""
-    kind = KINDS.get(argument.kind, "number")
-    return f"| `{argument.name}` | {kind} | {shown} | {argument.description} |"

@@ -15,7 +15,6 @@ import rclpy
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn
@@ -53,7 +52,8 @@ PURPOSES = {
     "bag_recorder": "Records topics of any type, bit for bit.",
     "bag_player": "Replays a bag on its topics in the recorded rhythm.",
     "arm_sim": "A torque-controlled arm in PyBullet, 1 kHz physics: one of four, or any URDF.",
-    "lwr_sim": "`arm_sim` with the KUKA LWR 4+.",
+    "lwr_sim": "[`arm_sim`](#arm_sim) with the KUKA LWR 4+: the same, but for `robot`, `tip` and"
+    " `base_position`.",
     "coworker_sim": "A simulated worker whose wrist a simulated tracker follows.",
 }
 BAG = "bags/toolbox/test/plate_handover_00"
@@ -67,12 +67,12 @@ INTRODUCTION = """\
 
 <!-- Written by docs/tools/write_reference.py from the running nodes; do not edit. -->
 
-Each node was started with shipped recordings and a model of them, and asked what it has. What the \
-topics mean, and what bad input gets, stands in [topics.md](../topics.md). Names are relative, \
-`~/` is the node's own name, and a leading slash is absolute. All have the parameters and services \
-of every ROS 2 node, `use_sim_time` among them, and publish `/diagnostics`.
+Each node was started with shipped recordings and a model of them, and asked what it has. Names \
+are relative, `~/` is the node's own name, and a leading slash is absolute. All have the \
+parameters and services of every ROS 2 node, `use_sim_time` among them, and publish `/diagnostics`.
 
-A parameter marked *fixed* is read at the start; `ros2 param set` refuses it. Ranges are checked.
+A parameter with a star is read at the start; `ros2 param set` refuses it. Ranges are checked. \
+Types and QoS of topics are in [topics.md](../topics.md#topics).
 """
 
 
@@ -149,34 +149,33 @@ def _section(name: str, module: str, overrides: dict) -> str:
     finally:
         Node.declare_parameter = original
     try:
-        parts = [f"## {name}", PURPOSES[name], _parameters(declared), _topics(node)]
-        parts.append(_services(node))
+        parts = [f"## {name}", PURPOSES[name]]
+        if name != "lwr_sim":
+            parts += [_parameters(declared), _topics(node), _services(node)]
     finally:
         node.destroy_node()
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _parameters(declared: list[Declared]) -> str:
-    rows = ["| parameter | type | default | range | meaning |", "|---|---|---|---|---|"]
+    rows = ["| parameter | default | meaning |", "|---|---|---|"]
     for name, default, descriptor in declared:
-        kind, shown = _type_and_default(default)
-        fixed = " *Fixed.*" if descriptor.read_only else ""
+        star = r"\*" if descriptor.read_only else ""
         text = descriptor.description.strip().rstrip(".").replace("|", "\\|")
-        text = f"{text[:1].upper()}{text[1:]}.{fixed}"
-        rows.append(f"| `{name}` | {kind} | {shown} | {_range(descriptor)} | {text} |")
+        limits = _range(descriptor)
+        text = f"{text[:1].upper()}{text[1:]}{f' ({limits})' if limits else ''}."
+        rows.append(f"| `{name}`{star} | {_default(default)} | {text} |")
     return "\n".join(rows)
 
 
-def _type_and_default(default: object) -> tuple[str, str]:
+def _default(default: object) -> str:
+    """The default of a parameter, or what type it has."""
     if isinstance(default, Parameter.Type):
-        return default.name.lower().replace("_array", " list"), "empty"
+        return default.name.lower().replace("_array", " list")
     if isinstance(default, (list, tuple)):
-        if not default:
-            return "string list", "empty"
         short = [round(value, 3) if isinstance(value, float) else value for value in default]
-        return f"{_type_and_default(default[0])[0]} list", f"`{json.dumps(short)}`"
-    kind = {bool: "bool", int: "integer", float: "double", str: "string"}[type(default)]
-    return kind, "empty" if default == "" else f"`{json.dumps(default)}`"
+        return f"`{json.dumps(short)}`" if default else "string list"
+    return "string" if default == "" else f"`{json.dumps(default)}`"
 
 
 def _range(descriptor: ParameterDescriptor) -> str:
@@ -190,30 +189,30 @@ def _range(descriptor: ParameterDescriptor) -> str:
 
 
 def _topics(node: Node) -> str:
-    rows = {
-        (direction, _relative(node, end.topic_name), _type(end.msg_type), _qos(end.qos_profile))
-        for direction, ends in (("in", node.subscriptions), ("out", node.publishers))
-        for end in ends
-        if end.topic_name not in EVERY_NODES and not end.topic_name.endswith(LIFECYCLE)
-    }
-    lines = [f"| {d} | `{name}` | {kind} | {qos} |" for d, name, kind, qos in sorted(rows)]
-    return "\n".join(["| | topic | type | QoS |", "|---|---|---|---|", *lines]) if lines else ""
+    lines = []
+    for word, ends in (("In", node.subscriptions), ("Out", node.publishers)):
+        names = {
+            f"`{_relative(node, end.topic_name)}`"
+            for end in ends
+            if end.topic_name not in EVERY_NODES and not end.topic_name.endswith(LIFECYCLE)
+        }
+        lines += [f"{word}: {', '.join(sorted(names))}."] if names else []
+    return " ".join(lines)
 
 
 def _services(node: Node) -> str:
-    ends = [("offers", s) for s in node.services] + [("calls", c) for c in node.clients]
-    rows, managed = set(), False
-    for does, end in ends:
-        kind = _type(end.srv_type)
-        managed |= does == "offers" and kind.startswith(LIFECYCLE_SERVICES)
-        if does == "calls" or not kind.startswith(EVERY_NODES_SERVICES):
-            rows.add((does, _relative(node, end.srv_name), kind))
-    order = sorted(rows, key=lambda row: (row[0] == "calls", row[1]))
-    lines = [f"| {does} | `{name}` | {kind} |" for does, name, kind in order]
-    table = ["| | service | type |", "|---|---|---|", *lines] if lines else []
+    lines, managed = [], False
+    for word, ends in (("Offers", node.services), ("Calls", node.clients)):
+        names = set()
+        for end in ends:
+            kind = _type(end.srv_type)
+            managed |= word == "Offers" and kind.startswith(LIFECYCLE_SERVICES)
+            if word == "Calls" or not kind.startswith(EVERY_NODES_SERVICES):
+                names.add(f"`{_relative(node, end.srv_name)}` ({kind})")
+        lines += [f"{word}: {', '.join(sorted(names))}."] if names else []
     if managed:
-        table += ["", "A lifecycle node: it also offers `~/change_state` and its companions."]
-    return "\n".join(table).strip()
+        lines.append("A lifecycle node: it also offers `~/change_state` and its companions.")
+    return " ".join(lines)
 
 
 def _relative(node: Node, name: str) -> str:
@@ -225,10 +224,3 @@ def _relative(node: Node, name: str) -> str:
 
 def _type(kind: type) -> str:
     return f"{kind.__module__.split('.')[0]}/{kind.__name__}"
-
-
-def _qos(profile: QoSProfile) -> str:
-    best = profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
-    latched = profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
-    parts = ["best effort" if best else "reliable", *(["transient local"] if latched else [])]
-    return ", ".join([*parts, f"keep last {profile.depth}"])

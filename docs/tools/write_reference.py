@@ -15,11 +15,10 @@ os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
 def main() -> None:
     """Write all of them."""
     from commands_page import commands_page
-    from constants_page import constants_page
     from launch_page import launch_page
     from nodes_page import nodes_page
 
-    for page in (commands_page, constants_page, launch_page, nodes_page):
+    for page in (commands_page, launch_page, nodes_page):
         name = page.__name__.removesuffix("_page")
         (REFERENCE / f"{name}.md").write_text(page(), encoding="utf-8")
 

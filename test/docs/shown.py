@@ -65,15 +65,17 @@ def nodes() -> dict[str, NodeReference]:
     """All nodes of the reference, which a test compares with the nodes themselves."""
     text = (ROOT / "docs" / "reference" / "nodes.md").read_text(encoding="utf-8")
     sections = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL))
+    sections["lwr_sim"] = sections["arm_sim"]  # the page says so
     return {name: _node(section) for name, section in sections.items()}
 
 
 def _node(section: str) -> NodeReference:
-    def named(pattern: str) -> frozenset[str]:
-        return frozenset(re.findall(pattern, section, re.MULTILINE))
+    def listed(word: str) -> frozenset[str]:
+        lists = re.findall(rf"\b{word}: ((?:`[^`]+`(?: \([^)]+\))?(?:, )?)+)\.", section)
+        return frozenset(name for found in lists for name in re.findall("`([^`]+)`", found))
 
     return NodeReference(
-        named(r"^\| `(\w+)` \|"),
-        named(r"^\| (?:in|out) \| `([^`]+)` \|"),
-        named(r"^\| offers \| `([^`]+)` \|"),
+        frozenset(re.findall(r"^\| `(\w+)`(?:\\\*)? \|", section, re.MULTILINE)),
+        listed("In") | listed("Out"),
+        listed("Offers"),
     )

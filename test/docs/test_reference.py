@@ -11,7 +11,7 @@ from docs.shown import ROOT, nodes
 
 pytestmark = pytest.mark.slow
 
-PAGES = ("commands", "constants", "launch", "nodes")
+PAGES = ("commands", "launch", "nodes")
 
 
 @pytest.fixture(scope="module")
