@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP bags: read, write, cut, recover."""
+"""Bags of ROS: read, write, cut, recover."""
 
 from intent_recognition.bags.cdr.columns import (
     JOINT_STATE,
@@ -17,7 +17,7 @@ from intent_recognition.bags.cdr.layout import (
 from intent_recognition.bags.cdr.template import SerializedTemplate
 from intent_recognition.bags.copying import BagPart, copy_message, cut_bag
 from intent_recognition.bags.definitions import message_class
-from intent_recognition.bags.files import cure_of
+from intent_recognition.bags.files import cure_of, is_bag
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import RECOVER, BagMessage
 from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
@@ -53,6 +53,7 @@ __all__ = [
     "cut_bag",
     "decode",
     "header_stamp_ns",
+    "is_bag",
     "message_class",
     "qos_policy",
     "read_metadata",

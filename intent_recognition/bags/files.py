@@ -3,9 +3,20 @@
 
 from pathlib import Path
 
-from intent_recognition.bags.mcap.scan import MAGIC
+import zstandard
+
+from intent_recognition.bags.mcap.scan import FREE_BYTES, MAGIC, MOST_EXPANSION
+from intent_recognition.bags.messages import ZSTD
 from intent_recognition.bags.metadata import FILE_NAME, BagMetadata, read_metadata
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, one_line
+
+KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
+"""Storage of a recording by the first bytes of its files: ROS 2's two, and that of ROS 1."""
+PACKED = (".zstd", ".zst")
+PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
+"""Files that make a folder a bag."""
+COPIED_BYTES = 2**20
+"""Bytes unpacked at once. Convention."""
 
 
 def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, list[str]]:
@@ -23,26 +34,20 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
     if path.is_file():
         _check_file(path)
         return None, []
-    if not any(path.glob("*.mcap")) and not (path / FILE_NAME).exists():
+    if not is_bag(path):
         n_bags = sum(1 for _ in path.glob(f"*/{FILE_NAME}"))
-        storage = "the storage of recordings is MCAP (`ros2 bag record -s mcap`)"
-        cure = cure_of(path, f"Check the path; {storage}.")
-        got = f"a folder of {n_bags} bags" if n_bags else "a folder without .mcap files"
+        cure = cure_of(path, "Check the path; recordings are MCAP (`ros2 bag record -s mcap`).")
+        got = f"a folder of {n_bags} bags" if n_bags else "a folder without .mcap or .db3 files"
         raise BagError.about(str(path), "a bag", got, "Name one." if n_bags else cure)
     try:
-        metadata = read_metadata(path)
+        return read_metadata(path), []
     except BagError as error:
-        if not any(path.glob("*.mcap")):
+        if not _storage_files(path):
             cure = "Record with MCAP storage (`ros2 bag record -s mcap`)."
             raise BagError.about(str(path), "a bag", error, cure) from error
         if (path / FILE_NAME).exists() and not tolerant:
             raise
         return None, [f"no usable {FILE_NAME}"]
-    if metadata.storage != "mcap" or metadata.compression:
-        got = f"storage {metadata.storage} {metadata.compression}".strip()
-        cure = "`ros2 bag convert` it to mcap, with its label as custom_data (docs/bags.md)."
-        raise BagError.about(str(path), "uncompressed MCAP storage", got, cure)
-    return metadata, []
 
 
 TABLES = (".csv", ".tsv", ".parquet", ".c3d")
@@ -58,21 +63,56 @@ def cure_of(path: Path, otherwise: str) -> str:
 
 def _check_file(path: Path) -> None:
     """Whether a single file can be a recording; one that ends in .mcap may be a damaged one."""
-    if path.suffix != ".mcap":
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                cure = cure_of(path, "Give a bag: a folder with .mcap files, or one of them.")
-                raise BagError.about(str(path), "a recording", "another kind of file", cure)
+    if path.suffix != ".mcap" and kind_of(path) not in (*KINDS.values(), *PACKED):
+        cure = cure_of(path, "Give a bag: a folder with .mcap files, or one of them.")
+        raise BagError.about(str(path), "a recording", "another kind of file", cure)
+
+
+def is_bag(folder: Path) -> bool:
+    """Whether a folder is a bag of ROS 2."""
+    return (folder / FILE_NAME).exists() or bool(_storage_files(folder))
+
+
+def kind_of(path: Path) -> str:
+    """What a file is by its first bytes, a value of `KINDS` or `.zstd`; else its suffix."""
+    with path.open("rb") as file:
+        start = file.read(max(map(len, KINDS)))
+    known = {**KINDS, ZSTD: PACKED[0]}
+    return next((kind for magic, kind in known.items() if start.startswith(magic)), path.suffix)
+
+
+def unpack(path: Path, folder: Path) -> Path:
+    """Decompress a file to another of the same name below `folder`; of a cut one what it gives.
+
+    Raises:
+        BagError: it gives nothing, or far larger than any recorder's.
+    """
+    target = folder / path.stem
+    most, written = FREE_BYTES + MOST_EXPANSION * path.stat().st_size, 0
+    why = "one that is cut off"
+    try:
+        with path.open("rb") as source, target.open("wb") as sink:
+            reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
+            while written <= most and (piece := reader.read(COPIED_BYTES)):
+                written += sink.write(piece)
+    except zstandard.ZstdError as error:
+        why = one_line(error)
+    if not written:
+        raise BagError.about(str(path), "a whole file of zstd", why, "Copy it again.")
+    if written > most:
+        cure = "No recorder writes such a file; record again."
+        raise BagError.about(str(path), f"at most {most} bytes unpacked", "more", cure)
+    return target
 
 
 def find_files(
     path: Path, metadata: BagMetadata | None, *, tolerant: bool
 ) -> tuple[list[Path], list[str]]:
-    """The MCAP files of a recording in their order, and what is odd about them.
+    """The files of a recording in their order, and what is odd about them.
 
     Args:
-        path: bag directory, or a single .mcap file.
-        metadata: of the bag; without it all .mcap files count, sorted by name and number.
+        path: bag directory, or a single file.
+        metadata: of the bag; without it all files of a storage count, by name and number.
         tolerant: do without files that are missing.
 
     Raises:
@@ -81,28 +121,38 @@ def find_files(
     if path.is_file():
         return [path], []
     if metadata is None or not metadata.files:
-        files = _mcap_files(path)
+        files = _storage_files(path)
     else:
-        files = [path / name for name in metadata.files]
+        files = [_packed_or_not(path / Path(name).name) for name in metadata.files]
     missing = [file.name for file in files if not file.is_file()]
     notes = []
     if tolerant and missing:
         notes.append(f"missing: {', '.join(missing)}")
-        files = [file for file in files if file.is_file()] or _mcap_files(path)
+        files = [file for file in files if file.is_file()] or _storage_files(path)
         missing = []
     if missing or not files:
         cure = "Copy the whole directory of the bag."
-        got = f"no {', '.join(missing) or '.mcap file'}"
+        got = f"no {', '.join(missing) or 'file of a storage'}"
         raise BagError.about(str(path), "the files of the bag", got, cure)
     return files, notes
 
 
-def _mcap_files(folder: Path) -> list[Path]:
+def _storage_files(folder: Path) -> list[Path]:
     """All files that may be read to their end (a FIFO never ends), by name and number."""
-    return sorted((path for path in folder.glob("*.mcap") if path.is_file()), key=_name_and_number)
+    found = {path for pattern in PATTERNS for path in folder.glob(pattern) if path.is_file()}
+    twice = {path for path in found if path.suffix in PACKED and path.with_suffix("") in found}
+    return sorted(found - twice, key=_name_and_number)
+
+
+def _packed_or_not(path: Path) -> Path:
+    """A file, or the one that compressing or unpacking it has made."""
+    others = [path.with_name(path.name + suffix) for suffix in PACKED]
+    others += [path.with_suffix("")] * (path.suffix in PACKED)
+    return next((other for other in others if not path.exists() and other.exists()), path)
 
 
 def _name_and_number(path: Path) -> tuple[str, int]:
     """rosbag2 numbers the files of a bag: NAME_10 comes after NAME_9."""
-    name, _, number = path.stem.rpartition("_")
+    stem = path.name.partition(".")[0]
+    name, _, number = stem.rpartition("_")
     return (name, int(number)) if number.isdecimal() else (path.stem, -1)

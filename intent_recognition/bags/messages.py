@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """One message of a bag, raw and decoded, and the decoders of its types."""
 
-from contextlib import redirect_stderr
+import re
+from collections.abc import Callable
+from contextlib import redirect_stderr, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
 from typing import Any
 
+import zstandard
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.typesys import get_types_from_msg
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.msg import normalize_msgtype
+from rosbags.typesys.store import Typestore
 
 from intent_recognition.bags.bounds import LONGEST_DEFINITION, check_definition
 from intent_recognition.bags.cdr.columns import COLUMNS
@@ -18,6 +23,11 @@ from intent_recognition.bags.cdr.layout import NANOSECONDS
 from intent_recognition.bags.definitions import definition, jazzy_names, jazzy_types
 from intent_recognition.errors import MessageError
 
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""First bytes of what zstd has compressed, a file or a message; no message of CDR begins so."""
+MOST_MESSAGE = 2**26
+"""Bytes of one message, unpacked. Convention: a depth image has 2 MB."""
+HEADER = "std_msgs/msg/Header"
 RECOVER = "Save what is left with `intent recover`."
 """Advice in messages about damaged recordings."""
 
@@ -60,6 +70,86 @@ class BagMessage:
     log_time_ns: int
     stamp_ns: int
     message: Any
+
+
+def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
+    """The definition of a channel's type in the form ros2msg, whatever form the file has.
+
+    Args:
+        said: what the file says; None for a channel without one.
+        type_name: what else is known of the type.
+
+    Returns:
+        The file's own, translated from ROS 1 or IDL; Jazzy's where the file has none that can be
+        used; else `said`.
+    """
+    if said is not None and said.encoding == "ros2msg" and said.data:
+        return said
+    name = said.name if said is not None else type_name
+    if said is not None and said.encoding == "ros1msg":
+        name = normalize_msgtype(name)
+    text = ""
+    if said is not None and said.data:
+        with suppress(Exception):  # the parser of definitions raises what it meets
+            text = _typestore(said.encoding, bytes(said.data), name).generate_msgdef(
+                name, ros_version=2
+            )[0]
+    if not text and name in jazzy_names():
+        text = definition(name).text
+    if not text:
+        return said
+    return Schema(data=text.encode(), encoding="ros2msg", id=said.id if said else 0, name=name)
+
+
+@lru_cache(maxsize=256)
+def _typestore(encoding: str, data: bytes, name: str) -> Typestore:
+    """Types of a definition in the form ros1msg or ros2idl.
+
+    Raises:
+        Exception: whatever the parser of definitions raises.
+    """
+    text = data.decode()
+    store = get_typestore(Stores.EMPTY)
+    if encoding == "ros1msg":
+        check_definition(name, text)
+        header = {HEADER: jazzy_types().fielddefs[HEADER]}  # ROS 2 has no `seq` in it
+        store.register({**get_types_from_msg(text, name), **header})
+    elif encoding == "ros2idl" and len(text) <= LONGEST_DEFINITION:
+        parts = re.split(r"^=+\nIDL: .*\n", text, flags=re.MULTILINE)
+        for part in filter(str.strip, parts):
+            store.register(get_types_from_idl(part))
+    return store
+
+
+def converter(encoding: str, schema: Schema | None) -> Callable[[bytes], bytes]:
+    """Function from the bytes of a message as it was recorded to CDR.
+
+    Args:
+        encoding: of the messages, as MCAP names it.
+        schema: as the file has it.
+    """
+    if encoding != "ros1" or schema is None:
+        return unpacked
+    name = normalize_msgtype(schema.name)
+
+    def convert(data: bytes) -> bytes:
+        store = _typestore("ros1msg", bytes(schema.data), name)
+        return bytes(store.ros1_to_cdr(data, name))
+
+    return convert
+
+
+def unpacked(data: bytes) -> bytes:
+    """A message that rosbag2 may have compressed; one that only begins so as it is."""
+    try:
+        size = zstandard.frame_content_size(data) if data[:4] == ZSTD else None
+    except zstandard.ZstdError:
+        size = None
+    if size is None:
+        return data
+    if not 0 <= size <= MOST_MESSAGE:
+        raise ValueError(f"a message of {size} bytes unpacked, more than {MOST_MESSAGE}")
+    return zstandard.ZstdDecompressor().decompress(data)
 
 
 def schema_decoder(schema: Schema) -> Decoder | None:

@@ -1,43 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read a rosbag2 directory with MCAP storage: raw or decoded messages in the order of log time."""
+"""Read a recording of ROS 2 or ROS 1: raw or decoded messages in the order of log time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
 from intent_recognition.bags.cdr.decoder import Decoder
 from intent_recognition.bags.definitions import Definition
-from intent_recognition.bags.files import find_files, find_metadata
+from intent_recognition.bags.files import PACKED, find_files, find_metadata, kind_of, unpack
 from intent_recognition.bags.mcap.chunk import McapBlock
-from intent_recognition.bags.mcap.file import McapFile
+from intent_recognition.bags.mcap.file import Item, McapFile
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import (
     RECOVER,
     BagMessage,
     RawMessage,
+    converter,
     decode,
     is_standard,
     schema_decoder,
 )
 from intent_recognition.bags.metadata import RECORD_KEY, RECORD_NAME, TopicInfo, parse_custom_data
 from intent_recognition.bags.qos_profiles import parse_qos
-from intent_recognition.errors import MessageError
+from intent_recognition.bags.rosbags_file import RosbagsFile
+from intent_recognition.errors import MessageError, one_line
 
 
 class BagReader:
-    """Reads a rosbag2 recording with MCAP storage, without ROS.
+    """Reads a recording without ROS: of rosbag2 in MCAP or SQLite, or of ROS 1.
 
     Messages come in the order of log time, raw (`raw_messages`), decoded (`messages`) or, for
     PoseStamped and JointState, as arrays (`columns`), which is ten times as fast as one by one.
     No file is open between calls.
 
     Args:
-        path: bag directory, or a single .mcap file.
+        path: bag directory, or a single file, also one that zstd has compressed.
         tolerant: skip damaged parts instead of raising; `damage` lists them.
 
     Attributes:
@@ -48,20 +51,32 @@ class BagReader:
         notes: oddities that do no harm, as sentences.
 
     Raises:
-        BagError: there is no readable MCAP file, or metadata.yaml is not a bag's.
+        BagError: there is no file that can be read, or metadata.yaml is not a bag's.
     """
 
     def __init__(self, path: str | Path, *, tolerant: bool = False):
         self.path = Path(path)
         self.notes: list[str] = []
         self.damage: list[Damage] = []
+        self._tolerant = tolerant
+        self._unpacked: TemporaryDirectory[str] | None = None
         self.metadata, notes = find_metadata(self.path, tolerant=tolerant)
         files, more = find_files(self.path, self.metadata, tolerant=tolerant)
         self.notes.extend([*notes, *more])
-        self._files = [McapFile(f, tolerant=tolerant, damage=self.damage) for f in files]
+        said = {t.name: t.type for t in self.metadata.topics} if self.metadata else {}
+        self._files = [self._file(f, said) for f in files]
         self.is_finished = all(file.scan.is_finished for file in self._files)
         if not self.is_finished:
             self.notes.append("the recording was not closed; its end may be missing")
+
+    def _file(self, path: Path, types: Mapping[str, str]) -> McapFile | RosbagsFile:
+        """A file by what it is; one that is compressed is unpacked for as long as the reader is."""
+        if kind_of(path) in PACKED:
+            self._unpacked = self._unpacked or TemporaryDirectory(prefix="intent_bag_")
+            path = unpack(path, Path(self._unpacked.name))
+        if (kind := kind_of(path)) in (".db3", ".bag"):
+            return RosbagsFile(path, kind, tolerant=self._tolerant, damage=self.damage)
+        return McapFile(path, tolerant=self._tolerant, damage=self.damage, types=types)
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -118,16 +133,36 @@ class BagReader:
         """
         wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
         for file in self._files:
+            converters = {
+                c.id: converter(c.message_encoding, file.scan.schemas.get(c.schema_id))
+                for c in file.scan.channels.values()
+            }
             for item in file.items(wanted):
                 schema = file.schema(item.channel)
+                data = self._converted(item, converters[item.channel.id])
+                if data is None:
+                    continue
                 yield RawMessage(
                     item.channel.topic,
                     schema.name if schema else "",
                     item.log_time_ns,
                     item.publish_time_ns,
-                    item.data,
+                    data,
                     item.sequence,
                 )
+
+    def _converted(self, item: Item, convert: Callable[[bytes], bytes]) -> bytes | None:
+        """A message in CDR; None of a damaged one if tolerant."""
+        try:
+            return convert(item.data)
+        except Exception as error:  # rosbags and zstd raise what they meet
+            place = f"{self.path}: topic {item.channel.topic} at {item.log_time_ns} ns"
+            damage = Damage(item.offset, f"{place}: {one_line(error)}", item.log_time_ns)
+            if not self._tolerant:
+                raise MessageError.about(place, "a message", error, RECOVER) from error
+            if damage not in self.damage:
+                self.damage.append(damage)
+            return None
 
     def columns(self, topics: Iterable[str]) -> dict[str, Columns | None]:
         """All messages of some topics as arrays, for PoseStamped and JointState.
@@ -148,7 +183,9 @@ class BagReader:
         names = dict.fromkeys(topic.lstrip("/") for topic in topics)
         builders = {name: self._builder(name) for name in names}
         for number, file in enumerate(self._files):
-            ids = {name: file.channel_ids(name) for name, builder in builders.items() if builder}
+            ids = {
+                name: file.scan.channel_ids(name) for name, builder in builders.items() if builder
+            }
             wanted = [i for own in ids.values() for i in own]
             for table in file.tables(wanted) if wanted else ():
                 for name, own in ids.items():
@@ -181,8 +218,9 @@ class BagReader:
         """
         try:
             for file in self._files:
-                for schema in file.scan.schemas.values():
-                    if schema.name == type_name and (found := schema_decoder(schema)):
+                for channel in file.scan.channels.values():
+                    schema = file.schema(channel)
+                    if schema and schema.name == type_name and (found := schema_decoder(schema)):
                         return found
         except Exception as error:  # the parser of definitions raises what it meets
             raise self._no_decoder(topic, type_name, error) from error
@@ -209,10 +247,12 @@ class BagReader:
 
     def _builder(self, name: str) -> ColumnsBuilder | None:
         """Where the columns of a topic are collected, None if its type has none."""
-        schemas = [
-            file.schema(file.scan.channels[number])
+        channels = [
+            (file, file.scan.channels[number])
             for file in self._files
-            for number in file.channel_ids(name)
+            for number in file.scan.channel_ids(name)
         ]
+        schemas = [file.schema(channel) for file, channel in channels]
         types = {schema.name if schema and is_standard(schema) else "" for schema in schemas}
-        return ColumnsBuilder(types.pop()) if len(types) == 1 else None
+        is_cdr = all(channel.message_encoding != "ros1" for _, channel in channels)
+        return ColumnsBuilder(types.pop()) if len(types) == 1 and is_cdr else None

@@ -4,7 +4,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from intent_recognition.bags import FILE_NAME, cure_of
+from intent_recognition.bags import cure_of, is_bag
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 
@@ -28,15 +28,19 @@ def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
     """
     if not path.exists():
         raise BagError(f"{path}: expected a bag or a folder of bags, got nothing. Check the path.")
-    if path.is_file() or _is_bag(path):
+    if path.is_file() or is_bag(path):
         return [path]
-    folders = sorted(f for f in path.iterdir() if f.is_dir() and not f.name.startswith("."))
     inside = above | {path.resolve()}
+    ros1 = [file for file in path.glob("*.bag") if file.is_file()]
+    folders = [
+        folder
+        for folder in path.iterdir()
+        if folder.is_dir() and not folder.name.startswith(".") and folder.resolve() not in inside
+    ]
     return [
         bag
-        for folder in folders
-        if folder.resolve() not in inside
-        for bag in find_bags(folder, inside)
+        for found in sorted([*ros1, *folders])
+        for bag in ([found] if found.is_file() else find_bags(found, inside))
     ]
 
 
@@ -44,7 +48,3 @@ def no_bag(folder: Path) -> Rejection:
     """Of a folder without bags."""
     cure = cure_of(folder, "Check the path.")
     return Rejection(str(folder), "", 0, "there is no bag in this folder", cure)
-
-
-def _is_bag(folder: Path) -> bool:
-    return (folder / FILE_NAME).exists() or any(folder.glob("*.mcap"))

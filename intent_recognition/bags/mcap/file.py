@@ -13,8 +13,8 @@ from mcap.records import Channel, Schema
 
 from intent_recognition.bags.mcap.chunk import PARSE_ERRORS, McapBlock, MessageTable, read_messages
 from intent_recognition.bags.mcap.group import GroupReader, groups
-from intent_recognition.bags.mcap.scan import Damage, open_view, scan_file
-from intent_recognition.bags.messages import RECOVER
+from intent_recognition.bags.mcap.scan import Damage, FileScan, open_view, scan_file
+from intent_recognition.bags.messages import RECOVER, complete_schema
 from intent_recognition.errors import BagError
 
 MOST_WAITING = 2**29
@@ -24,8 +24,18 @@ ITEM_BYTES = 400
 """What one message takes beside its content [bytes], measured."""
 
 
-class _Item(NamedTuple):
-    """One message; sorts by log time, then as recorded: by block, then by row."""
+class Item(NamedTuple):
+    """One message; sorts by log time, then as recorded: by block, then by row.
+
+    Attributes:
+        log_time_ns: when it was recorded.
+        offset: of its block in the file.
+        row: in the block.
+        publish_time_ns: when it was sent.
+        sequence: number given by the publisher.
+        data: as recorded.
+        channel: that it is of.
+    """
 
     log_time_ns: int
     offset: int
@@ -36,6 +46,19 @@ class _Item(NamedTuple):
     channel: Channel
 
 
+def complete_schemas(scan: FileScan, types: Mapping[str, str]) -> dict[int, Schema | None]:
+    """The definition of each channel's type, in the form ros2msg where that is known.
+
+    Args:
+        scan: of the file.
+        types: by topic, of channels that the file says no type of.
+    """
+    return {
+        c.id: complete_schema(scan.schemas.get(c.schema_id), types.get(c.topic, ""))
+        for c in scan.channels.values()
+    }
+
+
 class McapFile:
     """A scanned file.
 
@@ -43,25 +66,30 @@ class McapFile:
         path: of the file.
         tolerant: skip damaged parts instead of raising.
         damage: list to which a tolerant reader adds what it skips; shared with other files.
+        types: by topic, of channels that the file says no type of.
 
     Raises:
         BagError: the file cannot be opened or is empty.
     """
 
-    def __init__(self, path: Path, *, tolerant: bool, damage: list[Damage]):
+    def __init__(
+        self,
+        path: Path,
+        *,
+        tolerant: bool,
+        damage: list[Damage],
+        types: Mapping[str, str] | None = None,
+    ):
         self.path = path
         self.scan = scan_file(path)
+        self._schemas = complete_schemas(self.scan, types or {})
         self._tolerant = tolerant
         self._damage = damage
         damage.extend(self.scan.damage)
 
     def schema(self, channel: Channel) -> Schema | None:
-        """The definition of a channel's type."""
-        return self.scan.schemas.get(channel.schema_id)
-
-    def channel_ids(self, topic: str) -> list[int]:
-        """Channels of a topic, its name without leading slash."""
-        return [c.id for c in self.scan.channels.values() if c.topic.lstrip("/") == topic]
+        """The definition of a channel's type, in the form ros2msg where that is known."""
+        return self._schemas[channel.id]
 
     def counts(self) -> Mapping[int, int]:
         """Messages per channel; counted when the summary does not say."""
@@ -100,14 +128,14 @@ class McapFile:
                     yield table.rows(np.isin(table.channels, list(wanted)))
         self._raise_damage()
 
-    def items(self, wanted: set[str] | None) -> Iterator[_Item]:
+    def items(self, wanted: set[str] | None) -> Iterator[Item]:
         """Messages of all topics, or those of `wanted` (no leading slash), by log time.
 
         Raises:
             BagError: the file is damaged; names the file, topics and time. Raised when the
                 damage is reached, after all messages before it.
         """
-        waiting: list[_Item] = []
+        waiting: list[Item] = []
         with open_view(self.path) as view:
             # Blocks that overlap in time are merged; only those are in memory at once.
             for block in sorted(self._usable(), key=lambda b: (b.start_ns, b.offset)):
@@ -133,7 +161,7 @@ class McapFile:
 
     def _block_items(
         self, block: McapBlock, table: MessageTable, wanted: set[str] | None
-    ) -> list[_Item]:
+    ) -> list[Item]:
         """The wanted messages of a block, sorted."""
         channels = {
             number: channel
@@ -145,7 +173,7 @@ class McapFile:
         _, *columns = table.rows(rows)
         data = bytes(table.data)
         return [
-            _Item(log_ns, block.offset, i, publish_ns, sequence, data[at : at + n], channels[c])
+            Item(log_ns, block.offset, i, publish_ns, sequence, data[at : at + n], channels[c])
             for i, c, sequence, log_ns, publish_ns, at, n in zip(
                 rows.tolist(), *(column.tolist() for column in columns), strict=True
             )

@@ -95,6 +95,10 @@ class FileScan:
         elif again or found.id not in self.channels:
             self.channels[found.id] = found
 
+    def channel_ids(self, topic: str) -> list[int]:
+        """Channels of a topic, its name without leading slash."""
+        return [c.id for c in self.channels.values() if c.topic.lstrip("/") == topic]
+
 
 def scan_file(path: Path) -> FileScan:
     """Find all chunks and definitions of a file; chunks are not decompressed yet.
@@ -299,29 +303,43 @@ def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
 
 
 def _read_summary(view: mmap.mmap, scan: FileScan) -> None:
-    """Trust the summary's definitions when its checksum holds, else those inside the chunks."""
-    summary = _checked_summary(view) if scan.is_finished else None
+    """Trust the summary's definitions when its checksum holds; where it has none, or not all of
+    them, those inside the chunks count too.
+    """
+    summary = _checked_summary(view) if scan.is_finished else b""
     if summary is None:
-        if scan.is_finished:
-            scan.damage.append(Damage(len(view), "checksum of the summary does not match"))
+        scan.damage.append(Damage(len(view), "checksum of the summary does not match"))
+    if not summary:
         scan.statistics = None
-        _definitions_of_chunks(view, scan)
-        return
-    records = list(_summary_definitions(summary))
-    for found in records:
+    for found in _summary_definitions(summary or b""):
         scan.define(found)
+    if not _is_complete(scan):
+        _definitions_of_chunks(view, scan)
     found_chunks = sum(block.is_chunk for block in scan.blocks)
     if scan.statistics and not scan.damage and scan.statistics.chunk_count != found_chunks:
         said = f"{scan.statistics.chunk_count} chunks were written, not all of them are found"
         scan.damage.append(Damage(len(view), said))
 
 
+def _is_complete(scan: FileScan) -> bool:
+    """Whether all definitions are known: writers may leave some or all out of the summary."""
+    said, channels = scan.statistics, scan.channels.values()
+    return (
+        said is not None
+        and (said.schema_count, said.channel_count) == (len(scan.schemas), len(channels))
+        and all(channel.schema_id in scan.schemas for channel in channels if channel.schema_id)
+    )
+
+
 def _checked_summary(view: mmap.mmap) -> bytes | None:
+    """The summary, empty where the file has none; None if it is damaged."""
     footer = len(view) - len(MAGIC) - FOOTER.size
     if footer < RECORD_HEADER.size:
         return None
     start, _, crc = FOOTER.unpack_from(view, footer)
-    if not 0 < start <= footer:
+    if not start:
+        return b""
+    if start > footer - RECORD_HEADER.size:
         return None
     summary = bytes(view[start : footer - RECORD_HEADER.size])
     covered = bytes(view[start : footer + FOOTER.size - 4])

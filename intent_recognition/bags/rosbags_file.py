@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One file of a recording in another storage than MCAP: SQLite of ROS 2, or a bag of ROS 1."""
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from mcap.records import Channel, Schema
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
+
+from intent_recognition.bags.mcap.chunk import LATEST_NS, McapBlock, MessageTable
+from intent_recognition.bags.mcap.file import Item, complete_schemas
+from intent_recognition.bags.mcap.scan import Damage, FileScan
+from intent_recognition.bags.messages import RECOVER
+from intent_recognition.errors import BagError, one_line
+
+TABLE_MESSAGES = 4096
+"""Messages that are put into one table. Convention: about a minute of poses."""
+ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
+
+
+class RosbagsFile:
+    """A file that the library rosbags reads, with the methods of `McapFile`.
+
+    Args:
+        path: of the file.
+        kind: `.db3` or `.bag`.
+        tolerant: note the first damage and end there instead of raising.
+        damage: list to which a tolerant reader adds what it cannot read.
+
+    Raises:
+        BagError: the library cannot open it; says what it said.
+    """
+
+    def __init__(self, path: Path, kind: str, *, tolerant: bool, damage: list[Damage]):
+        self.path = path
+        self.scan = FileScan(is_finished=True)
+        self._is_ros1 = kind == ".bag"
+        self._tolerant, self._damage = tolerant, damage
+        self._counts: Counter[int] = Counter()
+        with self._open() as reader:
+            for number, one in enumerate(reader.connections, 1):
+                self._define(number, one)
+            self._schemas = complete_schemas(self.scan, {})
+            if reader.message_count:
+                end_ns = reader.end_time - 1  # the library's is the first time after it
+                self.scan.blocks.append(McapBlock(0, 0, reader.start_time, end_ns))
+
+    def schema(self, channel: Channel) -> Schema | None:
+        """The definition of a channel's type in the form ros2msg."""
+        return self._schemas[channel.id]
+
+    def counts(self) -> Mapping[int, int]:
+        """Messages per channel."""
+        return self._counts
+
+    def tables(self, wanted: Collection[int]) -> Iterator[MessageTable]:
+        """As `McapFile.tables`."""
+        names = {c.topic.lstrip("/") for c in self.scan.channels.values() if c.id in wanted}
+        items = self.items(names)
+        while part := list(islice(items, TABLE_MESSAGES)):
+            lengths = np.array([len(item.data) for item in part], np.int64)
+            times_ns = np.array([item.log_time_ns for item in part], np.uint64)
+            yield MessageTable(
+                b"".join(item.data for item in part),
+                np.array([item.channel.id for item in part], np.uint16),
+                np.zeros(len(part), np.uint32),
+                times_ns,
+                times_ns,
+                np.concatenate([[0], np.cumsum(lengths)[:-1]]),
+                lengths,
+            )
+
+    def items(self, wanted: set[str] | None) -> Iterator[Item]:
+        """As `McapFile.items`."""
+        last_ns = 0
+        with self._open() as reader:
+            picked = [
+                one
+                for one in reader.connections
+                if wanted is None or one.topic.lstrip("/") in wanted
+            ]
+            ids = {self._key(one): k for k, one in enumerate(reader.connections, 1)}
+            messages = enumerate(reader.messages(picked) if picked else ())
+            while True:
+                try:
+                    row, (one, last_ns, data) = next(messages)
+                except StopIteration:
+                    return
+                except Exception as error:  # the library raises what it meets
+                    damage = Damage(0, one_line(error), last_ns)
+                    if not self._tolerant:
+                        raise self._error(error, last_ns) from error
+                    if damage not in self._damage:
+                        self._damage.append(damage)
+                    return
+                if not 0 <= last_ns < LATEST_NS:
+                    continue
+                channel = self.scan.channels[ids[self._key(one)]]
+                yield Item(last_ns, 0, row, last_ns, 0, bytes(data), channel)
+
+    @contextmanager
+    def _open(self) -> Iterator[Reader1 | Reader2]:
+        try:
+            reader = Reader1(self.path) if self._is_ros1 else Reader2(self.path)
+            reader.open()
+        except Exception as error:  # the library raises what it meets
+            raise self._error(error, 0) from error
+        try:
+            yield reader
+        finally:
+            with suppress(Exception):
+                reader.close()
+
+    @staticmethod
+    def _key(one: Connection) -> tuple[int, str]:
+        return one.id, one.topic
+
+    def _define(self, number: int, one: Connection) -> None:
+        form = "ros1msg" if self._is_ros1 else ENCODINGS.get(one.msgdef.format, "")
+        said = Schema(data=one.msgdef.data.encode(), encoding=form, id=number, name=one.msgtype)
+        self.scan.schemas[number] = said
+        self.scan.channels[number] = Channel(
+            id=number,
+            topic=one.topic,
+            message_encoding="ros1" if self._is_ros1 else "cdr",
+            metadata={},
+            schema_id=number,
+        )
+        self._counts[number] = one.msgcount
+
+    def _error(self, error: Exception, last_ns: int) -> BagError:
+        place = f"{self.path}: after {last_ns} ns" if last_ns else str(self.path)
+        expected = "a bag of ROS 1" if self._is_ros1 else "a bag in SQLite"
+        return BagError.about(place, expected, one_line(error), RECOVER)

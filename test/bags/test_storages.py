@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What recorders and libraries write is read whole, whatever their options."""
+
+import itertools
+
+import numpy as np
+import pytest
+import yaml
+import zstandard
+from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, raw, write_bag
+from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
+
+from intent_recognition.bags import BagReader, recover
+from intent_recognition.bags.definitions import definition, serialize
+from intent_recognition.cli.main import main
+from intent_recognition.errors import BagError
+
+COUNT = 25
+TOPICS = {"/mocap/wrist/pose": (POSE, pose), "/joint_states": (JOINTS, joints)}
+SWITCHES = ("repeat_channels", "repeat_schemas", "use_chunking", "use_statistics",
+            "use_summary_offsets", "enable_crcs", "enable_data_crcs")  # fmt: skip
+IDL = """{line}
+IDL: geometry_msgs/msg/PoseStamped
+#include "geometry_msgs/msg/Pose.idl"
+#include "std_msgs/msg/Header.idl"
+module geometry_msgs {{ module msg {{ struct PoseStamped {{
+  std_msgs::msg::Header header;
+  geometry_msgs::msg::Pose pose;
+}}; }}; }};
+{line}
+IDL: geometry_msgs/msg/Pose
+module geometry_msgs {{ module msg {{ struct Pose {{
+  geometry_msgs::msg::Point position;
+  geometry_msgs::msg::Quaternion orientation;
+}}; }}; }};
+""".format(line="=" * 80)
+
+
+def contents() -> list[tuple[str, int, bytes]]:
+    """Topic, time and bytes of every message of the bags below."""
+    return [
+        (topic, START_NS + i * STEP_NS, serialize(kind, make(i)))
+        for i in range(COUNT)
+        for topic, (kind, make) in TOPICS.items()
+    ]
+
+
+def write_mcap(path, messages, schemas=None, encoding="cdr", profile="ros2", **options):
+    """An MCAP file by the mcap library; `schemas` are name, encoding and text by topic."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start(profile=profile, library="test")
+        channels = {}
+        for topic, (kind, _) in TOPICS.items():
+            form = (schemas or {}).get(topic, (kind, "ros2msg", definition(kind).text))
+            number = form and writer.register_schema(form[0], form[1], form[2].encode())
+            channels[topic] = writer.register_channel(topic, encoding, number or 0)
+        for topic, at_ns, data in messages:
+            writer.add_message(channels[topic], at_ns, data, at_ns)
+        writer.finish()
+    return path
+
+
+def check(path, messages):
+    """All of them are read: in order, decoded, as columns and after `recover`."""
+    reader = BagReader(path)
+    assert [(m.topic, m.log_time_ns, m.data) for m in reader.raw_messages()] == messages
+    assert {t.name: t.message_count for t in reader.topics.values()} == dict.fromkeys(TOPICS, COUNT)
+    assert (reader.damage, reader.is_finished) == ([], True)
+    columns = reader.columns(TOPICS)["mocap/wrist/pose"]
+    if columns is None:
+        decoded = [m.message.pose.position.x for m in reader.messages(["/mocap/wrist/pose"])]
+    else:
+        decoded = columns.positions[:, 0]
+    assert np.array_equal(decoded, [pose(i)["pose"]["position"]["x"] for i in range(COUNT)])
+
+
+@pytest.mark.slow
+def test_every_combination_of_the_options_of_the_library(tmp_path):
+    messages = contents()
+    for compression, index, *flags in itertools.product(
+        CompressionType, (IndexType.ALL, IndexType.NONE), *[(True, False)] * len(SWITCHES)
+    ):
+        options = dict(zip(SWITCHES, flags, strict=True))
+        path = tmp_path / "a.mcap"
+        write_mcap(path, messages, compression=compression, index_types=index, chunk_size=1000,
+                   **options)  # fmt: skip
+        check(path, messages)
+
+
+def test_channels_only_in_chunks_are_saved_and_a_damaged_summary_is_still_told(tmp_path):
+    messages = contents()
+    path = write_mcap(tmp_path / "a.mcap", messages, repeat_channels=False, repeat_schemas=False)
+    recover(path, tmp_path / "saved")
+    assert [m.data for m in BagReader(tmp_path / "saved").raw_messages()] == [
+        data for _, _, data in messages
+    ]
+    data = bytearray(path.read_bytes())
+    data[-40] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(BagError, match="summary"):
+        list(BagReader(path).raw_messages())
+
+
+def wrist_schema(form):
+    return {"/mocap/wrist/pose": form}
+
+
+@pytest.mark.parametrize(
+    "form", [None, (POSE, "", ""), (POSE, "ros2msg", ""), (POSE, "ros2idl", IDL)]
+)
+def test_known_types_without_a_definition_or_in_idl(form, tmp_path):
+    messages = contents()
+    folder = tmp_path / "bag"
+    write_bag(folder)
+    (folder / "bag_0.mcap").unlink()
+    write_mcap(folder / "bag_0.mcap", messages, wrist_schema(form))
+    check(folder, messages)  # the type of a channel without a schema is that of metadata.yaml
+
+
+def packed(folder, mode):
+    """A bag as `ros2 bag record --compression-mode` leaves it."""
+    messages = contents()
+    write_bag(folder)
+    content = [(t, ns, zstandard.compress(d) if mode == "message" else d) for t, ns, d in messages]
+    write_mcap(folder / "bag_0.mcap", content, chunk_size=500)
+    information = yaml.safe_load((folder / "metadata.yaml").read_text())
+    about = information["rosbag2_bagfile_information"]
+    about |= {"compression_mode": mode.upper(), "compression_format": "zstd"}
+    if mode == "file":
+        data = (folder / "bag_0.mcap").read_bytes()
+        (folder / "bag_0.mcap").unlink()
+        (folder / "bag_0.mcap.zstd").write_bytes(zstandard.compress(data))
+        about["relative_file_paths"] = ["bag_0.mcap.zstd"]
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(information))
+    return messages
+
+
+@pytest.mark.parametrize("mode", ["file", "message"])
+def test_what_zstd_compressed(mode, tmp_path):
+    messages = packed(tmp_path / "bag", mode)
+    check(tmp_path / "bag", messages)
+    (tmp_path / "bag/metadata.yaml").unlink()
+    check(tmp_path / "bag", messages)
+    check(next((tmp_path / "bag").iterdir()), messages)
+
+
+def test_a_cut_file_of_zstd_gives_what_it_has(tmp_path):
+    packed(tmp_path / "bag", "file")
+    path = tmp_path / "bag/bag_0.mcap.zstd"
+    data = zstandard.decompress(path.read_bytes())
+    parts = [zstandard.compress(part) for part in (data[:1500], data[1500:])]
+    path.write_bytes(parts[0] + parts[1][:-20])
+    with pytest.raises(BagError, match="damaged"):
+        list(BagReader(path).raw_messages())
+    recover(path, tmp_path / "saved")
+    path.write_bytes(parts[0][:-20])
+    with pytest.raises(BagError, match=r"bag_0\.mcap\.zstd.*cut off"):
+        BagReader(path)
+
+
+def test_a_storage_without_a_name_is_known_by_its_file(tmp_path):
+    folder = write_bag(tmp_path / "bag")
+    before = raw(folder, BagReader)
+    text = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text(text.replace("storage_identifier: mcap",
+                                                       "storage_identifier: ''"))  # fmt: skip
+    assert raw(folder, BagReader) == before
+
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+NOETIC = get_typestore(Stores.ROS1_NOETIC)
+
+
+def write_db3(path, mode=CompressionMode.NONE):
+    writer = Ros2Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
+    if mode != CompressionMode.NONE:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        writer.set_custom_data("task", "plate")
+        connections = {
+            topic: writer.add_connection(topic, kind, typestore=STORE)
+            for topic, (kind, _) in TOPICS.items()
+        }
+        for topic, at_ns, data in contents():
+            writer.write(connections[topic], at_ns, data)
+
+
+def write_ros1(path):
+    """The same messages, as ROS 1 serializes them."""
+    with Ros1Writer(path) as writer:
+        connections = {
+            topic: writer.add_connection(topic, kind, typestore=NOETIC)
+            for topic, (kind, _) in TOPICS.items()
+        }
+        for topic, at_ns, data in contents():
+            ros1 = STORE.cdr_to_ros1(data, TOPICS[topic][0])
+            writer.write(connections[topic], at_ns, ros1)
+
+
+def test_a_bag_of_ros1(tmp_path):
+    write_ros1(tmp_path / "plate_01.bag")
+    check(tmp_path / "plate_01.bag", contents())
+
+
+def test_messages_of_ros1_in_mcap(tmp_path):
+    write_ros1(tmp_path / "a.bag")
+    about = {}
+    for topic, (kind, _) in TOPICS.items():
+        text, _ = NOETIC.generate_msgdef(kind)
+        about[topic] = (kind.replace("/msg/", "/"), "ros1msg", text)
+    messages = contents()
+    ros1 = [(t, ns, bytes(STORE.cdr_to_ros1(d, TOPICS[t][0]))) for t, ns, d in messages]
+    write_mcap(tmp_path / "a.mcap", ros1, about, encoding="ros1", profile="ros1")
+    check(tmp_path / "a.mcap", messages)
+
+
+MODES = CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_bag_in_sqlite(mode, tmp_path):
+    write_db3(tmp_path / "bag", mode)
+    check(tmp_path / "bag", contents())
+    assert BagReader(tmp_path / "bag").custom_data == {"task": "plate"}
+    if mode == CompressionMode.NONE:
+        check(tmp_path / "bag/bag.db3", contents())
+        data = (tmp_path / "bag/bag.db3").read_bytes()
+        (tmp_path / "bag/bag.db3").write_bytes(data[: len(data) // 2])
+        with pytest.raises(BagError, match=r"SQLite|database"):
+            list(BagReader(tmp_path / "bag").raw_messages())
+
+
+def test_the_commands_take_them(tmp_path, repository, capsys):
+    for path in ("one.bag", "two.bag"):
+        write_ros1(tmp_path / path)
+    write_db3(tmp_path / "three")
+    model, dofs = str(tmp_path / "m.npz"), str(repository / "config/dofs.yaml")
+    bags = [str(tmp_path)]
+    assert main(["inspect", str(tmp_path / "one.bag"), "--dofs", dofs]) == 0
+    assert "50" in capsys.readouterr().out
+    assert main(["train", *bags, "--dofs", dofs, "--output", model, "--unlabelled"]) == 0
