@@ -8,9 +8,9 @@ import numpy as np
 from dtaidistance import dtw_ndim
 
 from benchmarks.measure import Result, at_most, seconds_of_both
+from experiments.alignment.time_warping import dtw_maps
+from experiments.alignment.timed import Timed, demonstrations
 from intent_recognition.alignment import AlignmentSettings, Warp, align
-from intent_recognition.experiments.alignment.time_warping import dtw_maps
-from intent_recognition.experiments.alignment.timed import Timed, demonstrations
 
 N_DEMONSTRATIONS = 40
 N_SAMPLES = 200

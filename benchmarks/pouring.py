@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import Result, at_least, at_most
-from intent_recognition.experiments.constraints.features import (
+from experiments.constraints.features import (
     LABEL,
     METHODS,
     POINT,
@@ -25,10 +25,10 @@ from intent_recognition.experiments.constraints.features import (
     know_all,
     pouring_samples,
 )
-from intent_recognition.experiments.constraints.report import AREA, GAIN
-from intent_recognition.experiments.constraints.study import NOVEL, score
-from intent_recognition.experiments.pouring.report import BAR_SPILLED
-from intent_recognition.experiments.pouring.study import of_manner, read_recorded
+from experiments.constraints.report import AREA, GAIN
+from experiments.constraints.study import NOVEL, score
+from experiments.pouring.report import BAR_SPILLED
+from experiments.pouring.study import of_manner, read_recorded
 from intent_recognition.share import share_path
 from sim_bridge.balls import (
     COLUMNS,

@@ -10,6 +10,12 @@ from intent_recognition.errors import IntentError, describe
 PACKAGE = "intent_recognition"
 
 
+def source_tree() -> Path | None:
+    """The folder of the checkout that the package is run from; None of an installed package."""
+    root = Path(__file__).resolve().parents[1]
+    return root if (root / "package.xml").is_file() else None
+
+
 def share_path(relative: str) -> Path:
     """Path of a shipped file or folder, e.g. `share_path("bags/toolbox")`.
 
@@ -19,13 +25,10 @@ def share_path(relative: str) -> Path:
     Raises:
         IntentError: it is in none of these places.
     """
-    package = Path(__file__).resolve().parent
-    if (package.parent / "package.xml").is_file():
-        folders = [package.parent]
-    else:
-        folders = []
+    root = source_tree()
+    folders = [] if root is None else [root]
     ament = [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
-    prefixes = [*package.parents, *ament, Path(sys.prefix)]
+    prefixes = [*Path(__file__).resolve().parents, *ament, Path(sys.prefix)]
     folders += [prefix / "share" / PACKAGE for prefix in prefixes]
     for folder in folders:
         if (folder / relative).exists():

@@ -31,7 +31,7 @@ EXECUTABLES = {
     "coworker_sim",
     "warped_primitive",
 }
-CODE = ("intent_recognition", "sim_bridge", "test", "launch", "benchmarks")
+CODE = ("intent_recognition", "sim_bridge", "experiments", "test", "launch", "benchmarks")
 
 
 def python_files():
@@ -159,7 +159,7 @@ def test_everything_imported_is_declared(manifest):
     """In package.xml, or in setup.py for what rosdep does not know."""
     declared = {element.text for element in manifest.iter("exec_depend")}
     setup = (ROOT / "setup.py").read_text(encoding="utf-8")
-    own = {*sys.stdlib_module_names, "intent_recognition", "sim_bridge"}
+    own = {*sys.stdlib_module_names, "intent_recognition", "sim_bridge", "experiments"}
     for name in sorted(set(imported_packages()) - own):
         key = KEYS.get(name, name)
         known = {key, f"python3-{key}"} & declared or re.search(rf'"{key}(>=[\d.]+)?",', setup)

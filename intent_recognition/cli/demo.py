@@ -340,8 +340,8 @@ def _run_one(
 ) -> tuple[list["InteractionRecord"], dict]:
     """A session: run it, print its table and write its report; its records and numbers."""
     from intent_recognition.evaluation import summarise, to_json
-    from intent_recognition.experiments.toolbox.session_scoring import score_session
     from intent_recognition.report import table_lines, write_demo_report
+    from sim_bridge.scenarios.toolbox import score_session
 
     if scene.note:
         say(console, scene.note)

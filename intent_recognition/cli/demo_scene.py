@@ -13,10 +13,9 @@ from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED
 
 if TYPE_CHECKING:
-    from intent_recognition.experiments.toolbox.session_scoring import Scoring
     from sim_bridge.arm import Robot
     from sim_bridge.coworker import SessionPlan
-    from sim_bridge.scenarios.toolbox import ToolboxArm
+    from sim_bridge.scenarios.toolbox import Scoring, ToolboxArm
 
 LIVE = ("toolbox", "assembly")
 """Scenarios with a worker and an arm in a graph of nodes."""
@@ -72,9 +71,8 @@ def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
 
 def _toolbox(args: argparse.Namespace) -> Scene:
     """The LWR by its joints, as it was taught; another arm by its hand."""
-    from intent_recognition.experiments.toolbox.session_scoring import Scoring, toolbox_places
     from sim_bridge.coworker import plan_session
-    from sim_bridge.scenarios.toolbox import HOME, HOME_HAND_M
+    from sim_bridge.scenarios.toolbox import HOME, HOME_HAND_M, Scoring, toolbox_places
 
     tasks = session_tasks(args)
     plan = plan_session(args.seed, tasks)
@@ -103,9 +101,9 @@ def _toolbox(args: argparse.Namespace) -> Scene:
 
 def _assembly(args: argparse.Namespace) -> Scene:
     """Learned from two people; the arm is in the second one's place."""
-    from intent_recognition.experiments.toolbox.session_scoring import Scoring
     from sim_bridge.coworker import SessionTiming
     from sim_bridge.scenarios.assembly import REST_M, in_assistants_place, of_worker, plan_live
+    from sim_bridge.scenarios.toolbox import Scoring
 
     if args.changes:
         cure = "Choose the scenario toolbox."

@@ -68,7 +68,7 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
         IntentError: a node died, or nothing was received from one.
         KeyboardInterrupt: interrupted; all nodes are stopped by then.
     """
-    from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
+    from sim_bridge.scenarios.toolbox import first_sample_ns
 
     calls = _calls(args, model, scene)
     log = _run_graph(args, calls, model, len(scene.plan.interactions), console)

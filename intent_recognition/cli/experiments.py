@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -13,7 +14,6 @@ from rich.table import Table
 from intent_recognition import __version__
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, escape, say
-from intent_recognition.cli.experiment_runs import ExperimentRun, run_all
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
@@ -23,12 +23,25 @@ from intent_recognition.cli.output import (
     console_beside,
     write_json,
 )
-from intent_recognition.errors import ArgumentError
-from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
-from intent_recognition.experiments.settings import N_SEEDS, Settings
-from intent_recognition.report import ExperimentResult
+from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.share import source_tree
+
+if TYPE_CHECKING:
+    from experiments.catalogue import Experiment
+    from experiments.results import ExperimentResult
+    from experiments.runs import ExperimentRun
 
 MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
+
+
+def are_here() -> bool:
+    """Whether the experiments can be imported: a source tree has them, an installation has not."""
+    root = source_tree()
+    if root is None or not (root / "experiments" / "catalogue.py").is_file():
+        return False
+    if str(root) not in sys.path:
+        sys.path.append(str(root))
+    return True
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -53,7 +66,10 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="NAME",
         help="experiment to run (default: all; --list shows them)",
     )
-    offer(names, tuple(entry.name for entry in EXPERIMENTS))
+    if are_here():
+        from experiments.catalogue import EXPERIMENTS
+
+        offer(names, tuple(entry.name for entry in EXPERIMENTS))
     parser.add_argument(
         "--output",
         type=a_path,
@@ -67,7 +83,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--seeds",
         type=number(int, 1),
-        default=N_SEEDS,
+        default=3,
         metavar="N",
         help="draws of the recordings of pointing, pole and toolbox, to show their spread: the"
         " shipped ones and N - 1 made anew, minutes each (default: %(default)s; docs/experiments.md"
@@ -93,12 +109,21 @@ def run(args: argparse.Namespace) -> int:
 
     Raises:
         ArgumentError: a name is unknown, or the recordings are no folder.
+        IntentError: the experiments are not here.
         ResourceBusyError: the report cannot be written.
     """
+    if not are_here():
+        what = "the source tree, in which the experiments lie beside the package"
+        cure = "Clone the repository, install it with `pip install -e .[all]`, and run this there."
+        raise IntentError(describe("intent experiments", what, "an installed package", cure))
+    from experiments.catalogue import EXPERIMENTS, chosen
+    from experiments.runs import run_all
+    from experiments.settings import Settings
+
     console = console_beside(args.json)
     if args.list:
         if args.json != PRINTED:
-            _print_list(console)
+            _print_list(console, EXPERIMENTS)
         listed = [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
         write_json(args.json, listed)
         return 0
@@ -125,7 +150,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failures else 0
 
 
-def summary_line(outcomes: Iterable[ExperimentResult]) -> str:
+def summary_line(outcomes: Iterable["ExperimentResult"]) -> str:
     """How many of the papers' figures are met."""
     findings = [finding.holds for outcome in outcomes for finding in outcome.findings]
     return (
@@ -134,7 +159,7 @@ def summary_line(outcomes: Iterable[ExperimentResult]) -> str:
     )
 
 
-def numbers_json(runs: Mapping[str, ExperimentRun], seed: int, quick: bool) -> dict:
+def numbers_json(runs: Mapping[str, "ExperimentRun"], seed: int, quick: bool) -> dict:
     """All numbers and findings, ready for JSON."""
     content: dict = {"version": __version__, "seed": seed, "quick": quick, "experiments": {}}
     for name, run in runs.items():
@@ -148,12 +173,12 @@ def numbers_json(runs: Mapping[str, ExperimentRun], seed: int, quick: bool) -> d
 
 def _write(
     folder: Path,
-    outcomes: Mapping[str, ExperimentResult],
+    outcomes: Mapping[str, "ExperimentResult"],
     failures: Mapping[str, str],
     numbers: dict,
     extra: Path | None,
 ) -> Path:
-    from intent_recognition.report import write_experiments_report, write_figures
+    from experiments.report import write_experiments_report, write_figures
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, outcome in outcomes.items():
@@ -165,16 +190,18 @@ def _write(
     return write_experiments_report(folder / "report.html", outcomes, failures, footer)
 
 
-def _print_list(console: Console) -> None:
+def _print_list(console: Console, entries: Iterable["Experiment"]) -> None:
     table = Table(box=None, header_style="bold")
     for title in ("name", "stands beside", "what"):
         table.add_column(title)
-    for entry in EXPERIMENTS:
+    for entry in entries:
         table.add_row(entry.name, entry.source, entry.summary)
     console.print(table)
 
 
-def _print_outcome(console: Console, name: str, outcome: ExperimentResult, seconds: float) -> None:
+def _print_outcome(
+    console: Console, name: str, outcome: "ExperimentResult", seconds: float
+) -> None:
     title = f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)"
     console.print(title, highlight=True)
     table = Table(box=None, header_style="dim", pad_edge=False)

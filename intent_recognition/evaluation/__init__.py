@@ -8,7 +8,6 @@ from intent_recognition.evaluation.online import run_online
 from intent_recognition.evaluation.protocol import evaluate
 from intent_recognition.evaluation.remarks import remarks_on
 from intent_recognition.evaluation.replaying import replay
-from intent_recognition.evaluation.roc import GRID, on_grid, roc_curve
 from intent_recognition.evaluation.scoring import PHASES
 from intent_recognition.evaluation.segmenting import (
     Segment,
@@ -36,7 +35,6 @@ __all__ = [
     "CM_PER_M",
     "CONDITIONS",
     "FIXED_PLACE",
-    "GRID",
     "PAPER_HAND_ERROR",
     "PAPER_RECOGNISED",
     "PHASES",
@@ -51,13 +49,11 @@ __all__ = [
     "make_folds",
     "mean_of_task",
     "nearest_neighbour",
-    "on_grid",
     "propose_segments",
     "recognise_segments",
     "reliability_bins",
     "remarks_on",
     "replay",
-    "roc_curve",
     "run_online",
     "sample",
     "summarise",

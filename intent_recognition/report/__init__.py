@@ -22,12 +22,6 @@ from intent_recognition.report.drawing import (
     to_svg,
 )
 from intent_recognition.report.evaluation_report import write_evaluation_report
-from intent_recognition.report.experiments_report import (
-    ExperimentResult,
-    Finding,
-    write_experiments_report,
-    write_figures,
-)
 from intent_recognition.report.figures_session import hand_error_figure
 from intent_recognition.report.html import (
     Block,
@@ -35,9 +29,12 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
+    ReportPage,
     Row,
+    Section,
     Table,
     Text,
+    write_page,
 )
 from intent_recognition.report.interaction_table import table_lines
 from intent_recognition.report.warp_report import write_warp_report
@@ -51,12 +48,12 @@ __all__ = [
     "SOFT",
     "Block",
     "Column",
-    "ExperimentResult",
     "Figure",
-    "Finding",
     "KeyNumber",
     "KeyNumbers",
+    "ReportPage",
     "Row",
+    "Section",
     "Table",
     "Text",
     "fill_two_sigma",
@@ -74,7 +71,6 @@ __all__ = [
     "write_arms_report",
     "write_demo_report",
     "write_evaluation_report",
-    "write_experiments_report",
-    "write_figures",
+    "write_page",
     "write_warp_report",
 ]

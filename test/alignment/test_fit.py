@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.alignment.timed import demonstrations
 from intent_recognition.alignment.fit import (
     Curves,
     WarpProblem,
@@ -16,7 +17,6 @@ from intent_recognition.alignment.fit import (
 )
 from intent_recognition.alignment.search import search
 from intent_recognition.alignment.warp import slope_basis
-from intent_recognition.experiments.alignment.timed import demonstrations
 
 seeds = st.integers(0, 2**32 - 1)
 K, GRID = 7, 41

@@ -7,10 +7,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from experiments.alignment.timed import demonstrations
 from intent_recognition.alignment.reference import even_trajectory, resample
 from intent_recognition.alignment.time_alignment import AlignmentSettings, align, align_to
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.experiments.alignment.timed import demonstrations
 from intent_recognition.signals.signal import Signal
 
 PHASE = np.linspace(0.0, 1.0, 101)

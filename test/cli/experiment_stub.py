@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An experiment for tests of the command."""
 
-from intent_recognition.report.experiments_report import ExperimentResult, Finding
+from experiments.results import ExperimentResult, Finding
 from intent_recognition.report.html import Text
 
 

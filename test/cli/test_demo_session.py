@@ -10,7 +10,7 @@ from rich.console import Console
 from intent_recognition.cli import demo_session
 from intent_recognition.cli.demo_session import begin_library
 from intent_recognition.errors import IntentError, ResourceBusyError
-from intent_recognition.experiments.toolbox import session_scoring
+from sim_bridge.scenarios.toolbox import session_scoring
 
 
 @pytest.fixture

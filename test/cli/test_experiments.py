@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from intent_recognition.cli import experiment_runs, experiments
-from intent_recognition.cli.experiment_runs import run_all
+from experiments import catalogue, runs
+from experiments.catalogue import EXPERIMENTS, Experiment, chosen
+from experiments.results import Finding
+from experiments.runs import run_all
+from experiments.settings import Settings
+from intent_recognition.cli import experiments as command
 from intent_recognition.cli.main import main
 from intent_recognition.errors import ArgumentError
-from intent_recognition.experiments import catalogue
-from intent_recognition.experiments.catalogue import EXPERIMENTS, Experiment, chosen
-from intent_recognition.experiments.settings import Settings
-from intent_recognition.report.experiments_report import Finding
 
 GOOD = Experiment("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
 BROKEN = Experiment("broken", "experiment_stub_broken", "Nobody, Fig. 1", "a stub that breaks off")
@@ -30,8 +30,7 @@ WAITING = Experiment("waiting", "experiment_stub_waiting", "Nobody, Fig. 2", "a 
 def stubs(monkeypatch):
     """Only the stubs are in the catalogue."""
     monkeypatch.setattr(sys, "path", [str(Path(__file__).parent), *sys.path])
-    for module in (catalogue, experiments):
-        monkeypatch.setattr(module, "EXPERIMENTS", (GOOD, BROKEN))
+    monkeypatch.setattr(catalogue, "EXPERIMENTS", (GOOD, BROKEN))
 
 
 @pytest.mark.slow
@@ -89,7 +88,7 @@ class InterruptedWhereItWaits(io.StringIO):
 @pytest.mark.parametrize("present", [signal.SIG_DFL, signal.SIG_IGN])
 def test_interrupted_it_ends_the_processes_of_its_experiments(stubs, monkeypatch, present):
     """They inherit whether SIGTERM is ignored."""
-    monkeypatch.setattr(experiment_runs, "STOP_S", 0.5)
+    monkeypatch.setattr(runs, "STOP_S", 0.5)
     console = Console(file=InterruptedWhereItWaits())
     before = signal.signal(signal.SIGTERM, present)
     try:
@@ -101,10 +100,17 @@ def test_interrupted_it_ends_the_processes_of_its_experiments(stubs, monkeypatch
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(experiments, "run_all", lambda *_: pytest.fail("it began"))
+    monkeypatch.setattr(runs, "run_all", lambda *_: pytest.fail("it began"))
     (tmp_path / "file").touch()
     assert main(["experiments", "sparse", "--output", str(tmp_path / "file")]) == 1
     assert "--output" in capsys.readouterr().err
+
+
+def test_an_installed_package_says_where_the_experiments_are(monkeypatch, capsys):
+    monkeypatch.setattr(command, "source_tree", lambda: None)
+    assert main(["experiments", "--list"]) == 1
+    told = capsys.readouterr().err
+    assert "source tree" in told and "Clone the repository" in told and len(told.splitlines()) == 1
 
 
 def test_unknown_name_is_one_line(capsys):

@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
+from experiments.practice import study
+from experiments.practice.experiment import run
+from experiments.settings import Settings
 from intent_recognition.cli import improve
 from intent_recognition.cli.main import main
-from intent_recognition.experiments.practice import study
-from intent_recognition.experiments.practice.experiment import run
-from intent_recognition.experiments.settings import Settings
 from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.pouring import learn_pouring_skill

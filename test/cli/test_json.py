@@ -12,11 +12,11 @@ import pytest
 from cli.recorded import DOFS, TRUTH, write_all
 from model_builder import learned_model, perform, write_recording
 
+from experiments import catalogue
+from experiments.catalogue import Experiment
 from intent_recognition.cli import main as cli
 from intent_recognition.cli.evaluate import ONLINE
 from intent_recognition.cli.output import PRINTED, write_json
-from intent_recognition.experiments import catalogue
-from intent_recognition.experiments.catalogue import Experiment
 from intent_recognition.learning import TrainingReport, TrainingSettings, learn_with_report
 from intent_recognition.model import Model, save_model
 from sim_bridge.containers.generate import make_container

@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.alignment import experiment as alignment
-from intent_recognition.experiments.alignment import time_warping
-from intent_recognition.experiments.alignment.study import DTW, LOCAL, TRUE
-from intent_recognition.experiments.alignment.time_warping import (
+from experiments.alignment import experiment as alignment
+from experiments.alignment import time_warping
+from experiments.alignment.study import DTW, LOCAL, TRUE
+from experiments.alignment.time_warping import (
     dtw_maps,
     left_out,
     smooth_maps,
@@ -18,8 +18,8 @@ from intent_recognition.experiments.alignment.time_warping import (
     variance_removed,
     warped,
 )
-from intent_recognition.experiments.alignment.timed import demonstrations
-from intent_recognition.experiments.settings import Settings
+from experiments.alignment.timed import demonstrations
+from experiments.settings import Settings
 
 PHASE = np.linspace(0.0, 1.0, 101)
 IDENTITY = np.tile(PHASE, (3, 1))

@@ -8,10 +8,9 @@ from math import inf
 import numpy as np
 import pytest
 
-from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.experiments.assembly import experiment as assembly
-from intent_recognition.experiments.assembly.aligned import aligned_evidence, spread_rows
-from intent_recognition.experiments.assembly.scores import (
+from experiments.assembly import experiment as assembly
+from experiments.assembly.aligned import aligned_evidence, spread_rows
+from experiments.assembly.scores import (
     N_OBSERVATIONS,
     TRUTH_PHASES,
     at_phase,
@@ -22,8 +21,9 @@ from intent_recognition.experiments.assembly.scores import (
     spread_observations,
     watch,
 )
-from intent_recognition.experiments.assembly.study import arrival_s, fold_numbers, study
-from intent_recognition.experiments.settings import Settings
+from experiments.assembly.study import arrival_s, fold_numbers, study
+from experiments.settings import Settings
+from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
 from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.model.file import Model, load_model, save_model

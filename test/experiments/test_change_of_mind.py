@@ -7,17 +7,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.change_of_mind import experiment, following, report, study
-from intent_recognition.experiments.change_of_mind.following import Followed, follow_reach
-from intent_recognition.experiments.change_of_mind.study import (
+from experiments.change_of_mind import experiment, following, report, study
+from experiments.change_of_mind.following import Followed, follow_reach
+from experiments.change_of_mind.study import (
     CHANGES,
     Change,
     follow_all,
     summarise,
 )
-from intent_recognition.experiments.change_of_mind.without_pause import score_flowing
-from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.toolbox.session import Seen
+from experiments.change_of_mind.without_pause import score_flowing
+from experiments.settings import Settings
+from experiments.toolbox.session import Seen
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionState, Estimate

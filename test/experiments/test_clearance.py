@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
+from experiments.clearance import experiment, study
+from experiments.execution import Executed
+from experiments.reaches import REST_S
+from experiments.settings import Settings
 from intent_recognition.activation import Mode
-from intent_recognition.experiments.clearance import experiment, study
-from intent_recognition.experiments.execution import Executed
-from intent_recognition.experiments.reaches import REST_S
-from intent_recognition.experiments.settings import Settings
 from intent_recognition.report.html import ReportPage, Section, render
 
 

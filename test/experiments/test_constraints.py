@@ -4,20 +4,20 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.constraints.experiment import (
+from experiments.constraints.experiment import (
     run,
 )
-from intent_recognition.experiments.constraints.features import (
+from experiments.constraints.features import (
     LABEL,
     STANDARD,
     Samples,
 )
-from intent_recognition.experiments.constraints.study import (
+from experiments.constraints.study import (
     NOVEL,
     SAME,
     score,
 )
-from intent_recognition.experiments.settings import Settings
+from experiments.settings import Settings
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 

@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.context import study
-from intent_recognition.experiments.context.experiment import run
-from intent_recognition.experiments.context.study import (
+from experiments.context import study
+from experiments.context.experiment import run
+from experiments.context.study import (
     CONDITIONS,
     KNOWN,
     LATER,
@@ -19,7 +19,7 @@ from intent_recognition.experiments.context.study import (
     hand_over,
     paths,
 )
-from intent_recognition.experiments.settings import Settings
+from experiments.settings import Settings
 
 
 def test_until_the_wrist_turns_it_does_not_tell_where_the_box_stands():

@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.feedback.experiment import (
+from experiments.feedback.experiment import (
     run,
 )
-from intent_recognition.experiments.settings import Settings
+from experiments.settings import Settings
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 

@@ -3,9 +3,9 @@
 
 import pytest
 
-from intent_recognition.experiments.grasps.experiment import run
-from intent_recognition.experiments.grasps.study import CARRIED, MADE, SCANNED, WARPED
-from intent_recognition.experiments.settings import Settings
+from experiments.grasps.experiment import run
+from experiments.grasps.study import CARRIED, MADE, SCANNED, WARPED
+from experiments.settings import Settings
 from sim_bridge.containers import make_container
 
 

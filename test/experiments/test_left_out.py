@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.left_out import (
+from experiments.left_out import (
     FINAL,
     WHOLE,
     majority_names,
@@ -13,7 +13,7 @@ from intent_recognition.experiments.left_out import (
     rms,
     try_numbers,
 )
-from intent_recognition.experiments.settings import Settings
+from experiments.settings import Settings
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 

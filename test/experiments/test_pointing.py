@@ -6,15 +6,15 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.experiments.pointing.experiment import QUICK_SPOTS, run
-from intent_recognition.experiments.pointing.study import (
+from experiments.pointing.experiment import QUICK_SPOTS, run
+from experiments.pointing.study import (
     condition_on_end,
     metadata_values,
     predicted_spot,
 )
-from intent_recognition.experiments.settings import Settings
+from experiments.settings import Settings
+from intent_recognition.demonstrations import read_demonstrations
+from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.gaussian.normal import Gaussian, marginal, regression
 from intent_recognition.learning.training import learn
 

@@ -4,16 +4,16 @@
 import numpy as np
 import pytest
 
-from intent_recognition.errors import BagError
-from intent_recognition.experiments.pouring.experiment import (
+from experiments.pouring.experiment import (
     PAIRS,
     run,
 )
-from intent_recognition.experiments.pouring.study import (
+from experiments.pouring.study import (
     pair_name,
     read_recorded,
 )
-from intent_recognition.experiments.settings import Settings
+from experiments.settings import Settings
+from intent_recognition.errors import BagError
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 

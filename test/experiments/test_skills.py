@@ -6,27 +6,28 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.execution import as_demonstration, execute
-from intent_recognition.experiments.reaches import toolbox_recordings, watch_reach
-from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.skills import (
+from experiments.execution import as_demonstration, execute
+from experiments.reaches import toolbox_recordings, watch_reach
+from experiments.results import Finding
+from experiments.settings import Settings
+from experiments.skills import (
     correcting_report,
     experiment,
     practising,
     practising_report,
 )
-from intent_recognition.experiments.skills.correcting import (
+from experiments.skills.correcting import (
     CorrectingStudy,
     Corrects,
     Session,
     correction_of,
 )
-from intent_recognition.experiments.skills.part import Part
+from experiments.skills.part import Part
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
 from intent_recognition.motion import scaled_limits
 from intent_recognition.nodes.correction_input import load_detector
-from intent_recognition.report import Finding, Table, Text
+from intent_recognition.report import Table, Text
 from sim_bridge.coworker import PLATE
 from sim_bridge.scenarios.toolbox import handover_point
 

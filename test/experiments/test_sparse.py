@@ -6,16 +6,16 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.noise import experiment as noise
-from intent_recognition.experiments.noise.study import (
+from experiments.noise import experiment as noise
+from experiments.noise.study import (
     DMP,
     DMP_CARRIED,
     PROMP,
 )
-from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.sketches.curves import N_SAMPLES, PHASE, PIXEL, sketch_pairs
-from intent_recognition.experiments.sketches.differentiation import SavitzkyGolay
-from intent_recognition.experiments.sketches.models import (
+from experiments.settings import Settings
+from experiments.sketches.curves import N_SAMPLES, PHASE, PIXEL, sketch_pairs
+from experiments.sketches.differentiation import SavitzkyGolay
+from experiments.sketches.models import (
     ModelChoice,
     folds,
     learn_dmp,
@@ -24,8 +24,8 @@ from intent_recognition.experiments.sketches.models import (
     prior,
     squared_errors,
 )
-from intent_recognition.experiments.sparse import experiment as sparse
-from intent_recognition.experiments.sparse.conditioning import (
+from experiments.sparse import experiment as sparse
+from experiments.sparse.conditioning import (
     CLOSEST,
     SplineChoice,
     curves_of,
@@ -93,7 +93,7 @@ def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
     rows, noise_covariance, _ = observation(learned, ModelChoice(0.1, 0.01), 30)
     seen = rows @ distribution.mean + 0.1 * rng.normal(size=30)
     mixed = rng.normal(size=(30, 30)) + 5.0 * np.eye(30)
-    from intent_recognition.experiments.sketches.models import predictor
+    from experiments.sketches.models import predictor
 
     matrix, offset = predictor(distribution, rows, noise_covariance, learned.controlled)
     other, shift = predictor(

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.draws import Draw, draw_again, draws_tables
-from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.toolbox import experiment as toolbox
-from intent_recognition.experiments.toolbox import study as toolbox_study
-from intent_recognition.experiments.toolbox.report import findings
+from experiments.draws import Draw, draw_again, draws_tables
+from experiments.settings import Settings
+from experiments.toolbox import experiment as toolbox
+from experiments.toolbox import study as toolbox_study
+from experiments.toolbox.report import findings
 from intent_recognition.report.html import ReportPage, Section, render
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form

@@ -5,8 +5,6 @@ import configparser
 import subprocess
 import sys
 
-import pytest
-
 PLUGINS = {
     "launch_testing": "launch_testing",
     "launch_testing_ros": "launch_testing_ros_pytest_entrypoint",

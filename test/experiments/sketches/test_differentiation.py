@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
-from intent_recognition.errors import ArgumentError
-from intent_recognition.experiments.sketches.differentiation import (
+from experiments.sketches.differentiation import (
     Butterworth,
     SavitzkyGolay,
     derivative_operators,
     spline_operators,
 )
+from intent_recognition.errors import ArgumentError
 
 PHASE = np.linspace(0.0, 1.0, 81)
 STEP = float(PHASE[1])

@@ -7,20 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.experiments.sketches.differentiation import (
+from experiments.sketches.differentiation import (
     Butterworth,
     SavitzkyGolay,
     derivative_operators,
 )
-from intent_recognition.experiments.sketches.interaction_dmp import (
+from experiments.sketches.interaction_dmp import (
     DmpModel,
     Motion,
     SpringDamper,
     differentiated,
     fit_demonstrations,
 )
-from intent_recognition.experiments.sketches.models import predictor, prior
+from experiments.sketches.models import predictor, prior
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.normal import condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
 

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors of alignment methods on movements of known timing and on the toolbox recordings."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.alignment.time_warping import (
+    Steps,
+    dtw_maps,
+    left_out,
+    smooth_maps,
+    speed_ratio,
+    steps,
+    variance_removed,
+    warped,
+)
+from experiments.alignment.timed import Timed, demonstrations
+from experiments.settings import Settings
+from intent_recognition.alignment import even_trajectory, medoid
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.learning import cut_to_movement
+
+N_DEMONSTRATIONS = 40
+"""Simulated demonstrations that are aligned. Convention."""
+N_SAMPLES = 200
+"""Samples of each. Convention."""
+PHASE = np.linspace(0.0, 1.0, N_SAMPLES)
+NOISE, SHIFT_STD = 0.02, 0.03
+FREE_ENDS = 20
+"""Samples at each end that dynamic time warping need not match: twice `SHIFT_STD` and more."""
+PENALTY = 0.05
+"""Cost of a step that is not diagonal, in ranges of a DOF: of 0.01 to 0.3 about the best here."""
+
+TRUE, LOCAL, DTW, DTW_WINDOW, DTW_TUNED = (
+    "true timing",
+    "local optimisation",
+    "DTW",
+    "DTW, window of 10 %",
+    "DTW, free ends and penalty",
+)
+Method = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
+METHODS: dict[str, Method] = {
+    LOCAL: smooth_maps,
+    DTW: dtw_maps,
+    DTW_WINDOW: lambda values, onto: dtw_maps(values, onto, window=N_SAMPLES // 10),
+    DTW_TUNED: lambda values, onto: dtw_maps(values, onto, penalty=PENALTY, free_ends=FREE_ENDS),
+}
+
+
+class MethodScore(NamedTuple):
+    """A method's errors on movements of known timing.
+
+    Attributes:
+        steps: how its maps go forward.
+        median: of the error of the recorded phase.
+        high: its 95th percentile.
+        velocity: root mean square error of the warped movement's velocity, in parts of the true.
+    """
+
+    steps: Steps
+    median: float
+    high: float
+    velocity: float
+
+
+class Recordings(NamedTuple):
+    """A method's effect on the recordings of one task.
+
+    Attributes:
+        steps: how its maps go forward.
+        speed: largest speed of the warped wrist in parts of the largest as recorded.
+        observed: share of the wrist's variance about the mean that is removed.
+        controlled: likewise, of the arm's.
+        left_out: mean share of a recording that its map leaves out at both ends.
+    """
+
+    steps: Steps
+    speed: float
+    observed: float
+    controlled: float
+    left_out: float
+
+
+def known_timing(
+    settings: Settings, number: int, methods: Mapping[str, Method]
+) -> dict[str, MethodScore]:
+    """Each method on the same 40 movements, and the truth itself."""
+    clean, noisy, truth = movements(settings, number)
+    inside = ((truth >= 0.0) & (truth <= 1.0))[1:]
+    velocity = velocities(clean, truth)[1:][inside]
+    results = {TRUE: MethodScore(steps(truth[1:]), 0.0, 0.0, 0.0)}
+    for name, method in methods.items():
+        maps = method(noisy, 0)
+        error = np.abs(maps - truth)[1:][inside]
+        wrong = velocities(clean, maps)[1:][inside] - velocity
+        results[name] = MethodScore(
+            steps(maps[1:]),
+            float(np.median(error)),
+            float(np.percentile(error, 95)),
+            float(np.sqrt(np.mean(wrong**2) / np.mean(velocity**2))),
+        )
+    return results
+
+
+def movements(
+    settings: Settings, number: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Movements (n, T, D) without and with noise, and their true maps onto the first, (n, T)."""
+
+    def draw(noise: float) -> Timed:
+        rng = settings.rng(number)
+        return demonstrations(
+            rng, n=N_DEMONSTRATIONS, n_samples=N_SAMPLES, shift_std=SHIFT_STD, noise=noise
+        )
+
+    clean, noisy = draw(0.0), draw(NOISE)
+    truth = [noisy.between(0, i, PHASE) for i in range(N_DEMONSTRATIONS)]
+    return clean.trajectories, noisy.trajectories, np.array(truth)
+
+
+def toolbox(settings: Settings) -> dict[str, tuple[NDArray[np.float64], int]]:
+    """Per task, recordings at even phases (n, T, 10) in m and rad, and which is the reference."""
+    found, _ = read_demonstrations([settings.recordings("toolbox/train")], load_dofs())
+    per_task: dict[str, list[NDArray[np.float64]]] = {}
+    for recorded in cut_to_movement(found):
+        signals = (*recorded.observed, *recorded.controlled)
+        values = even_trajectory(signals, recorded.start_ns, recorded.end_ns, N_SAMPLES)
+        per_task.setdefault(str(recorded.task), []).append(values)
+    most = 6 if settings.quick else None
+    arrays = {task: np.array(values[:most]) for task, values in sorted(per_task.items())}
+    return {task: (values, medoid(values)) for task, values in arrays.items()}
+
+
+def on_recordings(
+    values: NDArray[np.float64], reference: int, methods: Mapping[str, Method]
+) -> dict[str, Recordings]:
+    """Each method on one task's recordings (n, T, 10), all DOFs at once."""
+    scaled = scaled_by_range(values)
+    results = {}
+    for name, method in methods.items():
+        maps = method(scaled, reference)
+        results[name] = Recordings(
+            steps(np.delete(maps, reference, axis=0)),
+            speed_ratio(values[..., :3], maps),
+            variance_removed(values[..., :3], maps),
+            variance_removed(values[..., 3:], maps),
+            left_out(np.delete(maps, reference, axis=0)),
+        )
+    return results
+
+
+def scaled_by_range(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Every DOF in parts of its range, so that metres and radians can be compared."""
+    return values / np.ptp(values, axis=(0, 1))
+
+
+def velocities(trajectories: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the trajectories read along the maps, by central differences, (n, T, D)."""
+    return np.gradient(warped(trajectories, maps), PHASE, axis=1)

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recognition and prediction between two humans, on demonstrations left out of training.
+
+A few observations of the worker's wrist, evenly spread over the whole movement, are taken one
+after the other (Maeda et al. 2014, Fig. 8-9); the assistant's wrist is predicted from them.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.assembly.aligned import spread_rows
+from intent_recognition.evaluation import mean_of_task, nearest_neighbour, sample
+from intent_recognition.filtering import (
+    Hypotheses,
+    MovementFilter,
+    fixed_hypotheses,
+    make_hypotheses,
+)
+from intent_recognition.gaussian import Gaussian, log_density
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition import task_posterior
+from intent_recognition.signals import Demonstration, Observation
+
+N_OBSERVATIONS = 15
+LAST = 5
+"""The paper circles the last five observations of the fastening task."""
+CERTAIN = 0.99
+"""Probability of the true task from which it counts as recognised for certain. Convention."""
+TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
+
+
+class Watched(NamedTuple):
+    """Estimates for one left-out demonstration after each observation.
+
+    Attributes:
+        probabilities: of the K tasks, before any and after each of n observations, (n + 1, K).
+        path_m: distance of the predicted from the true wrist, root mean square over the movement,
+            (n + 1,).
+        end_m: the same at its end, (n + 1,).
+        inside: share of the coordinates within two predicted standard deviations, (n + 1,).
+    """
+
+    probabilities: NDArray[np.float64]
+    path_m: NDArray[np.float64]
+    end_m: NDArray[np.float64]
+    inside: NDArray[np.float64]
+
+
+class Scored(NamedTuple):
+    """One left-out demonstration.
+
+    Attributes:
+        name: of the recording.
+        task: its label.
+        aligned: probabilities with all demonstrations aligned, as in the paper, (n + 1, K).
+        known: with the share of the movement's time known.
+        unknown: with onset known and duration not.
+        forgetting: Eq. 11 as printed, each time with the prior anew, elapsed share known, (n, K).
+        single: each observation by itself, elapsed share known, (n, K).
+        mean_of_task: distances of the task's mean, path and end, (2,).
+        nearest: the same of the demonstration whose worker moved most alike, (2,).
+    """
+
+    name: str
+    task: str
+    aligned: NDArray[np.float64]
+    known: Watched
+    unknown: Watched
+    forgetting: NDArray[np.float64]
+    single: NDArray[np.float64]
+    mean_of_task: NDArray[np.float64]
+    nearest: NDArray[np.float64]
+
+
+def spread_observations(recorded: Demonstration, n: int = N_OBSERVATIONS) -> list[Observation]:
+    """The samples of the first signal that come nearest to n even phases."""
+    (signal,) = recorded.observed
+    phases = (signal.stamps_ns - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
+    return [
+        Observation(int(signal.stamps_ns[row]), 0, signal.values[row])
+        for row in spread_rows(phases, n)
+    ]
+
+
+def score(
+    library: TaskLibrary,
+    training: Sequence[Demonstration],
+    left_out: Demonstration,
+    aligned_evidence: NDArray[np.float64],
+) -> Scored:
+    """Recognise and predict one demonstration the library has not seen.
+
+    Args:
+        library: learned from `training`.
+        training: cut to their movements.
+        left_out: likewise.
+        aligned_evidence: log evidence of the tasks when it is aligned, (n + 1, K).
+    """
+    duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
+    truth = sample(left_out.controlled, left_out.start_ns, TRUTH_PHASES * duration_s)
+    observations = spread_observations(left_out)
+    known, steps = watch(library, fixed_hypotheses(library, duration_s), left_out, observations)
+    unknown, _ = watch(library, make_hypotheses(library), left_out, observations)
+    same = [recorded for recorded in training if recorded.task == left_out.task]
+    mean = mean_of_task(same, left_out, TRUTH_PHASES, known=True)
+    nearest = nearest_neighbour(same, left_out, TRUTH_PHASES, 1.0, known=True)
+    return Scored(
+        left_out.name,
+        str(left_out.task),
+        _normalised(aligned_evidence),
+        known,
+        unknown,
+        _normalised(np.diff(steps, axis=0)),
+        _normalised(single_evidence(library, left_out, observations)),
+        np.array(_distances(mean, truth)),
+        np.array(_distances(nearest, truth)),
+    )
+
+
+def watch(
+    library: TaskLibrary,
+    hypotheses: Hypotheses,
+    left_out: Demonstration,
+    observations: Sequence[Observation],
+) -> tuple[Watched, NDArray[np.float64]]:
+    """Take the observations one after the other; also log evidence of the tasks, (n + 1, K)."""
+    duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
+    times_s = TRUTH_PHASES * duration_s
+    truth = sample(left_out.controlled, left_out.start_ns, times_s)
+    run = MovementFilter(library, hypotheses, left_out.start_ns)
+    evidence, probabilities, scores = [], [], []
+    for observation in (None, *observations):
+        elapsed_s = 0.0
+        if observation is not None:
+            run.observe(observation)
+            elapsed_s = (observation.stamp_ns - left_out.start_ns) * 1e-9
+        posterior = task_posterior(run.log_evidence, hypotheses, elapsed_s)
+        evidence.append(posterior.log_evidence[:-1])
+        (belief,) = _normalised(evidence[-1][None])
+        probabilities.append(belief)
+        mean, std = _mixture(run, belief, times_s)
+        inside = float(np.mean(np.abs(mean - truth) <= 2.0 * std))
+        scores.append((*_distances(mean, truth), inside))
+    path, end, inside = np.array(scores).T
+    return Watched(np.array(probabilities), path, end, inside), np.array(evidence)
+
+
+def predicted_after(
+    library: TaskLibrary, left_out: Demonstration, n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Times, the assistant's true wrist, its predicted mean and standard deviation, (T, 3) each.
+
+    Args:
+        library: learned without the demonstration.
+        left_out: cut to its movement; its progress is known.
+        n: how many of its observations are taken.
+    """
+    duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
+    times_s = TRUTH_PHASES * duration_s
+    hypotheses = fixed_hypotheses(library, duration_s)
+    run = MovementFilter(library, hypotheses, left_out.start_ns)
+    for observation in spread_observations(left_out)[:n]:
+        run.observe(observation)
+    posterior = task_posterior(run.log_evidence, hypotheses, duration_s)
+    (belief,) = _normalised(posterior.log_evidence[None, :-1])
+    truth = sample(left_out.controlled, left_out.start_ns, times_s)
+    return times_s, truth, *_mixture(run, belief, times_s)
+
+
+def _mixture(
+    run: MovementFilter, belief: NDArray[np.float64], times_s: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean and standard deviation of the assistant's wrist over all tasks that may be, (T, 3)."""
+    likely = np.flatnonzero(belief > 1e-3)
+    share = belief[likely] / belief[likely].sum()
+    moments = [run.prediction(int(task)).mixture_at(times_s) for task in likely]
+    parts = (np.array(part) for part in zip(*moments, strict=True))
+    mean, square = (np.tensordot(share, part, axes=1) for part in parts)
+    return mean, np.sqrt(np.maximum(square - mean**2, 1e-12))
+
+
+def single_evidence(
+    library: TaskLibrary, recorded: Demonstration, observations: Sequence[Observation]
+) -> NDArray[np.float64]:
+    """Log density of each observation by itself under each task, elapsed share known, (n, K)."""
+    return np.array(
+        [
+            [
+                log_density(at_phase(library, task, phase), observation.values)
+                for task in range(library.n_tasks)
+            ]
+            for phase, observation in zip(
+                phases_of(recorded, observations), observations, strict=True
+            )
+        ]
+    )
+
+
+def at_phase(library: TaskLibrary, task: int, phase: float) -> Gaussian:
+    """The worker's wrist as a task has it at a phase, with the observation's noise (Eq. 10)."""
+    row = library.basis.design_matrix(np.array([phase]))
+    design = np.kron(np.eye(library.n_observed), row)
+    noise = library.noise_covariance(np.arange(library.n_observed), np.inf)
+    covariance = design @ library.observed_covariance[task] @ design.T + noise
+    return Gaussian(design @ library.observed_mean[task], covariance)
+
+
+def phases_of(recorded: Demonstration, observations: Sequence[Observation]) -> NDArray[np.float64]:
+    """Share of the movement's time that had passed at each observation, (n,)."""
+    stamps = np.array([observation.stamp_ns for observation in observations])
+    return (stamps - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
+
+
+def observations_to_certainty(probabilities: NDArray[np.float64], truth: int) -> int | None:
+    """After how many observations the true task is certain and stays so; None if never.
+
+    Args:
+        probabilities: before any and after each observation, (n + 1, K).
+        truth: number of the true task.
+    """
+    uncertain = np.flatnonzero(probabilities[:, truth] < CERTAIN)
+    if not uncertain.size:
+        return 0
+    return None if uncertain[-1] + 1 == len(probabilities) else int(uncertain[-1] + 1)
+
+
+def _distances(predicted: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[float, float]:
+    """Root mean square over the movement and at its end of the distance between paths (T, 3)."""
+    squared = np.sum((predicted - truth) ** 2, axis=1)
+    return float(np.sqrt(squared.mean())), float(np.sqrt(squared[-1]))
+
+
+def _normalised(log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probabilities under equal priors, row by row, from log densities (n, K)."""
+    return np.exp(log_evidence - np.logaddexp.reduce(log_evidence, axis=1, keepdims=True))

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Report of the changes of mind: what is wanted beside what is measured, figures, the table."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.change_of_mind.figures import (
+    courses_figure,
+    delay_figure,
+    outcome_figure,
+)
+from experiments.change_of_mind.study import (
+    BLENDS,
+    RELEASED_WITHIN_S,
+    SHARES,
+    Cell,
+    Change,
+    ChangeStudy,
+)
+from experiments.results import Finding
+from intent_recognition.report import Block, Column, Figure, Table, to_svg
+from sim_bridge.coworker import (
+    TASKS,
+    USUAL_BLEND,
+    ChangedReach,
+    Movement,
+    change_of_mind,
+    draw_reach,
+    draw_rest,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+NEW_WANTED = {0.15: 0.85, 0.25: 0.85, 0.4: 0.70}
+"""Least share of changed reaches with the new task active at the end, by moment of the change."""
+OLD_WANTED = {0.15: 0.05, 0.25: 0.05, 0.4: 0.10, 0.6: 0.20}
+"""Largest share with the old task kept."""
+RELEASED_WANTED, DELAY_WANTED_S = 0.90, 0.9
+"""Share let go within `RELEASED_WITHIN_S`; median time to the new task [s]."""
+OTHER_BLENDS_WANTED, OTHER_BLENDS_UNTIL = 0.65, 0.25
+"""Least share with the new task where changes are quicker or slower, up to that moment."""
+LET_GO_WANTED = 2
+"""Unchanged reaches that may be let go of."""
+UNKNOWN_WANTED = 0.03
+"""Share of reaches to no task in which a task that was never meant may be active."""
+SESSION_WANTED = 0.95
+"""Share of tasks recognised where one movement flows into the next."""
+MISSED = "Not reached by the filter as it is."
+
+CONDITIONS = (
+    "No paper gives figures of this; what stands in the column of the paper is what is wanted.",
+    "Worker and tracker are simulated, and the model has never seen a reach that was changed.",
+    "A blended change goes over to the course of a reach that began where the first one did; a"
+    " replanned one is minimum jerk from the hand's position, velocity and acceleration.",
+    "Decided by the node's own rule with default settings, before 0.3 s after the movement's end.",
+)
+
+
+def findings(study: ChangeStudy) -> tuple[Finding, ...]:
+    """What is wanted, and what is measured."""
+    usual = {share: study.cell(Change(share, USUAL_BLEND)) for share in SHARES}
+    early = study.cell(*(Change(share, USUAL_BLEND) for share in NEW_WANTED))
+    others = [
+        study.cell(Change(share, blend)).new_active
+        for share in SHARES
+        for blend in BLENDS
+        if blend not in (None, USUAL_BLEND) and share <= OTHER_BLENDS_UNTIL
+    ]
+    replanned = [f"{study.cell(Change(share, None)).new_active:.0%}" for share in SHARES]
+    unknown = study.cell(*(change for change in study.changed if change.to == "unknown"))
+    twice = study.cell(*(change for change in study.changed if change.to in ("other", "back")))
+    switched = sum(bool(one.others) or one.switches > 0 for one in study.unchanged)
+    let_go = sum(one.withdrawals > 0 for one in study.unchanged)
+    n = len(study.unchanged)
+    return (
+        *(
+            _finding(
+                f"new task active, change at {share:.0%}",
+                f"at least {wanted:.0%}",
+                f"{usual[share].new_active:.0%} of {usual[share].n}",
+                usual[share].new_active >= wanted,
+            )
+            for share, wanted in NEW_WANTED.items()
+        ),
+        *(
+            _finding(
+                f"old task kept to the end, change at {share:.0%}",
+                f"at most {wanted:.0%}",
+                f"{usual[share].old_kept:.0%} of {usual[share].n}",
+                usual[share].old_kept <= wanted,
+            )
+            for share, wanted in OLD_WANTED.items()
+        ),
+        _finding(
+            f"old task let go within {RELEASED_WITHIN_S:g} s, where it was active",
+            f"at least {RELEASED_WANTED:.0%}",
+            _number(early.released_in_time, ".0%"),
+            early.released_in_time >= RELEASED_WANTED,
+        ),
+        _finding(
+            "median time from the change to the new task's activity [s]",
+            f"at most {DELAY_WANTED_S:g}",
+            _number(early.delay_s, ".2f"),
+            early.delay_s <= DELAY_WANTED_S,
+        ),
+        _finding(
+            f"new task active, other blends up to {OTHER_BLENDS_UNTIL:.0%}, the worst",
+            f"at least {OTHER_BLENDS_WANTED:.0%}",
+            f"{min(others):.0%}",
+            min(others) >= OTHER_BLENDS_WANTED,
+        ),
+        Finding.alone(
+            "new task active, replanned at " + ", ".join(f"{share:.0%}" for share in SHARES),
+            ", ".join(replanned),
+            "Another way to change one's mind than the filter may assume; no figure is wanted.",
+        ),
+        _finding(
+            "unchanged reaches with another task active", "0", f"{switched} of {n}", not switched
+        ),
+        _finding(
+            "unchanged reaches let go of",
+            f"at most {LET_GO_WANTED} of 100",
+            f"{let_go} of {n}",
+            let_go <= LET_GO_WANTED,
+        ),
+        _finding(
+            "reaches that turn to no task in which another task is active",
+            f"at most {UNKNOWN_WANTED:.0%}",
+            f"{unknown.others:.1%} of {unknown.n}",
+            unknown.others <= UNKNOWN_WANTED,
+        ),
+        Finding.alone(
+            "last task active after two changes (15 and 45 %)",
+            f"{twice.new_active:.0%} of {twice.n}",
+            f"Back to the first task or on to the third; {twice.others:.0%} with a task active"
+            " that was never meant.",
+        ),
+        Finding.alone(
+            "error of the predicted hand after a change, median [cm]",
+            _number(100.0 * early.hand_error_m, ".1f"),
+            "Where the predicted motion ends, where the new task was active; no figure is wanted.",
+        ),
+        *_session_findings(study),
+    )
+
+
+def _session_findings(study: ChangeStudy) -> tuple[Finding, ...]:
+    recognised = [one for session in study.sessions for one in session.recognised]
+    in_order = sum(session.in_order for session in study.sessions)
+    share = float(np.mean(recognised))
+    return (
+        _finding(
+            f"recognised without a pause, {len(study.sessions[0].tasks)} consecutive tasks",
+            f"at least {SESSION_WANTED:.0%}",
+            f"{share:.0%} of {len(recognised)}",
+            share >= SESSION_WANTED,
+        ),
+        _finding(
+            "sessions without a pause whose tasks became active in order, and no other",
+            "all",
+            f"{in_order} of {len(study.sessions)}",
+            in_order == len(study.sessions),
+        ),
+    )
+
+
+def blocks(study: ChangeStudy, seed: int) -> tuple[Block, ...]:
+    """Figures and tables, in order."""
+    panels = {
+        _how(blend): {
+            share: (cell.new_active, cell.old_kept)
+            for share in SHARES
+            for cell in (study.cell(Change(share, blend)),)
+        }
+        for blend in BLENDS
+    }
+    usual = {
+        f"change at {share:.0%}": study.changed[Change(share, USUAL_BLEND)] for share in SHARES
+    }
+    delays = {name: [one.delay_s for one in many if one.new_active] for name, many in usual.items()}
+    counts = {name: len(many) for name, many in usual.items()}
+    return (
+        Figure(
+            to_svg(_courses(seed)),
+            "One reach, changed at 40 % of its time in each way; dashed: the reaches it goes over"
+            " from and to.",
+        ),
+        Figure(
+            to_svg(outcome_figure(panels, NEW_WANTED)),
+            "Which task was active 0.3 s after the movement's end.",
+        ),
+        Figure(
+            to_svg(delay_figure(delays, counts)),
+            f"How soon the new task was active, blended over {USUAL_BLEND:.0%} of the movement.",
+        ),
+        _table(study),
+    )
+
+
+def _courses(seed: int) -> "Drawing":
+    """One reach, changed in each way; every generator draws the same two reaches."""
+
+    def draw(blend: float | None) -> ChangedReach:
+        rng = np.random.default_rng(seed)
+        first = draw_reach(rng, TASKS[0], draw_rest(rng))
+        return change_of_mind(rng, first, TASKS[1], SHARES[2], blend)
+
+    def path(movement: Movement) -> NDArray[np.float64]:
+        return movement.positions(np.linspace(0.0, movement.duration_s, 200))
+
+    blended = draw(USUAL_BLEND)
+    return courses_figure(
+        {_how(blend): path(draw(blend)) for blend in BLENDS},
+        {"first": path(blended.first), "second": path(blended.second)},
+    )
+
+
+def _table(study: ChangeStudy) -> Table:
+    columns = (
+        Column("to", align="left"),
+        Column("how", align="left"),
+        Column("change at", "%", form=".0f"),
+        Column("reaches"),
+        Column("new active", "%", form=".0f"),
+        Column("old kept", "%", form=".0f"),
+        Column(f"let go in {RELEASED_WITHIN_S:g} s", "%"),
+        Column("delay", "s"),
+        Column("never meant", "%", form=".0f"),
+        Column("hand error", "cm"),
+    )
+    return Table.of(
+        columns,
+        (_row(change, study.cell(change)) for change in study.changed),
+        "let go: of those in which the old task was active after the change. delay: median, from"
+        " the change to the new task's activity. never meant: a task was active that the reach"
+        " never was. hand error: median.",
+    )
+
+
+def _row(change: Change, cell: Cell) -> tuple[str | float | None, ...]:
+    to = {"task": "another task", "unknown": "no task", "other": "a third task", "back": "and back"}
+    return (
+        to[change.to],
+        _how(change.blend),
+        100 * change.share,
+        cell.n,
+        100 * cell.new_active if change.to != "unknown" else None,
+        100 * cell.old_kept,
+        _number(100 * cell.released_in_time, ".0f"),
+        _number(cell.delay_s, ".2f"),
+        100 * cell.others,
+        _number(100 * cell.hand_error_m, ".1f"),
+    )
+
+
+def _how(blend: float | None) -> str:
+    return "replanned" if blend is None else f"over {blend:.0%}"
+
+
+def _number(value: float, form: str) -> str:
+    return format(value, form) if np.isfinite(value) else "-"
+
+
+def _finding(quantity: str, wanted: str, measured: str, reached: bool) -> Finding:
+    return Finding.wanted(quantity, wanted, measured, reached, MISSED)

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boxes in the arm's way: none is touched, and what keeping clear costs."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from experiments.clearance.figures import courses_figure, nearest_figure
+from experiments.clearance.study import (
+    CLEARANCE_M,
+    ClearanceStudy,
+    Run,
+    investigate,
+)
+from experiments.results import ExperimentResult, Finding
+from experiments.settings import Settings
+from intent_recognition.report import Block, Column, Figure, Table, to_svg
+
+LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
+"""What is wanted: runs in which the unguarded arm touches, and time lost in the median [s]."""
+OUTCOMES = ("as before", "bent", "refused")
+N_SHOWN = 3
+"""Bent motions that the report draws. Convention."""
+CONDITIONS = (
+    "No paper gives figures of this; what stands in the column of the paper is what is wanted.",
+    "Reaches are the simulated coworker's, recognised and predicted on line; one or two boxes of 5"
+    " to 20 cm stand at random beside or in the hand's way, none where it begins or ends.",
+    f"The guard keeps {100 * CLEARANCE_M:g} cm, and bends by 3 standard deviations at most.",
+    "The arm is the simulated LWR with its low gains and noisy sensors, which boxes stop; touches"
+    " are its own contacts at 1 kHz. Distances are PyBullet's, every 10 ms; the guard asks coal.",
+)
+
+
+def run(settings: Settings) -> ExperimentResult:
+    """Run every reach without and with the guard."""
+    study = investigate(settings)
+    settings.progress(0.97, "figures")
+    return ExperimentResult(
+        title="Clear of boxes",
+        source="no paper; beside what is wanted",
+        question="Boxes stand in the arm's way. Does it touch one, and how much later is it there?",
+        findings=_findings(study),
+        blocks=_blocks(study.runs),
+        conditions=CONDITIONS,
+        numbers=_numbers(study),
+    )
+
+
+def _findings(study: ClearanceStudy) -> tuple[Finding, ...]:
+    runs = study.runs
+    touching = [one for one in runs if one.unguarded.touches]
+    touched = sum(one.guarded.touches > 0 for one in runs)
+    counts = Counter(one.outcome for one in touching)
+    loss = _median([one.lost_s for one in runs])
+    moved = [one.lost_s for one in runs if one.outcome == "bent"]
+    return (
+        Finding(
+            f"runs of {len(runs)} in which the unguarded arm touches",
+            f">= {LEAST_TOUCHING}",
+            str(len(touching)),
+            len(touching) >= LEAST_TOUCHING,
+            "Fewer in a quick run.",
+        ),
+        Finding(
+            "runs in which the guarded arm touches a box, or itself",
+            "0",
+            f"{touched}, {study.self_contacts}",
+            touched == study.self_contacts == 0,
+            "Each is a failure of the guard.",
+        ),
+        Finding(
+            "arrival lost, median of all runs [s]",
+            f"<= {LARGEST_LOSS_S}",
+            f"{loss:.2f}",
+            loss <= LARGEST_LOSS_S,
+            "Runs that were refused count as infinite.",
+        ),
+        Finding.alone(
+            "arrival lost where the path was bent, median (worst) [s]",
+            f"{_median(moved):.2f} ({max(moved, default=math.nan):.2f})",
+            f"{len(moved)} runs.",
+        ),
+        Finding.alone(
+            "of those that would touch: bent / refused",
+            f"{counts['bent'] + counts['as before']} / {counts['refused']}",
+            "What lies beyond the spread of what was taught is refused, not planned around.",
+        ),
+    )
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else math.nan
+
+
+def _row(outcome: str, runs: Sequence[Run]) -> tuple[str | float, ...]:
+    there = [one for one in runs if one.guarded.interacting]
+    return (
+        outcome,
+        len(runs),
+        sum(one.unguarded.touches > 0 for one in runs),
+        sum(one.guarded.touches > 0 for one in runs),
+        100 * min(one.guarded_m for one in runs),
+        _median([one.lost_s for one in there]) if there else "never there",
+        100 * max(one.off_m for one in there) if there else "-",
+    )
+
+
+def _blocks(runs: Sequence[Run]) -> tuple[Block, ...]:
+    of_outcome = {name: [one for one in runs if one.outcome == name] for name in OUTCOMES}
+    rows = [_row(name, own) for name, own in of_outcome.items() if own]
+    columns = (
+        Column("outcome", align="left"),
+        Column("runs"),
+        Column("unguarded arm touches"),
+        Column("guarded arm touches"),
+        Column("nearest", "cm", form=".1f"),
+        Column("lost, median", "s", form=".2f"),
+        Column("end off, largest", "cm", form=".1f"),
+    )
+    nearest = Figure(
+        to_svg(nearest_figure(runs, CLEARANCE_M)),
+        "Least distance between the arm and a box in each run, by PyBullet. Left of the line the"
+        " arm would be inside a box.",
+    )
+    bent = sorted(of_outcome["bent"], key=lambda one: one.free_m)
+    table = Table.of(columns, rows, "What became of the runs.")
+    if not bent:
+        return nearest, table
+    courses = Figure(
+        to_svg(courses_figure(bent[:N_SHOWN])),
+        "The hand's way to the handover in the runs that were bent although without boxes it"
+        " went deepest; the boxes are seen through the arm, whose links have a width of their own.",
+    )
+    return nearest, table, courses
+
+
+def _numbers(study: ClearanceStudy) -> Mapping[str, object]:
+    """All numbers of the experiment, ready for JSON."""
+    return {
+        "self_contacts": study.self_contacts,
+        "runs": [
+            {
+                "task": one.task,
+                "outcome": one.outcome,
+                "without_boxes_nearest_m": one.free_m,
+                "guarded_nearest_m": one.guarded_m,
+                "unguarded_touches": one.unguarded.touches,
+                "guarded_touches": one.guarded.touches,
+                "end_off_m": one.off_m if math.isfinite(one.off_m) else None,
+                "lost_s": one.lost_s if math.isfinite(one.lost_s) else None,
+                "boxes": [box._asdict() for box in one.boxes],
+                "refusals": list(one.guarded.refusals),
+            }
+            for one in study.runs
+        ],
+    }

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reaches of the coworker before estimator, activation and arm, with boxes put in the arm's way.
+
+A run is one reach and one or two boxes, executed in physics without and with the guard. Nothing
+else differs from what the nodes do, with a clock of 100 Hz.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.execution import Executed, execute
+from experiments.reaches import (
+    REST_S,
+    STEP_NS,
+    toolbox_recordings,
+    watch_reach,
+)
+from experiments.settings import Settings
+from intent_recognition.kinematics import LWR_LIMITS, Bodies, Box
+from intent_recognition.learning import learn
+from intent_recognition.motion import Clearance, Spread, scaled_limits
+
+if TYPE_CHECKING:
+    from sim_bridge.arm import Robot
+
+N_REACHES, N_BOXES = 40, 5
+"""Reaches, and draws of boxes for each of them."""
+N_QUICK = (3, 2)
+CLEARANCE_M = 0.02
+ARRIVED_M = 0.01
+"""The hand has arrived when it stays this near to where it will rest [m]. Convention."""
+
+
+class Run(NamedTuple):
+    """One reach with boxes, in physics.
+
+    Attributes:
+        task: of the reach.
+        boxes: in the way.
+        free: without boxes.
+        unguarded: with boxes of which nothing is known.
+        guarded: with boxes that are known.
+        free_m: least distance of the arm without boxes from where they stand [m], by PyBullet;
+            negative inside.
+        guarded_m: likewise of the guarded one.
+    """
+
+    task: str
+    boxes: tuple[Box, ...]
+    free: Executed
+    unguarded: Executed
+    guarded: Executed
+    free_m: float
+    guarded_m: float
+
+    @property
+    def outcome(self) -> str:
+        """`as before`, `bent` or `refused`."""
+        if not self.guarded.interacting:
+            return "refused"
+        return "bent" if self.guarded.counts.get("bent") else "as before"
+
+    @property
+    def lost_s(self) -> float:
+        """How much later the guarded arm arrives than without boxes; infinite if it does not."""
+        return arrival_s(self.guarded) - arrival_s(self.free)
+
+    @property
+    def off_m(self) -> float:
+        """How far from there the guarded hand ends [m]; NaN if it took no part."""
+        ends = [done.hand_m[done.interacting - 1] for done in (self.free, self.guarded)]
+        return float(np.linalg.norm(ends[1] - ends[0])) if self.guarded.interacting else np.nan
+
+
+class ClearanceStudy(NamedTuple):
+    """All runs, and how many pairs of links touched at a sample of the guarded ones."""
+
+    runs: tuple[Run, ...]
+    self_contacts: int
+
+
+def investigate(settings: Settings) -> ClearanceStudy:
+    """Draw reaches and boxes, run each without and with the guard."""
+    from sim_bridge.arm import find_robot
+
+    library, limits = learn(toolbox_recordings(settings)), scaled_limits(LWR_LIMITS)
+    robot = find_robot("lwr")
+    spreads = {label: Spread.of(library.primitive(k)) for k, label in enumerate(library.labels)}
+    itself = Bodies(robot.description, robot.joint_names, clearance_m=1e-3)
+    n_reaches, n_boxes = N_QUICK if settings.quick else (N_REACHES, N_BOXES)
+    runs, self_contacts = [], 0
+    for k in range(n_reaches):
+        rng = np.random.default_rng([settings.seed, 91, k])
+        watched = watch_reach(library, k, rng, limits)
+        perform = partial(execute, watched, library, limits, None, goes_home=True)
+        free = perform(_noise(settings, k))
+        for j in range(n_boxes):
+            settings.progress(0.05 + 0.9 * (k + j / n_boxes) / n_reaches, f"reach {k + 1}")
+            boxes = draw_boxes(rng, robot, free)
+            bodies = Bodies(robot.description, robot.joint_names, boxes, clearance_m=CLEARANCE_M)
+            unguarded = perform(_noise(settings, k), boxes=boxes)
+            guard = Clearance(bodies, spreads)
+            guarded = perform(_noise(settings, k), boxes=boxes, clearance=guard)
+            self_contacts += len(itself.contacts(guarded.positions))
+            nearest = nearest_m(robot, boxes, (free.positions, guarded.positions))
+            runs.append(Run(watched.task, boxes, free, unguarded, guarded, *nearest))
+    return ClearanceStudy(tuple(runs), self_contacts)
+
+
+def _noise(settings: Settings, k: int) -> np.random.Generator:
+    """Of the arm's sensors in reach number k, the same in all its runs."""
+    return np.random.default_rng([settings.seed, 92, k])
+
+
+def arrival_s(done: Executed) -> float:
+    """When the hand is where it will rest, before it goes home, from the beginning of the reach;
+    infinite if it never left.
+    """
+    if not done.interacting:
+        return np.inf
+    hand = done.hand_m[: done.interacting]
+    far = np.flatnonzero(np.linalg.norm(hand - hand[-1], axis=1) > ARRIVED_M)
+    return (far[-1] + 1) * STEP_NS * 1e-9 - REST_S if far.size else np.inf
+
+
+def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tuple[Box, ...]:
+    """One or two boxes beside or in the way of the unguarded hand, clear of where it ends.
+
+    Args:
+        rng: draws them.
+        robot: the arm.
+        free: what it does without boxes.
+    """
+    hand = free.hand_m[: free.interacting]
+    ends = free.positions[[0, free.interacting - 1]]
+    moved = np.cumsum(np.r_[0.0, np.linalg.norm(np.diff(hand, axis=0), axis=1)])
+    boxes: list[Box] = []
+    n = int(rng.integers(1, 3))
+    while len(boxes) < n:
+        at = hand[int(np.searchsorted(moved, rng.uniform(0.2, 0.8) * moved[-1]))]
+        direction = rng.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        size = rng.uniform(0.05, 0.2, 3)
+        center = at + direction * (0.05 + size.max() / 2.0 + rng.uniform(-0.03, 0.12))
+        turn = rng.uniform(-np.pi, np.pi) / 2.0
+        quaternion = (0.0, 0.0, float(np.sin(turn)), float(np.cos(turn)))
+        box = Box(f"box {len(boxes) + 1}", tuple(center), tuple(size), quaternion)
+        bodies = Bodies(robot.description, robot.joint_names, [box], clearance_m=2 * CLEARANCE_M)
+        if not any(bodies.contacts(ends[k : k + 1]) for k in range(2)):
+            boxes.append(box)
+    return tuple(boxes)
+
+
+def nearest_m(
+    robot: "Robot", boxes: Sequence[Box], ways: Sequence[NDArray[np.float64]]
+) -> tuple[float, ...]:
+    """The least distance from a box on each of some ways (T, 7), by PyBullet."""
+    from sim_bridge.arm import BulletCell
+
+    cell = BulletCell(robot, boxes)
+    try:
+        return tuple(min(min(cell.distances_m(q).values()) for q in way) for way in ways)
+    finally:
+        cell.close()

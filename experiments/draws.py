@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings drawn again from other seeds: how much the shipped ones leave to chance."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.settings import Settings
+from intent_recognition.report import Column, Table
+
+Numbers = Mapping[str, float]
+"""What one draw is told by: numbers by name, the same in all draws."""
+
+
+class Draw(NamedTuple):
+    """What came out of the recordings of one seed."""
+
+    seed: int
+    numbers: Numbers
+
+
+def draw_again(
+    settings: Settings,
+    scenario: str,
+    evaluate: Callable[[Path], Numbers],
+    *,
+    keep: Callable[[PurePosixPath], bool] = lambda folder: True,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Draw]:
+    """Make the recordings of a scenario from each seed but the first, and evaluate them.
+
+    Args:
+        settings: `n_seeds` draws in all, the shipped recordings being the first.
+        scenario: name of its recordings, as `sim_bridge.scenarios.generate` knows it.
+        evaluate: called with the folder in which the scenario's folder lies.
+        keep: which recordings are needed, by their folder.
+        progress: called with the share done, 0 to 1.
+    """
+    from sim_bridge.scenarios.generate import record
+
+    draws = []
+    for k in range(1, settings.n_seeds):
+        seed = settings.seed + k
+        with TemporaryDirectory() as folder:
+            record(Path(folder), seed, scenario, keep)
+            draws.append(Draw(seed, evaluate(Path(folder))))
+        progress(k / (settings.n_seeds - 1))
+    return draws
+
+
+def spread(values: Sequence[float] | NDArray[np.float64], digits: int = 1) -> str:
+    """Median and range of some draws."""
+    drawn = np.asarray(values, dtype=np.float64)
+    middle, low, high = (f"{f(drawn):.{digits}f}" for f in (np.median, np.min, np.max))
+    return f"{middle} ({low} to {high})"
+
+
+def drawn(draws: Sequence[Draw], name: str) -> NDArray[np.float64]:
+    """One number of all draws, (n,)."""
+    return np.array([draw.numbers[name] for draw in draws])
+
+
+def also(draws: Sequence[Draw], name: str, digits: int = 1) -> str:
+    """What to add to a number of the shipped recordings where they were drawn again."""
+    if len(draws) < 2:
+        return ""
+    return f"; {len(draws)} draws {spread(drawn(draws, name), digits)}"
+
+
+def for_json(draws: Sequence[Draw]) -> list[dict[str, float]]:
+    """Seed and numbers of each draw."""
+    return [{"seed": draw.seed, **draw.numbers} for draw in draws]
+
+
+def draws_tables(
+    draws: Sequence[Draw], unit: Callable[[str], str], caption: str
+) -> tuple[Table, ...]:
+    """A row for each draw, and one for median and range; no table of the shipped draw alone.
+
+    Args:
+        draws: the shipped one first.
+        unit: of a number by its name, "" for none.
+        caption: of the table.
+    """
+    if len(draws) < 2:
+        return ()
+    table = {name: drawn(draws, name) for name in draws[0].numbers}
+    digits = {name: 0 if np.all(values % 1 == 0) else 1 for name, values in table.items()}
+    columns = [Column(name, unit(name), form=f".{digits[name]}f") for name in table]
+    rows = [(draw.seed, *(draw.numbers[name] for name in table)) for draw in draws]
+    last = ("all", *(spread(table[name], digits[name]) for name in table))
+    return (Table.of([Column("seed"), *columns], [*rows, last], caption, strong=[len(draws)]),)

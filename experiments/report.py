@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report on the papers' experiments: each figure beside the paper's own."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from experiments.results import ExperimentResult
+from intent_recognition.report import (
+    Block,
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    ReportPage,
+    Row,
+    Section,
+    Table,
+    Text,
+    write_page,
+)
+
+TITLE = "The papers' experiments, regenerated"
+SUBTITLE = (
+    "Every result of the interaction primitive papers again, from this package and from"
+    " demonstrations made by its own physics, beside what the paper reports."
+)
+VERDICTS = {True: "yes", False: "no", None: "not like for like"}
+SUFFIXES = {"image/svg+xml": "svg", "image/png": "png"}
+
+
+def write_experiments_report(
+    path: str | Path,
+    results: Mapping[str, ExperimentResult],
+    failures: Mapping[str, str],
+    footer: str,
+) -> Path:
+    """Write the report.
+
+    Args:
+        path: of the HTML file.
+        results: per experiment, in order.
+        failures: per experiment that broke off, why.
+        footer: where the numbers came from.
+
+    Raises:
+        ResourceBusyError: the file cannot be written.
+    """
+    sections = [_overview(results, failures)]
+    sections += [_section(result) for result in results.values()]
+    return write_page(path, ReportPage(TITLE, SUBTITLE, tuple(sections), footer))
+
+
+def write_figures(folder: Path, name: str, result: ExperimentResult) -> list[Path]:
+    """Write an experiment's figures as files of their own, named after it and numbered."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for number, figure in enumerate(_figures(result.blocks), 1):
+        path = folder / f"{name}_{number}.{SUFFIXES[figure.media_type]}"
+        path.write_bytes(figure.data)
+        written.append(path)
+    return written
+
+
+def findings_table(result: ExperimentResult) -> Table:
+    """The paper's figures and ours."""
+    columns = (
+        Column("", align="left"),
+        Column("paper"),
+        Column("ours"),
+        Column("met", align="center"),
+        Column("remark", align="left"),
+    )
+    rows = (
+        (f.quantity, f.paper or None, f.ours, VERDICTS[f.holds], f.remark or None)
+        for f in result.findings
+    )
+    missed = (k for k, f in enumerate(result.findings) if f.holds is False)
+    return Table.of(columns, rows, marked=missed)
+
+
+def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, str]) -> Section:
+    findings = [f for result in results.values() for f in result.findings]
+    met = sum(f.holds is True for f in findings)
+    missed = sum(f.holds is False for f in findings)
+    blocks: list[Block] = [
+        KeyNumbers(
+            (
+                KeyNumber("experiments", str(len(results))),
+                KeyNumber("figures met or beaten", f"{met} of {len(findings)}", good=not missed),
+                KeyNumber("not like for like", str(len(findings) - met - missed)),
+            )
+        )
+    ]
+    columns = (
+        Column("experiment", align="left"),
+        Column("stands beside", align="left"),
+        Column("met"),
+        Column("missed"),
+        Column("not like for like"),
+    )
+    rows = []
+    for result in results.values():
+        verdicts = [f.holds for f in result.findings]
+        rows.append((result.title, result.source, *map(verdicts.count, (True, False, None))))
+    blocks.append(Table.of(columns, rows))
+    blocks += [Text(f"{name} broke off: {reason}") for name, reason in failures.items()]
+    return Section("Overview", tuple(blocks))
+
+
+def _section(result: ExperimentResult) -> Section:
+    blocks: list[Block] = [
+        Text(result.question),
+        Text(f"Stands beside: {result.source}.", small=True),
+        findings_table(result),
+        *result.blocks,
+    ]
+    if result.conditions:
+        blocks.append(Text("Conditions that differ. " + " ".join(result.conditions), small=True))
+    return Section(result.title, tuple(blocks))
+
+
+def _figures(blocks: Sequence[Block]) -> list[Figure]:
+    found: list[Figure] = []
+    for block in blocks:
+        if isinstance(block, Figure):
+            found.append(block)
+        elif isinstance(block, Row):
+            found += block.figures
+    return found

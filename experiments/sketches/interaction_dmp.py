@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Interaction primitives made of DMPs: the baseline of Maeda et al. 2014 (IP), part III-D.
+
+The weights are those of a forcing function instead of positions (Ben Amor et al. 2014; Ijspeert et
+al. 2013). Here time is the phase of the movement, so the tau of IP Eq. 13-14 is one. Each DOF has
+N + 3 parameters: the weights, then goal, position and velocity at the start. All that is observed
+or predicted is linear in them:
+
+    q'' + alpha q' + alpha beta q = psi(z)^T w + alpha beta g        (IP Eq. 13, 12)
+
+so the goal need not be known while the movement is watched, and a rollout is a matrix.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import expm
+
+from experiments.sketches.differentiation import Smoother, derivative_operators
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.promp import NormalizedRBFBasis, fit_weights
+
+N_ENDS = 3
+"""Parameters of a DOF beside the weights: goal, start, velocity at the start."""
+ROLLOUT_STEPS = 400
+"""Steps in which a DMP is integrated over the movement. Convention."""
+
+
+@dataclass(frozen=True)
+class SpringDamper:
+    """The attractor q'' = alpha (beta (goal - q) - q') + f, critically damped: beta = alpha / 4.
+
+    Attributes:
+        alpha: per unit of phase, positive; 25 is the usual choice.
+
+    Raises:
+        ArgumentError: `alpha` is not positive.
+    """
+
+    alpha: float = 25.0
+
+    def __post_init__(self) -> None:
+        if not self.alpha > 0:
+            raise ArgumentError(describe("alpha", "a positive number", self.alpha, "Try 25."))
+
+    @property
+    def stiffness(self) -> float:
+        """Alpha times beta."""
+        return self.alpha**2 / 4.0
+
+
+class Motion(NamedTuple):
+    """Positions and their first and second derivatives by the phase, arrays of one shape."""
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DmpModel:
+    """What a DOF's parameters mean; rows of its matrices are for one DOF.
+
+    Attributes:
+        basis: N basis functions of the forcing function.
+        spring: the attractor.
+    """
+
+    basis: NormalizedRBFBasis
+    spring: SpringDamper = SpringDamper()
+
+    @property
+    def n_parameters(self) -> int:
+        """Parameters of one DOF, N + 3."""
+        return self.basis.n_basis + N_ENDS
+
+    def forcing(self, motion: Motion, goal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Forcing function of a motion toward `goal` (IP Eq. 14), shape of the motion's arrays."""
+        return self.drive(motion) - self.spring.stiffness * goal
+
+    def drive(self, motion: Motion) -> NDArray[np.float64]:
+        """q'' + alpha q' + alpha beta q: what a motion shows of its forcing function and goal."""
+        alpha, stiffness = self.spring.alpha, self.spring.stiffness
+        return motion.acceleration + alpha * motion.velocity + stiffness * motion.position
+
+    def observation_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rows that take one DOF's parameters to its drive at phases (T,), (T, N + 3)."""
+        rows = np.zeros((len(phase), self.n_parameters))
+        rows[:, :-N_ENDS] = self.basis.design_matrix(phase)
+        rows[:, -N_ENDS] = self.spring.stiffness
+        return rows
+
+    def start_matrix(self) -> NDArray[np.float64]:
+        """Rows that take one DOF's parameters to its position and velocity at phase 0, (2, N + 3).
+
+        A drive holds no information on them: differentiating twice removes a straight line.
+        """
+        return np.eye(2, self.n_parameters, k=self.n_parameters - 2)
+
+    def rollout_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rows that take one DOF's parameters to its positions at phases in [0, 1], (T, N + 3).
+
+        The attractor integrated with every parameter one in turn.
+        """
+        grid, position, velocity = _responses(self)
+        return CubicHermiteSpline(grid, position, velocity)(np.clip(phase, 0.0, 1.0))
+
+    def fit(
+        self, phase: NDArray[np.float64], motion: Motion, ridge: float = 1e-4
+    ) -> NDArray[np.float64]:
+        """Parameters of demonstrated motions by ridge regression (IP Eq. 12, 14), (D, N + 3).
+
+        Args:
+            phase: (T,), increasing; the goal is the position at the last.
+            motion: arrays (T, D).
+            ridge: relative weight of the curvature penalty, as of `fit_weights`.
+
+        Raises:
+            ShapeError: phase and motion do not fit each other.
+        """
+        if any(part.ndim != 2 or len(part) != len(phase) for part in motion):
+            raise ShapeError(
+                describe(
+                    "motion",
+                    f"arrays ({len(phase)}, D)",
+                    tuple(part.shape for part in motion),
+                    "Differentiate each DOF at the phases given.",
+                )
+            )
+        goal = motion.position[-1]
+        weights = fit_weights(self.basis, phase, self.forcing(motion, goal), ridge).weights
+        ends = np.stack([goal, motion.position[0], motion.velocity[0]], axis=1)
+        return np.hstack([weights, ends])
+
+
+def differentiated(smoother: Smoother, values: NDArray[np.float64], step: float) -> Motion:
+    """Smoothed positions and their derivatives of samples (T, D) a step of the phase apart."""
+    return Motion(*(derivative_operators(smoother, len(values), step) @ values))
+
+
+def fit_demonstrations(
+    model: DmpModel,
+    demonstrations: Sequence[NDArray[np.float64]],
+    smoother: Smoother,
+    ridge: float = 1e-4,
+) -> NDArray[np.float64]:
+    """Stacked parameters of demonstrations, (n, D (N + 3)), grouped by DOF (IP Eq. 4).
+
+    Args:
+        model: what the parameters mean.
+        demonstrations: n arrays (T_i, D) of positions at even phases from 0 to 1.
+        smoother: filter of the derivatives.
+        ridge: as of `DmpModel.fit`.
+
+    Raises:
+        ArgumentError: a demonstration has too few samples.
+    """
+    rows = []
+    for values in demonstrations:
+        phase = np.linspace(0.0, 1.0, len(values))
+        motion = differentiated(smoother, values, float(phase[1]))
+        rows.append(model.fit(phase, motion, ridge).ravel())
+    return np.array(rows)
+
+
+@lru_cache(maxsize=16)
+def _responses(
+    model: DmpModel,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Grid (S + 1,), and positions and velocities there for each parameter, (S + 1, N + 3).
+
+    Between grid points the forcing function is a straight line; for that the step is exact.
+    """
+    grid = np.linspace(0.0, 1.0, ROLLOUT_STEPS + 1)
+    step = grid[1]
+    drive = model.observation_matrix(grid)
+    state = np.zeros((ROLLOUT_STEPS + 1, 2, model.n_parameters))
+    state[0] = model.start_matrix()
+    # The drive at the left end of a step and its slope, as two more states.
+    system = np.zeros((4, 4))
+    system[0, 1] = system[2, 3] = 1.0
+    system[1, :3] = -model.spring.stiffness, -model.spring.alpha, 1.0
+    onward = expm(system * step)[:2]
+    slope = np.diff(drive, axis=0) / step
+    for k in range(ROLLOUT_STEPS):
+        state[k + 1] = onward @ np.vstack([state[k], drive[k], slope[k]])
+    return grid, state[:, 0], state[:, 1]

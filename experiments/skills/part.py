@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What one way to make a skill grow adds to the experiment."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from experiments.results import Finding
+from intent_recognition.report import Block
+
+
+class Part(NamedTuple):
+    """The rows, blocks and numbers of one way."""
+
+    findings: tuple[Finding, ...]
+    blocks: tuple[Block, ...]
+    conditions: tuple[str, ...]
+    numbers: Mapping[str, object]

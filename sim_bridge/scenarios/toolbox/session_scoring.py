@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scoring of a toolbox session: what was on the topics against what the coworker did."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.evaluation import InteractionRecord, SessionLog, Trace
+from intent_recognition.kinematics import hand_position
+from intent_recognition.promp import NONE
+from sim_bridge.coworker import Interaction, SessionPlan
+from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, handover_point
+
+SCORED_AFTER_S = 1.0
+"""The hand is scored so long after the end of the human's movement [s]."""
+DECIDED_WITHIN_S = 0.3
+"""A change of mind must have been followed so long after the movement's end [s]."""
+EARLIEST_DECISION_S = 0.1
+"""A decision cannot belong to a movement that begins later than this after it [s]."""
+REST_SPEED_RAD_S = 0.03
+"""Speed of the fastest joint below which the arm rests [rad/s]. Convention."""
+AWAY_FROM_HOME_M = 0.08
+"""Distance of the hand from home above which it rests at an interaction [m]. Convention."""
+DETAIL_S = 1.5
+"""Time after the human's end that a trace shows [s]. Convention."""
+
+
+def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
+    """Stamp of the session's first sample, found by an observed pose that the plan holds exactly.
+
+    The first messages may be lost; every sample is stamped a multiple of 10 ms after the first.
+    """
+    for stamp, position in zip(log.wrist_ns[:50], log.wrist_m[:50], strict=False):
+        found = np.flatnonzero(np.all(plan.samples.positions_m == position, axis=1))
+        if found.size == 1:
+            return int(stamp) - round(float(plan.samples.times_s[found[0]]) * 1e9)
+    return None
+
+
+HandOf = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""From measured joints (..., n) to the position of the hand in the world (..., 3) [m]."""
+
+
+class Scoring(NamedTuple):
+    """What the arm is measured by.
+
+    Attributes:
+        places_m: where the hand belongs in each interaction (n, 3), world.
+        hand_of: forward kinematics of the arm.
+        home_m: where its hand waits (3,).
+    """
+
+    places_m: NDArray[np.float64]
+    hand_of: HandOf = hand_position
+    home_m: NDArray[np.float64] = HOME_HAND_M
+
+
+def toolbox_places(plan: SessionPlan) -> NDArray[np.float64]:
+    """Where the demonstrator's rule puts the hand in each interaction (n, 3) [m]."""
+    return np.array([handover_point(one.task, one.goal_m) for one in plan.interactions])
+
+
+def score_session(
+    log: SessionLog, plan: SessionPlan, first_ns: int, scoring: Scoring
+) -> tuple[list[InteractionRecord], list[Trace]]:
+    """One record and one trace (arrays for the report's figures) per interaction.
+
+    Args:
+        log: what was on the topics.
+        plan: the ground truth.
+        first_ns: stamp of the session's first sample.
+        scoring: what the arm is measured by.
+    """
+    onsets = [first_ns + round(i.onset_s * 1e9) for i in plan.interactions]
+    limits = [onset - round(EARLIEST_DECISION_S * 1e9) for onset in onsets[1:]]
+    limits.append(np.iinfo(np.int64).max)
+    records, traces = [], []
+    for number, (interaction, until) in enumerate(zip(plan.interactions, limits, strict=True), 1):
+        record, trace = score_interaction(log, interaction, first_ns, until, number, scoring)
+        records.append(record)
+        traces.append(trace)
+    return records, traces
+
+
+def score_interaction(
+    log: SessionLog,
+    interaction: Interaction,
+    first_ns: int,
+    until_ns: int,
+    number: int,
+    scoring: Scoring,
+) -> tuple[InteractionRecord, Trace]:
+    """Score one interaction; arguments as of `score_session`, `until_ns` ends the search."""
+    onset = first_ns + round(interaction.onset_s * 1e9)
+    end = first_ns + round(interaction.end_s * 1e9)
+    movement_s = (end - onset) * 1e-9
+    earliest = onset - round(EARLIEST_DECISION_S * 1e9)
+    if interaction.changed_from:
+        decided_ns, recognised = _last_decision(log, earliest, end)
+        note = ""
+    else:
+        decided_ns, recognised, note = _decision(log, earliest, until_ns)
+    observations = share = decision_s = None
+    if decided_ns is not None:
+        observations = int(np.sum((log.wrist_ns >= onset) & (log.wrist_ns <= decided_ns)))
+        decision_s = (decided_ns - onset) * 1e-9
+        share = decision_s / movement_s
+    error = arrival = None
+    if decided_ns is not None and recognised == interaction.task:
+        error = _hand_error(log, scoring.places_m[number - 1], end, scoring)
+        arrival = _arrival(log, decided_ns, end, until_ns, scoring)
+    record = InteractionRecord(
+        index=number,
+        task=interaction.task,
+        recognised=recognised or NONE,
+        observations=observations,
+        decision_time_s=decision_s,
+        decision_share=share,
+        hand_error_m=error,
+        arrival_s=arrival,
+        movement_s=movement_s,
+        note=note,
+        changed_from=interaction.changed_from,
+    )
+    return record, _trace(log, number, onset, end, decided_ns)
+
+
+def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, str, str]:
+    """When the first task was activated, which, and whether another one followed."""
+    changes = [
+        (int(stamp), task)
+        for stamp, task in zip(log.active_ns, log.active, strict=True)
+        if earliest <= stamp < until and task
+    ]
+    if not changes:
+        return None, "", "nothing was activated"
+    later = [task for _, task in changes[1:] if task != changes[0][1]]
+    return *changes[0], f"then {', '.join(later)}" if later else ""
+
+
+def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | None, str]:
+    """Which task is active `DECIDED_WITHIN_S` after a movement's end, and since when."""
+    first, last = np.searchsorted(log.active_ns, [earliest, end_ns + round(DECIDED_WITHIN_S * 1e9)])
+    if last == first or not log.active[last - 1]:
+        return None, ""
+    return int(log.active_ns[last - 1]), log.active[last - 1]
+
+
+def _hand_error(
+    log: SessionLog, place_m: NDArray[np.float64], end_ns: int, scoring: Scoring
+) -> float | None:
+    """Distance from the measured hand to its right place, `SCORED_AFTER_S` after the end [m]."""
+    index = np.searchsorted(log.joint_ns, end_ns + round(SCORED_AFTER_S * 1e9)) - 1
+    if index < 0:
+        return None
+    return float(np.linalg.norm(scoring.hand_of(log.joint_rad[index]) - place_m))
+
+
+def _arrival(
+    log: SessionLog, decided_ns: int, end_ns: int, until_ns: int, scoring: Scoring
+) -> float | None:
+    """When the arm first rested away from home after the decision, since the human's end [s]."""
+    first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
+    stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]
+    if len(stamps) < 20:
+        return None
+    step = 10
+    speed = np.max(np.abs(joints[step:] - joints[:-step]), axis=1)
+    speed /= (stamps[step:] - stamps[:-step]) * 1e-9
+    away = np.linalg.norm(scoring.hand_of(joints[step:]) - scoring.home_m, axis=1)
+    late = stamps[step:] > end_ns - 5e8
+    rested = np.flatnonzero((speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late)
+    return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
+
+
+def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | None) -> Trace:
+    """Arrays of one interaction for the report; times in seconds after onset."""
+    stop = end + round(DETAIL_S * 1e9)
+    tasks = (log.tasks_ns >= onset) & (log.tasks_ns <= end)
+    wrist = (log.wrist_ns >= onset) & (log.wrist_ns <= stop)
+    joints = (log.joint_ns >= onset) & (log.joint_ns <= stop)
+    trace: Trace = {
+        "index": number,
+        "labels": log.labels,
+        "share": (log.tasks_ns[tasks] - onset) / (end - onset),
+        "probabilities": log.probabilities[tasks],
+        "wrist_s": _seconds(log.wrist_ns[wrist], onset),
+        "wrist_m": log.wrist_m[wrist],
+        "joint_s": _seconds(log.joint_ns[joints], onset),
+        "joint_rad": log.joint_rad[joints],
+        "end_s": (end - onset) * 1e-9,
+    }
+    if decided is None:
+        return trace
+    trace["decision_s"] = (decided - onset) * 1e-9
+    predictions = [p for p in log.predictions if decided <= p[0] <= stop]
+    if predictions:
+        _, start, _, times, mean, std = predictions[0]
+        trace["predicted_s"] = times + (start - onset) * 1e-9
+        if mean.shape[1] == log.joint_rad.shape[1]:  # else of the hand
+            trace["predicted_rad"], trace["predicted_std_rad"] = mean, std
+    paths = [path for stamp, path in log.paths if decided <= stamp <= stop]
+    if paths:
+        trace["predicted_wrist_m"] = paths[0]
+    return trace
+
+
+def _seconds(stamps_ns: NDArray[np.int64], onset_ns: int) -> NDArray[np.float64]:
+    """Times after an onset."""
+    return np.asarray((stamps_ns - onset_ns) * 1e-9, dtype=np.float64)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scoring of a session against a log made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from intent_recognition.evaluation.session_log import SessionLog
+from intent_recognition.kinematics.inverse import inverse_kinematics
+from sim_bridge.coworker.session import plan_session
+from sim_bridge.scenarios.toolbox.scene import HOME, handover_point, handover_rotation, pose
+from sim_bridge.scenarios.toolbox.session_scoring import (
+    Scoring,
+    first_sample_ns,
+    score_session,
+    toolbox_places,
+)
+
+FIRST_NS = 7_000_000_000
+TASK = "plate_handover"
+
+
+def session(decided_s=1.0, task=TASK, hand_offset_m=(0.0, 0.0, 0.02), first=TASK):
+    """A plan of two plates, and what the topics would say of a robot right for the first."""
+    plan = plan_session(3, [first, TASK])
+    first = plan.interactions[0]
+    onset = FIRST_NS + round(first.onset_s * 1e9)
+    end = FIRST_NS + round(first.end_s * 1e9)
+    target = handover_point(TASK, first.goal_m) + np.array(hand_offset_m)
+    arrived = inverse_kinematics(pose(target, handover_rotation(TASK)), HOME)
+    stamps = np.arange(FIRST_NS, FIRST_NS + 30_000_000_000, 5_000_000)
+    share = np.clip((stamps - onset) / (end + 400_000_000 - onset), 0.0, 1.0)
+    seen = plan.samples.visible
+    wrist_ns = FIRST_NS + np.round(plan.samples.times_s * 1e9).astype(np.int64)
+    log = SessionLog(
+        labels=(TASK, "none"),
+        wrist_ns=wrist_ns[seen][3:],
+        wrist_m=plan.samples.positions_m[seen][3:],
+        tasks_ns=wrist_ns,
+        probabilities=np.tile([0.9, 0.1], (len(wrist_ns), 1)),
+        active_ns=np.array([onset + round(decided_s * 1e9), end + 2_000_000_000]),
+        active=(task, ""),
+        joint_ns=stamps,
+        joint_rad=HOME + share[:, None] * (arrived - HOME),
+        predictions=(),
+        paths=(),
+    )
+    return plan, log
+
+
+def test_first_sample_is_found_although_the_first_messages_were_lost():
+    plan, log = session()
+    assert first_sample_ns(log, plan) == FIRST_NS
+
+
+def test_numbers_of_an_interaction_are_those_of_the_topics():
+    plan, log = session()
+    records, traces = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
+    record, interaction = records[0], plan.interactions[0]
+    movement = interaction.end_s - interaction.onset_s
+    assert record.recognised == TASK
+    assert record.decision_time_s == pytest.approx(1.0, abs=1e-6)
+    assert record.decision_share == pytest.approx(1.0 / movement, abs=1e-6)
+    seen = (log.wrist_ns >= FIRST_NS + interaction.onset_s * 1e9) & (
+        log.wrist_ns <= log.active_ns[0]
+    )
+    assert record.observations == seen.sum()
+    assert record.hand_error_m == pytest.approx(0.02, abs=1e-6)
+    assert record.arrival_s == pytest.approx(0.4, abs=0.08)
+    assert record.movement_s == pytest.approx(movement, abs=1e-6)
+    assert len(traces) == 2
+    assert traces[0]["share"].min() >= 0.0
+    assert traces[0]["share"].max() <= 1.0
+
+
+def test_nothing_activated_is_a_miss():
+    plan, log = session()
+    records, _ = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
+    assert records[1].recognised == "none"
+    assert records[1].hand_error_m is None
+    assert not records[1].right
+
+
+def test_the_wrong_task_is_a_miss_without_a_hand_error():
+    plan, log = session(task="screw_handover")
+    record = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))[0][0]
+    assert record.recognised == "screw_handover"
+    assert not record.right
+    assert record.hand_error_m is None
+
+
+@pytest.mark.parametrize("late_s", [0.2, 0.4])
+def test_a_change_is_followed_if_the_new_task_is_active_soon_after_the_end(late_s):
+    plan, log = session(first=f"hold_screwdriver>{TASK}@0.25")
+    interaction = plan.interactions[0]
+    onset = FIRST_NS + round(interaction.onset_s * 1e9)
+    switched = FIRST_NS + round((interaction.end_s + late_s) * 1e9)
+    log = replace(
+        log,
+        active_ns=np.array([onset + 500_000_000, switched, switched + 2_000_000_000]),
+        active=("hold_screwdriver", TASK, ""),
+    )
+    record = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))[0][0]
+    assert (record.changed_from, record.task) == ("hold_screwdriver", TASK)
+    assert record.right == (late_s < 0.3)
+    assert record.recognised == (TASK if record.right else "hold_screwdriver")
+    if record.right:
+        movement = interaction.end_s - interaction.onset_s
+        assert record.decision_time_s == pytest.approx(movement + late_s, abs=1e-6)
+        assert record.hand_error_m == pytest.approx(0.02, abs=1e-6)
