@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LIBRARY, SIMULATION, EXPERIMENTS = "intent_recognition", "sim_bridge", "experiments"
 BUILDINGS = (LIBRARY, SIMULATION, EXPERIMENTS)
 STOREYS = (  # of the library, from the ground up; rooms of one storey may not form a cycle
-    {"errors", "share", "untrusted", "durable", "interrupts"},
+    {"errors", "share", "untrusted", "durable", "interrupts", "plots"},
     {"gaussian", "signals", "kinematics", "bags"},
     {"promp", "alignment", "tracking", "warping", "motion"},
     {"filtering", "objects", "demonstrations", "composing"},
@@ -37,7 +37,7 @@ SUITES = ("sim_bridge.scenarios",)
 MAY_USE_SIMULATION = {"cli"}
 MAY_RUN_EXPERIMENTS = ("experiments", "intent_recognition.cli.experiments")
 MAY_USE_ROS = {"nodes", "dashboard", "cli"}
-MAY_PLOT = {"report"}
+MAY_PLOT = {"report", "plots"}
 ROS = ("rclpy", "rosgraph_msgs", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")
 PHYSICS = ("pybullet", "pybullet_utils", "pybullet_data")
 QUIETED = ("pybullet", "pybullet_utils")

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.gaussian import Gaussian, Regression, regression
+from intent_recognition.plots import Figure, by_unit, draw_bands, new_panels
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.context import ContextModel, as_context
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
+from intent_recognition.promp.trajectory import rollout
 from intent_recognition.signals import OnsetSettings
 
 N_KEPT = 16
@@ -199,6 +201,32 @@ class TaskLibrary:
             self.noise_variance,
             float(self.durations_s[task]),
         )
+
+    def plot(self) -> Figure:
+        """Draw each task's mean movement with bands of two standard deviations; needs matplotlib.
+
+        Returns:
+            The figure: a column for each task, a row for each agent's DOFs of one unit.
+        """
+        n, names = self.n_observed, (*self.observed_names, *self.controlled_names)
+        rows = [("observed", *run) for run in by_unit(self.observed_units)]
+        controlled = by_unit(self.controlled_units)
+        rows += [("controlled", unit, [n + k for k in dofs]) for unit, dofs in controlled]
+        figure, axes = new_panels(len(rows), self.n_tasks)
+        for task, label in enumerate(self.labels):
+            weights = Gaussian(self.weight_mean[task], self.weight_covariance[task])
+            phase = np.linspace(0.0, 1.0, 101)
+            course = rollout(
+                self.basis, weights, phase, float(self.durations_s[task]), self.noise_variance
+            )
+            axes[0, task].set_title(label)
+            for row, (agent, unit, dofs) in enumerate(rows):
+                panel, shown = axes[row, task], [names[k] for k in dofs]
+                draw_bands(
+                    panel, course.times_s, course.positions[:, dofs], course.std[:, dofs], shown
+                )
+                panel.set_ylabel(f"{agent} [{unit}]" if task == 0 else "")
+        return figure
 
     @cached_property
     def observed_mean(self) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.plots import Axes, Figure, by_unit, draw_bands, draw_shares, new_panels
 from intent_recognition.promp import Trajectory
 from intent_recognition.recognition.posterior import TaskPosterior
 
@@ -62,6 +63,21 @@ class Estimate(NamedTuple):
         """Probability of each task and of "none", by label."""
         return dict(zip(self.labels, self.probabilities.tolist(), strict=True))
 
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw the probability of each task and of "none" as bars; needs matplotlib.
+
+        Args:
+            axes: to draw into; a new figure by default.
+
+        Returns:
+            The axes.
+        """
+        axes = new_panels()[1][0, 0] if axes is None else axes
+        draw_shares(axes, self.labels, self.probabilities)
+        state = f"phase {self.phase[self.probabilities.argmax()]:.2f}" if self.moving else "at rest"
+        axes.set_title(f"{self.stamp_ns * 1e-9:.2f} s, {state}")
+        return axes
+
 
 class Prediction(NamedTuple):
     """Trajectory of one agent under the most probable task.
@@ -72,9 +88,30 @@ class Prediction(NamedTuple):
         trajectory: means and standard deviations.
         start: what became of the controlled agent's posture at onset: POSTURE_USED,
             POSTURE_OUTSIDE, POSTURE_UNKNOWN, or empty for the observed agent.
+        names: of the d DOFs of the trajectory.
+        units: theirs.
     """
 
     task: str
     onset_ns: int
     trajectory: Trajectory
     start: str = ""
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+    def plot(self) -> Figure:
+        """Draw the trajectory with bands of two standard deviations; needs matplotlib.
+
+        Returns:
+            The figure: a panel for each unit.
+        """
+        mean, std = self.trajectory.positions, self.trajectory.std
+        names = self.names or tuple(f"DOF {k}" for k in range(mean.shape[1]))
+        panels = by_unit(self.units or ("",) * len(names))
+        figure, axes = new_panels(len(panels))
+        for panel, (unit, dofs) in zip(axes[:, 0], panels, strict=True):
+            shown = [names[k] for k in dofs]
+            draw_bands(panel, self.trajectory.times_s, mean[:, dofs], std[:, dofs], shown)
+            panel.set_ylabel(f"[{unit}]" if unit else "")
+        figure.suptitle(self.task)
+        return figure

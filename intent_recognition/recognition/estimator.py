@@ -298,7 +298,8 @@ class IntentEstimator:
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
 
-        None while idle or while `none` is the most probable.
+        None at rest, before an onset is found, and while `none` is the most probable: there is no
+        task to predict. Ask only where `estimate.moving and estimate.task != "none"`.
         """
         if self._movement is None or self._posterior is None:
             return None
@@ -309,7 +310,9 @@ class IntentEstimator:
         if self._posture is not None:
             start, used = self._posture.given(self.bent.taught, task, self._movement.onset_ns)
         trajectory = self._movement.filter.controlled(task, n_points, start)
-        return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory, used)
+        names, units = self.library.controlled_names, self.library.controlled_units
+        label, onset_ns = self.library.labels[task], self._movement.onset_ns
+        return Prediction(label, onset_ns, trajectory, used, names, units)
 
     def predicted_end_std(self) -> dict[str, float] | None:
         """Largest standard deviation at the predicted end over the controlled DOFs of each unit.
@@ -322,12 +325,17 @@ class IntentEstimator:
         return largest_by_unit(prediction.trajectory.std[-1], self.library.controlled_units)
 
     def predict_observed(self, n_points: int = 30) -> Prediction | None:
-        """The rest of the observed agent's movement, under the most probable hypothesis."""
+        """The rest of the observed agent's movement, under the most probable hypothesis.
+
+        None at rest and before an onset is found.
+        """
         if self._movement is None or self._posterior is None:
             return None
         task = int(np.argmax(self._posterior.probabilities))
         trajectory = self._movement.filter.prediction(task).observed(n_points)
-        return Prediction(self._labels[task], self._movement.onset_ns, trajectory)
+        names, units = self.library.observed_names, self.library.observed_units
+        label, onset_ns = self._labels[task], self._movement.onset_ns
+        return Prediction(label, onset_ns, trajectory, names=names, units=units)
 
     def too_sparse(self) -> SparseSignal | None:
         """A signal with too few samples for a movement to be found; None where all have enough."""

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `.plot()` of estimates, predictions and libraries draws; matplotlib is loaded when drawn."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+else:  # so that annotations can be resolved without matplotlib
+    Axes = Figure = Any
+
+WIDTH_STD = 2.0
+"""Half the width of a band in standard deviations. Convention: 95 % of a normal variable."""
+
+
+def draw_bands(
+    axes: Axes,
+    times_s: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    std: NDArray[np.float64],
+    names: Sequence[str],
+) -> None:
+    """Draw the mean of d DOFs over time, each in a band of two standard deviations.
+
+    Args:
+        axes: to draw into.
+        times_s: (T,).
+        mean: (T, d).
+        std: (T, d).
+        names: of the DOFs.
+    """
+    for k, name in enumerate(names):
+        (line,) = axes.plot(times_s, mean[:, k], label=name)
+        half = WIDTH_STD * std[:, k]
+        band = (mean[:, k] - half, mean[:, k] + half)
+        axes.fill_between(times_s, *band, color=line.get_color(), alpha=0.2, linewidth=0)
+    axes.set_xlabel("time since onset [s]")
+    axes.legend(fontsize="small")
+
+
+def draw_shares(axes: Axes, labels: Sequence[str], shares: NDArray[np.float64]) -> None:
+    """Draw probabilities as bars, the first label on top."""
+    bars = axes.barh(range(len(labels)), shares)
+    axes.bar_label(bars, fmt="%.2f", padding=3)
+    axes.set_yticks(range(len(labels)), labels)
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.12)
+    axes.set_xlabel("probability")
+
+
+def new_panels(n_rows: int = 1, n_columns: int = 1) -> tuple[Figure, NDArray[np.object_]]:
+    """A figure of pyplot, which shows and closes it, and its panels (n_rows, n_columns)."""
+    from matplotlib import pyplot
+
+    size = (max(5.0, 3.2 * n_columns), 2.4 * n_rows + 0.6)
+    return pyplot.subplots(n_rows, n_columns, squeeze=False, figsize=size, layout="constrained")
+
+
+def by_unit(units: Sequence[str]) -> list[tuple[str, list[int]]]:
+    """Runs of neighbours with one unit, and which they are: what one panel can show."""
+    return [(unit, list(run)) for unit, run in groupby(range(len(units)), lambda k: units[k])]
