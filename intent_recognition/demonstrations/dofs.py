@@ -239,8 +239,8 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         expected = f"type {POSE}, unit m and the fields {', '.join(POSITION_FIELDS)}"
         got = f"{texts['type']}, {item.get('fields')} in {texts['unit']}"
         raise _error(f"{place}: link", f"{expected}; or its quaternion in rad", got)
-    if robot and not link:
-        raise _error(f"{place}: robot", "a link of it", "no link")
+    if robot and not link and "joints" not in item:
+        raise _error(f"{place}: robot", "a link or joints of it", "neither")
     found = DofEntry(
         relative_topic(texts["topic"]),
         texts["type"],

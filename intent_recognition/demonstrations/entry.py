@@ -30,8 +30,9 @@ class DofEntry:
         std: standard deviation of each velocity [unit], used where a message has no covariance.
         link: for a controlled hand, the link of the robot whose pose this is; where the topic was
             not recorded it is computed from `joint_states`.
-        robot: for a controlled hand, path of the URDF that it is computed with where the recording
-            has no `robot_description`; relative to the shipped `config`, or absolute.
+        robot: path of the URDF that a controlled hand is computed with, and joints are compared
+            with, where the recording has no `robot_description`; relative to the shipped `config`,
+            or absolute.
         context: whether it is of the scene instead of the human: what is known before he moves, or
             learned on the way, such as where a box stands.
     """

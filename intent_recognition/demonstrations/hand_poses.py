@@ -13,14 +13,16 @@ from intent_recognition.bags import JOINT_STATE, BagReader
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic, robot_path
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import dofs_of
-from intent_recognition.errors import DofError
-from intent_recognition.kinematics import Arm, read_urdf
-from intent_recognition.signals import Demonstration, Signal
+from intent_recognition.errors import DofError, IntentError
+from intent_recognition.kinematics import JOINT_NAMES, Arm, read_ranges, read_urdf
+from intent_recognition.signals import Demonstration, Known, Signal
 
 JOINTS_TOPIC, DESCRIPTION_TOPIC = "joint_states", "robot_description"
 HAND_LINK = "hand_link"
 """Key of a recording's metadata: the link that is the hand of the arm it was recorded with, where
 that has another name than the DOF file's."""
+LWR = "robots/lwr.urdf"
+"""URDF of the shipped arm, as a DOF file names it."""
 WORLD_LINK = "world"
 """Link whose frame is that of all positions, where a URDF has it."""
 
@@ -47,7 +49,9 @@ def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int,
         if entry.link and entry.topic not in recorded
     }
     controlled = [
-        DofEntry(JOINTS_TOPIC, JOINT_STATE, joints=arms[k].joint_names, unit="rad")
+        DofEntry(
+            JOINTS_TOPIC, JOINT_STATE, joints=arms[k].joint_names, unit="rad", robot=entry.robot
+        )
         if k in arms
         else entry
         for k, entry in enumerate(dofs.controlled)
@@ -62,7 +66,7 @@ def as_hands(found: Demonstration, dofs: DofSpec, arms: Mapping[int, Arm]) -> De
         entry, joints = dofs.controlled[k], controlled[k]
         values = dofs_of(entry, hand_numbers(entry, arm.forward_kinematics(joints.values)))
         controlled[k] = Signal(entry.names, joints.stamps_ns, values, entry.unit)
-    return replace(found, controlled=tuple(controlled))
+    return replace(found, controlled=tuple(controlled), known=() if arms else found.known)
 
 
 def hand_numbers(entry: DofEntry, poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -85,6 +89,30 @@ def arm_in_world(description: str, link: str = "") -> Arm:
     """
     base = WORLD_LINK if f'name="{WORLD_LINK}"' in description else None
     return Arm.from_urdf(description, base=base, tip=link or None, beyond=True)
+
+
+def known_of(reader: BagReader, dofs: DofSpec) -> tuple[Known | None, ...]:
+    """What a recording's description, or else the DOF file's, says of each controlled entry.
+
+    The shipped arm is known by the names of its joints.
+    """
+    recorded = {relative_topic(name) for name in reader.topics}
+    return tuple(_known(reader, recorded, entry) for entry in dofs.controlled)
+
+
+def _known(reader: BagReader, recorded: set[str], entry: DofEntry) -> Known | None:
+    if entry.joints and set(entry.joints) <= set(JOINT_NAMES) and not entry.robot:
+        entry = replace(entry, robot=LWR)
+    if entry.orientation or entry.quantity != "position":
+        return None
+    try:
+        joints, reach_m = read_ranges(_described(reader, recorded, entry)[0])
+    except (IntentError, ValueError):  # none, or one that is damaged: nothing is known
+        return None
+    if entry.link:
+        return Known(widest=2.0 * reach_m)
+    ranges = np.array([joints.get(name, (-np.inf, np.inf)) for name in entry.joints])
+    return Known(*ranges.T) if len(ranges) else None
 
 
 @lru_cache(maxsize=8)

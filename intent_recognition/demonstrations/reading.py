@@ -22,7 +22,7 @@ from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import joint_indices, reference_of
 from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags, no_bag
-from intent_recognition.demonstrations.hand_poses import as_hands, read_by_joints
+from intent_recognition.demonstrations.hand_poses import as_hands, known_of, read_by_joints
 from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.paths import ElementAbsentError, follow, parse_path
 from intent_recognition.demonstrations.sessions import (
@@ -32,7 +32,7 @@ from intent_recognition.demonstrations.sessions import (
     task_of,
 )
 from intent_recognition.errors import BagError, check_type
-from intent_recognition.signals import Demonstration, Rejection, Signal, stream_defect
+from intent_recognition.signals import Demonstration, Known, Rejection, Signal, stream_defect
 from intent_recognition.tracking import JUMP
 
 LEAST_SAMPLES = 2
@@ -115,7 +115,7 @@ def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
     problem: Rejection | None = missing_topic(reader, dofs)
     if problem is None:
         samples, _, problem = collect(reader, dofs, None, dofs.tracker_frames)
-    found = problem or _demonstration(reader, dofs, samples)
+    found = problem or _demonstration(reader, dofs, samples, known_of(reader, dofs))
     if isinstance(found, Rejection):
         raise BagError(str(found))
     return found
@@ -149,14 +149,15 @@ def _parts(
     if damage is not None and marker is None:
         yield damage
         return
+    known = known_of(reader, dofs)
     if marker is None:
-        yield _demonstration(reader, dofs, samples)
+        yield _demonstration(reader, dofs, samples, known)
         return
     for part in split_session(markers, samples, str(reader.path)):
         if isinstance(part, Rejection):
             yield part
         else:
-            yield _demonstration(reader, dofs, samples, part)
+            yield _demonstration(reader, dofs, samples, known, part)
     if damage is not None:
         yield damage
 
@@ -165,6 +166,7 @@ def _demonstration(
     reader: BagReader,
     dofs: DofSpec,
     samples: Mapping[str, TopicSamples],
+    known: tuple[Known | None, ...],
     part: SessionPart | None = None,
 ) -> Demonstration | Rejection:
     """The demonstration in a whole bag, or in a part of a session."""
@@ -202,7 +204,7 @@ def _demonstration(
     )
     found = Demonstration(
         name, str(reader.path), task, observed, controlled, start_ns, end_ns, metadata, rejected,
-        delays_s, context, _frames(dofs, samples),
+        delays_s, context, _frames(dofs, samples), known,
     )  # fmt: skip
     reason = stream_defect(found)
     at_ns = 0 if part is None else start_ns

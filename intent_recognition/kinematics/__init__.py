@@ -28,7 +28,7 @@ from intent_recognition.kinematics.lwr import (
 )
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.refinement import reach_position
-from intent_recognition.kinematics.urdf import UrdfChain, read_chain
+from intent_recognition.kinematics.urdf import UrdfChain, read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (
     DEFAULT_EFFORT,
     DEFAULT_SPEED,
@@ -71,6 +71,7 @@ __all__ = [
     "position_violation",
     "reach_position",
     "read_chain",
+    "read_ranges",
     "read_urdf",
     "solve",
     "tip_pose",

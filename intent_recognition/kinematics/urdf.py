@@ -6,6 +6,7 @@ collision shapes, so that no mesh file is looked for.
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
@@ -69,6 +70,39 @@ def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
         ArgumentError: no URDF.
     """
     return _mimics(parse_urdf(source).findall("joint"))
+
+
+class Ranges(NamedTuple):
+    """What of a URDF bounds its motion.
+
+    Attributes:
+        joints: by name of a revolute or prismatic joint its lower and upper limit [rad, m].
+        reach_m: that no link can be farther from the root than.
+    """
+
+    joints: dict[str, tuple[float, float]]
+    reach_m: float
+
+
+@lru_cache(maxsize=8)
+def read_ranges(source: str | Path) -> Ranges:
+    """The ranges of a URDF, of all joints whose limits are numbers.
+
+    Raises:
+        ArgumentError: no URDF.
+    """
+    ranges, reach_m = {}, 0.0
+    for joint in parse_urdf(source).findall("joint"):
+        if (origin := joint.find("origin")) is not None:
+            reach_m += float(np.linalg.norm(np.array((origin.get("xyz") or "0").split(), float)))
+        limit = joint.find("limit")
+        if joint.get("type") not in ("revolute", "prismatic") or limit is None:
+            continue
+        lower, upper = (_number(joint, limit, end, 0.0) for end in ("lower", "upper"))
+        if lower < upper:
+            ranges[joint.get("name", "")] = (lower, upper)
+        reach_m += max(abs(lower), abs(upper)) if joint.get("type") == "prismatic" else 0.0
+    return Ranges(ranges, reach_m)
 
 
 def read_chain(

@@ -39,7 +39,14 @@ from intent_recognition.signals.signal import (
     Signal,
 )
 from intent_recognition.signals.streams import common_span, stream_defect
-from intent_recognition.signals.units import SPATIAL_UNITS, commensurate, is_spatial
+from intent_recognition.signals.units import (
+    SPATIAL_UNITS,
+    Known,
+    Misfit,
+    commensurate,
+    is_spatial,
+    misfit,
+)
 
 __all__ = [
     "LABEL",
@@ -54,6 +61,8 @@ __all__ = [
     "POSITION_FIELDS",
     "SPATIAL_UNITS",
     "Demonstration",
+    "Known",
+    "Misfit",
     "Observation",
     "OnsetSettings",
     "Rejection",
@@ -79,6 +88,7 @@ __all__ = [
     "is_spatial",
     "mean_orientation",
     "merge",
+    "misfit",
     "movement_span",
     "observations_of",
     "onset_settings",

@@ -15,6 +15,7 @@ from intent_recognition.signals.arrays import as_numbers, check_times
 from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
+from intent_recognition.signals.units import Known
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,6 +37,8 @@ class Demonstration:
         context: one signal per context entry; what it says holds from its stamp on, also before
             and after the movement.
         frames: by observed topic the frames its poses are in, where the recording names any.
+        known: what is known beforehand of each controlled signal, such as the limits of the arm's
+            joints; empty for nothing.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Demonstration:
     delays_s: tuple[float, ...] = ()
     context: tuple[Signal, ...] = ()
     frames: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    known: tuple[Known | None, ...] = ()
 
     def __post_init__(self) -> None:
         """Copy the mappings, so that nobody else can change them."""

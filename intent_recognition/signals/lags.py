@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long the controlled agent follows the observed one, and which recordings differ in it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from hashlib import blake2b
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import windowed_velocity
 from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.streams import LATENCY_S, recording_doubts
+from intent_recognition.signals.units import Size, differing_unit, median_size, size_of
 
 STEP_S = 0.02
 """Step of the lags of a correlation of speeds [s]. Convention: finer than motion detection."""
@@ -55,6 +56,7 @@ class SpeedCorrelation(NamedTuple):
         values: at `LAGS_S`, (L,).
         doubts: what the recording alone gives reason to doubt.
         movement: digest of the observed agent's values; recordings of equal ones are copies.
+        sizes: by the first DOF of each signal, how large its numbers are.
     """
 
     name: str
@@ -62,6 +64,7 @@ class SpeedCorrelation(NamedTuple):
     values: NDArray[np.float64]
     doubts: tuple[str, ...] = ()
     movement: bytes = b""
+    sizes: tuple[tuple[str, Size], ...] = ()
 
     @property
     def lag_s(self) -> float:
@@ -79,8 +82,10 @@ def correlate_speeds(recorded: Demonstration) -> SpeedCorrelation:
     digest = blake2b(digest_size=16)
     for signal in recorded.observed:
         digest.update(np.ascontiguousarray(signal.values).tobytes())
+    signals = (*recorded.observed, *recorded.controlled)
+    sizes = tuple((signal.names[0], size_of(signal.unit, signal.values)) for signal in signals)
     return SpeedCorrelation(
-        recorded.name, recorded.task, _correlation(recorded), doubts, digest.digest()
+        recorded.name, recorded.task, _correlation(recorded), doubts, digest.digest(), sizes
     )
 
 
@@ -91,19 +96,35 @@ def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFindin
     these are few). It is a hint, given where there is nothing stronger: an agent that reacts early
     or late looks the same.
     """
-    found = []
+    found, sizes = [], _usual_sizes(correlations)
     lags = np.array([one.lag_s for one in correlations])
     tasks = np.array([str(one.task) for one in correlations])
     for index, one in enumerate(correlations):
         others = np.arange(len(lags)) != index
         same = others & (tasks == tasks[index])
         usual = lags[same if same.sum() >= LEAST_OTHERS else others]
-        reasons = [*one.doubts]
+        reasons = [*one.doubts] or [*_other_units(one, sizes)]
         if not reasons and len(usual) >= LEAST_OTHERS:
             reasons += _unusual_lag(one, usual)
         reasons += _same_under_another_label(one, correlations)
         found += [StreamFinding(one.name, reason) for reason in reasons]
     return found
+
+
+def _usual_sizes(correlations: Sequence[SpeedCorrelation]) -> dict[str, Size]:
+    """Median sizes of the signals of several recordings, by their first DOFs."""
+    by_name: dict[str, list[Size]] = {}
+    for name, size in (named for one in correlations for named in one.sizes):
+        by_name.setdefault(name, []).append(size)
+    return {name: median_size(sizes) for name, sizes in by_name.items()}
+
+
+def _other_units(one: SpeedCorrelation, usual: Mapping[str, Size]) -> Iterator[str]:
+    """Signals that are in another unit than in most recordings."""
+    for name, size in one.sizes:
+        found = differing_unit(size, usual[name])
+        if found is not None:
+            yield f"{name} {found.reason}"
 
 
 def _same_under_another_label(

@@ -6,9 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from intent_recognition.signals.onset import earliest_onset, peak_speed
+from intent_recognition.signals.onset import earliest_onset
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, onset_settings
 from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.units import Known, in_words, misfit
 
 LARGEST_MISSING_SHARE = 0.1
 """Share of the observed recording that a controlled stream may miss after the human's onset, or at
@@ -19,17 +20,11 @@ LATENCY_S = 0.25
 
 Convention: longer than a tracker's latency.
 """
-FASTEST_M_S = 20.0
-"""Speed that no hand reaches at work [m/s]. Convention: a thrown ball is faster."""
-WIDEST_M = 20.0
-"""Extent of a movement beyond which its unit is not metres [m]. Convention: larger than a cell."""
 LEAST_EXTENT = {"m": 0.01, "rad": 0.01}
 """Extent below which an agent has not moved, by unit [m], [rad].
 
 Convention: some times the noise of trackers and encoders, a fraction of any reach.
 """
-WIDEST_RAD = 8.0 * np.pi
-"""Extent of a joint beyond which its unit is hardly radians [rad]. Convention: four turns."""
 
 
 class Recorded(Protocol):
@@ -52,6 +47,10 @@ class Recorded(Protocol):
         """Last stamp."""
 
     @property
+    def known(self) -> tuple[Known | None, ...]:
+        """What is known of the arm of each controlled signal; empty for nothing."""
+
+    @property
     def delays_s(self) -> tuple[float, ...]:
         """Median time from stamp to log time of each signal [s]."""
 
@@ -62,8 +61,8 @@ def stream_defect(recorded: Recorded) -> str:
     A controlled agent that was not recorded while the observed one moved has no truth there, and
     none is made up.
     """
-    signals = (*recorded.observed, *recorded.controlled)
-    return next(filter(None, (*map(_unit_defect, signals), _missing(recorded))), "")
+    certain = (reason for is_certain, reason in _misfits(recorded) if is_certain)
+    return next(certain, "") or _missing(recorded)
 
 
 def common_span(recorded: Recorded) -> tuple[int, int]:
@@ -79,23 +78,18 @@ def recording_doubts(recorded: Recorded) -> list[str]:
     return [
         *(clock or _in_part(recorded)),
         *_sparse(recorded),
-        *_degrees(recorded),
+        *(reason for is_certain, reason in _misfits(recorded) if not is_certain),
         *_resting(recorded),
     ]
 
 
-def _unit_defect(signal: Signal) -> str:
-    """Why a signal cannot be in metres; empty for other units."""
-    if signal.unit != "m" or not len(signal.values):
-        return ""
-    extent = float(np.ptp(signal.values, axis=0).max())
-    speed = peak_speed(signal.seconds(int(signal.stamps_ns[0])), signal.values)
-    if extent <= WIDEST_M and speed <= FASTEST_M_S:
-        return ""
-    return (
-        f"{_names(signal)} moves over {extent:.3g} m at up to {speed:.3g} m/s: the unit cannot be"
-        " metres. Likely millimetres for metres: record metres."
-    )
+def _misfits(recorded: Recorded) -> Iterator[tuple[bool, str]]:
+    """Of signals that are hardly in their unit, whether that is certain, and why."""
+    signals = (*recorded.observed, *recorded.controlled)
+    of_arms = recorded.known or (None,) * len(recorded.controlled)
+    for signal, known in zip(signals, (*[None] * len(recorded.observed), *of_arms), strict=True):
+        if (found := misfit(signal, known)) is not None:
+            yield found.certain, found.reason
 
 
 def _missing(recorded: Recorded) -> str:
@@ -104,7 +98,7 @@ def _missing(recorded: Recorded) -> str:
     length, onset_ns = max(end_ns - start_ns, 1), _onset_ns(recorded)
     for signal in recorded.controlled:
         if not len(signal.stamps_ns):
-            return f"{_names(signal)} has no sample while the human was observed"
+            return f"{in_words(signal)} has no sample while the human was observed"
         first, last = int(signal.stamps_ns[0]), int(signal.stamps_ns[-1])
         if first > end_ns or last < start_ns:
             away_s = max(first - end_ns, start_ns - last) * 1e-9
@@ -114,7 +108,7 @@ def _missing(recorded: Recorded) -> str:
                 else "ends {:.3g} s before they begin"
             )
             return (
-                f"{_names(signal)} does not overlap with the observed streams: it"
+                f"{in_words(signal)} does not overlap with the observed streams: it"
                 f" {edge.format(away_s)}. Likely two clocks: synchronise them (chrony), or stamp"
                 " both streams on one machine."
             )
@@ -137,7 +131,7 @@ def _missing(recorded: Recorded) -> str:
             else "a stream that stopped early or started late"
         )
         return (
-            f"{_names(signal)} covers {share:.0%} of the observed streams: it {where}. Likely"
+            f"{in_words(signal)} covers {share:.0%} of the observed streams: it {where}. Likely"
             f" {cause}: record again."
         )
     return ""
@@ -161,7 +155,7 @@ def _shifted_clock(recorded: Recorded) -> Iterator[str]:
         if abs(shift) > LATENCY_S:
             side = "ahead of" if shift > 0 else "behind"
             yield (
-                f"the stamps of {_names(signal)} are {abs(shift):.2f} s {side} those of the"
+                f"the stamps of {in_words(signal)} are {abs(shift):.2f} s {side} those of the"
                 " observed streams received at the same time. Likely two clocks: synchronise them."
             )
 
@@ -175,7 +169,7 @@ def _shifted_edges(recorded: Recorded) -> Iterator[str]:
         if alike and min(abs(begins_s), abs(ends_s)) > LATENCY_S:
             side = "later" if begins_s > 0 else "earlier"
             yield (
-                f"{_names(signal)} begins and ends {abs(begins_s):.2f} s {side} than the observed"
+                f"{in_words(signal)} begins and ends {abs(begins_s):.2f} s {side} than the observed"
                 " streams. Likely two clocks: synchronise them."
             )
 
@@ -209,18 +203,9 @@ def _sparse(recorded: Recorded) -> Iterator[str]:
         rate_hz = 1e9 / np.median(steps_ns) if len(steps_ns) else np.inf
         if rate_hz < LEAST_RATE_HZ - 1e-6:
             yield (
-                f"{_names(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found online"
-                f" below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
+                f"{in_words(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found"
+                f" online below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
             )
-
-
-def _degrees(recorded: Recorded) -> Iterator[str]:
-    """Joints that turn too far for radians."""
-    for signal in (*recorded.observed, *recorded.controlled):
-        if signal.unit == "rad" and len(signal.values):
-            extent = float(np.ptp(signal.values, axis=0).max())
-            if extent > WIDEST_RAD:
-                yield f"{_names(signal)} turns by {extent:.3g} rad. Likely degrees for radians."
 
 
 def _resting(recorded: Recorded) -> Iterator[str]:
@@ -238,8 +223,3 @@ def _resting(recorded: Recorded) -> Iterator[str]:
             continue
         most = ", ".join(f"{e:.3g} {s.unit}" for e, s in zip(extents, moved, strict=True))
         yield f"the {agent} agent does not move (by {most} at most). Likely {cause}."
-
-
-def _names(signal: Signal) -> str:
-    """The signal in words: its DOFs, of many the first."""
-    return ", ".join(signal.names[:1]) + (", ..." if len(signal.names) > 1 else "")

@@ -1,18 +1,85 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which DOFs may be measured by one scale.
+"""Units: which DOFs may be measured by one scale, and whether numbers can be in their unit.
 
 Constants in metres and radians hold for these two alone. Newtons, pixels and all else are measured
 by how far the demonstrations go in them, so that nothing depends on how large their unit is.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.signals.onset import peak_speed
+from intent_recognition.signals.signal import Signal
+
 SPATIAL_UNITS = ("m", "rad")
 """Units that constants are given in. Their numbers are added, too: over the reach of an arm, a
 radian at a joint is a metre at the hand. Convention."""
+OFTEN_TAKEN = {
+    "m": {"millimetres": 1000.0, "centimetres": 100.0},
+    "rad": {"degrees": 180.0 / np.pi},
+}
+"""Units that are recorded in place of another, with how many of them make it."""
+NAMES = {"m": "metres", "rad": "radians"}
+"""Units in words."""
+FASTEST = {"m": 20.0, "rad": 25.0}
+"""Speed that nothing reaches at work, by unit [m/s, rad/s]. Convention: a thrown ball is faster;
+no joint of an industrial arm turns four times a second."""
+WIDEST = {"m": 20.0, "rad": 8.0 * np.pi}
+"""Extent of a movement beyond which its unit is another, by unit [m, rad]. Convention: larger than
+a cell; four turns."""
+USUAL = {"m": 0.5, "rad": 1.0}
+"""Extent of a reach, by unit [m, rad]: of two factors that explain too large numbers, the one that
+comes nearer to it is named. Convention."""
+FARTHEST_RAD = 2.0 * np.pi
+"""Position of a joint beyond which it is in degrees if it is fast as well [rad]. Convention: few
+joints turn farther to either side."""
+FAST_RAD_S = 10.0
+"""Speed beyond which it is fast [rad/s]. Convention: that of the fastest joints of cobots is 6."""
+OUTSIDE_RAD = 0.1
+"""By how much a recorded joint may be outside the range of its URDF [rad]. Convention: calibration,
+and limits in software that are narrower."""
+SAME_SCALE = 3.0
+"""Ratio by which recordings in one unit differ at most in level and extent. Convention: half of
+the step between any two units, on a scale of logarithms, is more."""
+
+
+class Known(NamedTuple):
+    """What the description of an arm says of a signal.
+
+    Attributes:
+        lower: smallest positions of the DOFs (d,); empty where that is not known.
+        upper: largest positions (d,).
+        widest: extent that no DOF can have; infinite where that is not known.
+    """
+
+    lower: NDArray[np.float64] = np.empty(0)
+    upper: NDArray[np.float64] = np.empty(0)
+    widest: float = np.inf
+
+
+class Misfit(NamedTuple):
+    """Why numbers are hardly in their unit.
+
+    Attributes:
+        reason: a sentence with the names of the DOFs, and the likely unit.
+        factor: by which the numbers are too large; NaN where no usual unit explains them.
+        certain: whether no movement can look like this.
+    """
+
+    reason: str
+    factor: float
+    certain: bool
+
+
+class Size(NamedTuple):
+    """How large the numbers of a signal are: root mean square and largest extent."""
+
+    unit: str
+    level: float
+    extent: float
 
 
 def commensurate(units: Sequence[str]) -> list[NDArray[np.int64]]:
@@ -28,3 +95,99 @@ def commensurate(units: Sequence[str]) -> list[NDArray[np.int64]]:
 def is_spatial(units: Sequence[str]) -> NDArray[np.bool_]:
     """Whether each DOF is in metres or radians, (D,)."""
     return np.array([unit in SPATIAL_UNITS for unit in units], dtype=bool)
+
+
+def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
+    """Why a movement is hardly in its unit; None where it may be, and for other units than m, rad.
+
+    Args:
+        signal: recorded, or converted from a table.
+        known: of the arm that moved.
+    """
+    unit, values = signal.unit, signal.values
+    if unit not in SPATIAL_UNITS or not values.size:
+        return None
+    known = Known() if known is None else known
+    outside = _outside(signal, known)
+    if outside is not None:
+        return outside
+    extent = float(np.ptp(values, axis=0).max())
+    speed = peak_speed(signal.seconds(int(signal.stamps_ns[0])), values)
+    farthest = float(np.abs(values).max())
+    turned = unit == "rad" and farthest > FARTHEST_RAD
+    turned = turned and (extent > FARTHEST_RAD or speed > FAST_RAD_S)
+    too_wide = extent > known.widest
+    if not (too_wide or turned or extent > WIDEST[unit] or speed > FASTEST[unit]):
+        return None
+    reason = f"{in_words(signal)} moves over {extent:.3g} {unit} at up to {speed:.3g} {unit}/s"
+    reason += f" and is at {farthest:.3g} {unit}" if turned else ""
+    reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
+    name, factor = min(
+        OFTEN_TAKEN[unit].items(), key=lambda item: abs(np.log(extent / item[1] / USUAL[unit]))
+    )
+    certain = unit == "m"  # a joint without limits may turn as far, a toy's as fast
+    text = f"{reason}: the unit cannot be {NAMES[unit]}. {_taken(unit, name, factor)}"
+    return Misfit(text, factor, certain)
+
+
+def in_words(signal: Signal) -> str:
+    """Names of a signal: its DOFs, of many the first."""
+    return ", ".join(signal.names[:1]) + (", ..." if len(signal.names) > 1 else "")
+
+
+def _outside(signal: Signal, known: Known) -> Misfit | None:
+    """Positions outside the ranges of the joints: farther than these are wide in another unit."""
+    unit, values = signal.unit, signal.values
+    if not known.lower.size:
+        return None
+    excess = np.maximum(known.lower - values, values - known.upper)
+    if excess.max() <= OUTSIDE_RAD:
+        return None
+    column = int(np.unravel_index(np.argmax(excess), excess.shape)[1])
+    value = values[np.argmax(excess[:, column]), column]
+    where = (
+        f"{signal.names[column]} is at {value:.3g} {unit}, and its limits are"
+        f" {known.lower[column]:.3g} and {known.upper[column]:.3g} {unit}"
+    )
+    far = np.any(excess > known.upper - known.lower)
+    for name, factor in OFTEN_TAKEN[unit].items() if far else ():
+        own = values / factor
+        if np.all(np.maximum(known.lower - own, own - known.upper) <= OUTSIDE_RAD / factor):
+            return Misfit(f"{where}. {_taken(unit, name, factor)}", factor, certain=True)
+    cause = "another arm than the URDF's, or whole turns that were counted"
+    return Misfit(f"{where}. Likely {cause}.", np.nan, certain=False)
+
+
+def size_of(unit: str, values: NDArray[np.float64]) -> Size:
+    """Of numbers (T, d)."""
+    if not values.size:
+        return Size(unit, 0.0, 0.0)
+    level = float(np.sqrt(np.mean(np.square(values))))
+    return Size(unit, level, float(np.ptp(values, axis=0).max()))
+
+
+def median_size(sizes: Sequence[Size]) -> Size:
+    """Of the same signal in several recordings."""
+    unit, *_ = (size.unit for size in sizes)
+    level, extent = np.median([size[1:] for size in sizes], axis=0)
+    return Size(unit, float(level), float(extent))
+
+
+def differing_unit(one: Size, usual: Size) -> Misfit | None:
+    """Whether a signal is in another unit than the same one of most recordings; None if not."""
+    if min(*one[1:], *usual[1:]) <= 0.0:
+        return None
+    ratio = np.log(one[1:]) - np.log(usual[1:])
+    for name, factor in OFTEN_TAKEN.get(one.unit, {}).items():
+        for sign, where in ((1.0, "here"), (-1.0, "there")):
+            if np.abs(ratio - sign * np.log(factor)).max() < np.log(SAME_SCALE):
+                reason = (
+                    f"is in numbers {np.exp(ratio[1]):.3g} times as large as in the other"
+                    f" recordings. {_taken(one.unit, name, factor)[:-1]}, {where}."
+                )
+                return Misfit(reason, factor if sign > 0.0 else 1.0 / factor, certain=False)
+    return None
+
+
+def _taken(unit: str, name: str, factor: float) -> str:
+    return f"Likely {name} for {NAMES[unit]} (a factor of {factor:.4g}): record {NAMES[unit]}."

@@ -120,6 +120,33 @@ def test_the_hand_of_another_arm_is_the_link_that_the_recording_names(tmp_path):
     np.testing.assert_allclose(read_one(tmp_path / "bag").values, np.tile(expected, (50, 1)))
 
 
+@pytest.mark.parametrize("known_by", ["names", "file", "description"])
+def test_an_arm_in_degrees_is_refused_by_its_limits(tmp_path, known_by):
+    """The limits are those of the recording's URDF, of the DOF file's, or of the shipped arm."""
+    text = lwr_urdf() if known_by == "names" else lwr_urdf().replace("lwr_a", "my_a")
+    names = [f"{'lwr' if known_by == 'names' else 'my'}_a{k + 1}_joint" for k in range(7)]
+    (tmp_path / "my.urdf").write_text(text)
+    (arm,) = load_dofs().controlled
+    arm = replace(arm, joints=tuple(names), robot="")
+    if known_by == "file":
+        arm = replace(arm, robot=str(tmp_path / "my.urdf"))
+    dofs = DofSpec.from_dict(replace(load_dofs(), controlled=(arm,)).to_dict())
+    for unit, factor in (("radians", 1.0), ("degrees", 180.0 / np.pi)):
+        with BagWriter(tmp_path / unit, {"task": "plate"}) as writer:
+            if known_by == "description":
+                about = {"data": text}
+                writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
+            for k in range(50):
+                at_ns, positions = START_NS + k * STEP_NS, [(0.1 + 0.01 * k) * factor] * 7
+                moved = joints(k, positions=positions) | {"name": names}
+                writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
+                writer.write_message("joint_states", JOINTS, moved, at_ns)
+    assert read_demonstrations(tmp_path / "radians", dofs)[1] == []
+    (refused,) = read_demonstrations(tmp_path / "degrees", dofs)[1]
+    assert "my_a2_joint" in refused.reason or "lwr_a2_joint" in refused.reason
+    assert "Likely degrees for radians (a factor of 57.3)" in refused.reason
+
+
 def test_for_a_hand_joints_and_description_are_recorded_too():
     joints_of = load_dofs()
     assert topics_of(joints_of) == ("mocap/wrist/pose", "joint_states")

@@ -93,6 +93,15 @@ def test_a_late_start_from_rest_keeps_the_limits_and_ends_at_the_end(
     check_by_differences(plan)
 
 
+@pytest.mark.parametrize("factor", [180.0 / np.pi, 1.0])
+def test_a_prediction_of_another_range_is_refused(factor):
+    """In degrees; or of an arm one joint of which begins and stays elsewhere."""
+    times, q, v = samples(8, 3.0)
+    q = q * factor + (np.array([0, 0, 0, 3.0, 0, 0, 0]) if factor == 1.0 else 0.0)
+    with pytest.raises(TrajectoryError, match=r"rad, got .* rad\. Train with this arm's"):
+        path_of(times, q, v)
+
+
 @pytest.mark.slow
 @few
 @given(seeds, durations, phases, st.lists(st.integers(1, 12), min_size=1, max_size=12))

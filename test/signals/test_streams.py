@@ -9,6 +9,7 @@ from simulation import START_NS, minimum_jerk
 
 from intent_recognition.signals import (
     Demonstration,
+    Known,
     Signal,
     common_span,
     correlate_speeds,
@@ -143,6 +144,45 @@ def test_degrees_for_radians():
     assert stream_defect(in_degrees) == ""
     (doubt,) = stream_doubts([correlate_speeds(in_degrees)])
     assert "degrees for radians" in doubt.reason
+
+
+def scaled(recorded: Demonstration, factor: float) -> Demonstration:
+    return with_robot(recorded, lambda s: replace(s, values=factor * s.values))
+
+
+def test_degrees_are_refused_where_the_limits_are_known():
+    """Positions that fit in degrees are; others may be another arm's, and are doubted."""
+    range_ = Known(np.array([-2.0]), np.array([2.0]))
+    ours = replace(recording(), known=(range_,))
+    assert stream_defect(ours) == "" and stream_doubts([correlate_speeds(ours)]) == []
+    assert "degrees for radians (a factor of 57.3)" in stream_defect(scaled(ours, 180.0 / np.pi))
+    turned = scaled(ours, 4.0)
+    assert stream_defect(turned) == ""
+    assert "whole turns" in stream_doubts([correlate_speeds(turned)])[0].reason
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "name"),
+    [("rad", 180.0 / np.pi, "degrees"), ("m", 1000.0, "millimetres"), ("m", 100.0, "centimetres")],
+)
+@pytest.mark.parametrize("odd", [0, 3])
+def test_one_recording_of_four_in_another_unit_is_named(unit, factor, name, odd):
+    """Small movements, so that nothing but the other recordings says so; or three of four."""
+    few = [scaled(recording(f"{k}", unit=unit), 0.01) for k in range(4)]
+    of_four = [scaled(one, factor) if k == odd else one for k, one in enumerate(few)]
+    (doubt,) = stream_doubts([*map(correlate_speeds, of_four)])
+    assert doubt.name == str(odd) and f"{name} for" in doubt.reason
+    assert f"(a factor of {factor:.4g})" in doubt.reason and doubt.reason.endswith(", here.")
+    most = [one if k == odd else scaled(one, factor) for k, one in enumerate(few)]
+    assert [d.reason.split()[-1] for d in stream_doubts([*map(correlate_speeds, most)])][:1]
+
+
+def test_a_hand_that_goes_farther_than_its_arm_reaches_is_refused():
+    hand = replace(recording(unit="m"), known=(Known(widest=2.4),))
+    assert stream_defect(hand) == ""
+    assert "centimetres for metres (a factor of 100)" in stream_defect(
+        scaled(scaled(hand, 0.05), 100.0)
+    )
 
 
 def test_a_recording_of_the_human_alone_is_none_of_this():
