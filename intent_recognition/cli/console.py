@@ -2,7 +2,8 @@
 """The console all commands print to, and progress on it."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from rich import markup
@@ -12,6 +13,7 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     ProgressColumn,
+    Task,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -22,6 +24,8 @@ from intent_recognition.errors import printable
 
 MOST_LISTED = 5
 """Items of a list that are printed. Convention."""
+NEWS_S = 30.0
+"""Time between two lines of progress where the output is no terminal [s]. Convention."""
 WIDTH_OF_A_PIPE = 140
 """Columns where the output is no terminal, so that tables are not cut off. Convention."""
 
@@ -47,15 +51,49 @@ def say(console: Console, text: object, style: str | None = None) -> None:
     console.print(str(text), style=style, markup=False, soft_wrap=True)
 
 
-def bar_with(console: Console, *columns: ProgressColumn) -> Progress:
-    """A progress bar with these columns behind it, removed at its end; none without a terminal."""
+@contextmanager
+def news(console: Console, text: Callable[[], str]) -> Iterator[None]:
+    """Print a text again and again, every `NEWS_S`, where the output is no terminal."""
+    over = threading.Event()
+
+    def tell() -> None:
+        while not over.wait(NEWS_S):
+            say(console, text())
+
+    if console.is_terminal:
+        yield
+        return
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        over.set()
+        teller.join()
+
+
+@contextmanager
+def bar_with(console: Console, *columns: ProgressColumn) -> Iterator[Progress]:
+    """A progress bar with these columns behind it, removed at its end; lines without a terminal."""
     shown = (TextColumn("{task.description}"), BarColumn(), *columns)
-    return Progress(*shown, console=console, transient=True, disable=not console.is_terminal)
+    bar = Progress(*shown, console=console, transient=True, disable=not console.is_terminal)
+    with bar, news(console, lambda: "; ".join(map(_state, bar.tasks))):
+        yield bar
 
 
-def progress_bar(console: Console) -> Progress:
+def _state(task: Task) -> str:
+    """How far a task of a bar has come."""
+    elapsed = f"{task.elapsed or 0.0:.0f} s"
+    if task.total is None:
+        return f"{task.description}: {elapsed}"
+    return f"{task.description}: {task.completed:.0f} of {task.total:.0f}, {elapsed}"
+
+
+@contextmanager
+def progress_bar(console: Console) -> Iterator[Progress]:
     """A bar for work whose pieces are counted."""
-    return bar_with(console, MofNCompleteColumn(), TimeRemainingColumn())
+    with bar_with(console, MofNCompleteColumn(), TimeRemainingColumn()) as bar:
+        yield bar
 
 
 @contextmanager

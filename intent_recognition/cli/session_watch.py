@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from intent_recognition.cli.console import news
 from intent_recognition.errors import IntentError
 from intent_recognition.interrupts import Noted
 
@@ -131,13 +132,17 @@ class ProgressLine:
         self.total = total
         self._number, self._truth, self._active, self._right = 0, "", "", 0
         self._changed = False
-        self._status = console.status("waiting for the coworker")
+        self._text = "waiting for the coworker"
+        self._status = console.status(self._text)
+        self._news = news(console, lambda: self._text)
 
     def __enter__(self) -> "ProgressLine":
         self._status.start()
+        self._news.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._news.__exit__(None, None, None)
         self._status.stop()
 
     @property
@@ -164,7 +169,8 @@ class ProgressLine:
 
     def _show(self) -> None:
         truth = self._truth or "-"
-        self._status.update(
+        self._text = (
             f"interaction {self._number}/{self.total}, {self._right} right so far;"
             f" human: {truth}, robot: {self._active or '-'}"
         )
+        self._status.update(self._text)

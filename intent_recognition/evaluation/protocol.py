@@ -32,6 +32,7 @@ from intent_recognition.signals import (
     Demonstration,
     StreamFinding,
     correlate_speeds,
+    numbered,
     stream_defect,
     stream_doubts,
 )
@@ -72,6 +73,7 @@ def evaluate(
         TrainingError: a fold cannot be learned from.
     """
     settings = settings or TrainingSettings()
+    demonstrations = [*numbered(demonstrations)]
     left_out = defects(demonstrations, settings)
     kept = [index for index in range(len(demonstrations)) if index not in left_out]
     usable = [demonstrations[index] for index in kept]

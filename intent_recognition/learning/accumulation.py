@@ -16,7 +16,7 @@ from intent_recognition.learning.preprocessing import (
 )
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, merge_tasks, summarize
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, numbered
 
 REFERENCE_RECORDINGS = 100
 """Recordings of a stream that settle its preprocessing. Convention: it bounds the memory."""
@@ -138,7 +138,8 @@ def _reject(total: Accumulated, name: str, reason: str) -> Accumulated:
 
 def _demonstrations(recordings: Iterable[Demonstration]) -> Iterator[Demonstration]:
     """The recordings one by one; refuses anything else."""
-    for number, recorded in enumerate(recordings if isinstance(recordings, Iterable) else [None]):
+    given = numbered(recordings) if isinstance(recordings, Iterable) else [None]
+    for number, recorded in enumerate(given):
         if not isinstance(recorded, Demonstration):
             found = type(recordings if recorded is None else recorded).__name__
             cure = "Make them with `Demonstration.from_arrays` or `read_demonstrations`."

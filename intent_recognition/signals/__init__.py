@@ -2,7 +2,7 @@
 """What was measured: signals, observations, demonstrations, and where movements begin and end."""
 
 from intent_recognition.signals.arrays import LATEST_S, as_numbers, as_stamp_ns, check_times
-from intent_recognition.signals.demonstration import Demonstration, Rejection
+from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered
 from intent_recognition.signals.labels import LABEL, LONGEST_LABEL, NONE, can_name_task
 from intent_recognition.signals.lags import (
     SpeedCorrelation,
@@ -90,6 +90,7 @@ __all__ = [
     "merge",
     "misfit",
     "movement_span",
+    "numbered",
     "observations_of",
     "onset_settings",
     "propose_spans",

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,8 @@ from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
 from intent_recognition.signals.units import Known
+
+UNNAMED = "demonstration"
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,7 +79,7 @@ class Demonstration:
         observed_unit: str = "m",
         controlled_unit: str = "rad",
         context_unit: str = "m",
-        name: str = "demonstration",
+        name: str = UNNAMED,
     ) -> Demonstration:
         """A demonstration from arrays, one signal for each agent.
 
@@ -104,7 +106,8 @@ class Demonstration:
                 and "rad" only; what is in other units is measured by its own range.
             controlled_unit: unit of all controlled DOFs.
             context_unit: unit of the context.
-            name: of the demonstration, for reports and messages.
+            name: of the demonstration, for reports and messages; those without one are numbered
+                there, in the order in which they are learned from.
 
         Raises:
             ShapeError: the arrays do not fit each other or the names.
@@ -155,6 +158,13 @@ class Demonstration:
         rows = (np.searchsorted(one.stamps_ns, self.start_ns, "right") - 1 for one in self.context)
         known = (one.values[max(row, 0)] for one, row in zip(self.context, rows, strict=True))
         return np.concatenate([np.empty(0), *known])
+
+
+def numbered(recordings: Iterable[Demonstration]) -> Iterator[Demonstration]:
+    """The recordings; those that were given no name have their place, from 0, in it."""
+    for number, recorded in enumerate(recordings):
+        unnamed = isinstance(recorded, Demonstration) and recorded.name == UNNAMED
+        yield replace(recorded, name=f"{UNNAMED}_{number}") if unnamed else recorded
 
 
 def _constant(context: ArrayLike, stamp_ns: int, names: Sequence[str] | None, unit: str) -> Signal:

@@ -7,6 +7,7 @@ import pytest
 from cli.recorded import write_all
 from rich.console import Console
 
+from intent_recognition.cli import console as consoles
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, progress_bar
 from intent_recognition.cli.session_watch import ProgressLine
@@ -75,3 +76,27 @@ def test_every_long_step_of_a_command_has_one(recorded, tmp_path, parse, monkeyp
     shown = console.file.getvalue()
     for step in ("reading", "learning", "replaying", "scoring", "writing the report"):
         assert step in shown, step
+
+
+@pytest.mark.parametrize("kind", ["counted", "unknown", "session"])
+def test_without_a_terminal_a_line_says_again_and_again_how_far_it_is(kind, monkeypatch):
+    """The interval is short here; the work waits until a line has come."""
+    monkeypatch.setattr(consoles, "NEWS_S", 0.01)
+    console = Console(file=(printed := io.StringIO()), width=100)
+
+    def wait_for(text):
+        while text not in printed.getvalue():
+            pass
+
+    if kind == "counted":
+        with progress_bar(console) as bar:
+            bar.update(bar.add_task("scoring", total=5), completed=2)
+            wait_for("scoring: 2 of 5, 0 s\n")
+    elif kind == "unknown":
+        with busy(console, "learning"):
+            wait_for("learning: 0 s\n")
+    else:
+        with ProgressLine(2, console) as line:
+            wait_for("waiting for the coworker\n")
+            line.on_task("plate")
+            wait_for("interaction 1/2, 0 right so far; human: plate, robot: -\n")
