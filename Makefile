@@ -9,7 +9,7 @@ BENCH_ARGS ?=
 DOCS ?= out/docs
 
 BIN := $(VENV)/bin
-SOURCES := setup.py setup.cfg pyproject.toml package.xml
+SOURCES := setup.py setup.cfg pyproject.toml package.xml intent_recognition/gaussian/_kernel.c
 # Four on two cores: some wait for nodes and browsers, which leaves a fifth of the time idle.
 # Each worker takes half of what remains, so that tests of one module stay together.
 PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -o faulthandler_exit_on_timeout=true

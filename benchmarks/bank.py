@@ -23,11 +23,11 @@ from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synt
 from intent_recognition.filtering import (
     Hypotheses,
     MovementFilter,
-    Step,
     fixed_hypotheses,
     make_hypotheses,
     make_memory,
 )
+from intent_recognition.gaussian import LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
 PHASE = 0.4
@@ -86,7 +86,7 @@ class Stream:
         elapsed_s = np.array([(one.stamp_ns - self._start_ns) * 1e-9 for one in taken])
         rows = self._library.basis.design_matrix(self._hypotheses.phase(elapsed_s))
         work = [
-            (Step(dofs, row[:, None], observation.values, self._noise, None, 1.0, np.inf),)
+            (LinearMeasurement(dofs, row[:, None], observation.values, self._noise),)
             for row, observation in zip(rows, taken, strict=True)
         ]
         return partial(_each, self._memory.condition, work)

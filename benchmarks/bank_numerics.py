@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
 from intent_recognition.filtering import MovementFilter, fixed_hypotheses
-from intent_recognition.gaussian import GaussianBatch, make_state
+from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.recognition import task_posterior
 
 N_UPDATES = 1_000_000
@@ -25,7 +25,7 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
     rng = np.random.default_rng(7)
     library = synthetic_library(rng, 1, n_controlled=0)
     prior = library.observed_covariance[[1, 1]]
-    block = GaussianBatch(make_state(np.zeros(prior.shape[:2]), prior, N_BASIS), N_BASIS)
+    block = GaussianBatch.of(np.zeros(prior.shape[:2]), prior, N_BASIS)
     noise, dofs, values = NOISE_VARIANCE * np.eye(N_OBSERVED), np.arange(N_OBSERVED), np.zeros(3)
     gram = np.zeros((N_BASIS, N_BASIS))
     smallest, asymmetry = np.inf, 0.0
@@ -35,9 +35,8 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
         rows = library.basis.design_matrix(phase[: n_updates - start])
         gram += rows[:, 0].T @ rows[:, 0]
         for row in rows[:, :, None]:
-            block.condition(dofs, row, values, noise)
-        block.apply_downdates()
-        covariance = block.covariance
+            block.condition(LinearMeasurement(dofs, row, values, noise))
+        covariance = block.moments()[1]
         asymmetry = max(asymmetry, np.abs(covariance - covariance.transpose(0, 2, 1)).max())
         smallest = min(smallest, np.linalg.eigvalsh(covariance).min())
     yield at_least(
@@ -48,7 +47,7 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
         f"noise variance {NOISE_VARIANCE:.0e}; asymmetry {asymmetry:g}",
     )
     information = np.linalg.inv(prior[0]) + np.kron(np.eye(N_OBSERVED), gram) / NOISE_VARIANCE
-    error = np.abs(block.covariance[0] - np.linalg.inv(information)).max() / np.abs(prior[0]).max()
+    error = np.abs(covariance[0] - np.linalg.inv(information)).max() / np.abs(prior[0]).max()
     yield at_most(
         "... covariance off the batch's, of the prior's", error, 1e-9, "x", "largest element"
     )

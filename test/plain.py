@@ -9,7 +9,7 @@ from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.observation_model import check_observation
-from intent_recognition.gaussian.batch import GaussianBatch, make_state
+from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
@@ -52,17 +52,16 @@ def condition_bank(
     Args:
         bank: B hypotheses.
         dofs: index of the DOF behind each observed value, (m,).
-        rows: row of the observation matrix within that DOF's block, (B, m, N) or (B, 1, N).
+        rows: row of the observation matrix within a DOF's block, shared by the DOFs, (B, 1, N).
         values: (m,).
         noise_covariance: (m, m) or one per hypothesis, (B, m, m).
     """
     check_observation(dofs, values, noise_covariance)
     n, n_basis = len(bank.mean), rows.shape[-1]
-    rows = np.broadcast_to(rows, (n, *rows.shape[1:]))
-    block = GaussianBatch(make_state(bank.mean, bank.covariance, n_basis), n_basis)
-    log_density = block.condition(dofs, rows, values, noise_covariance)
-    block.apply_downdates()
-    return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)
+    rows = np.broadcast_to(rows, (n, 1, n_basis))
+    block = GaussianBatch.of(bank.mean, bank.covariance, n_basis)
+    density, _ = block.condition(LinearMeasurement(dofs, rows, values, noise_covariance))
+    return FilterBank(*block.moments(), bank.log_evidence + density)
 
 
 def observed_weights(bank: FilterBank, scale_weights: np.ndarray, task: int) -> Gaussian:

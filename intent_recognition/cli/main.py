@@ -34,7 +34,7 @@ def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
         epilog="`intent COMMAND --help` explains a command and shows examples.",
         formatter_class=Formatter,
     )
-    parser.add_argument("--version", action="version", version=f"intent {__version__}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     add_completion_option(parser)
     subparsers = parser.add_subparsers(
         title="commands", dest="command", metavar="COMMAND", required=True
@@ -43,6 +43,18 @@ def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
         module = command + "_" * keyword.iskeyword(command)
         importlib.import_module(f"intent_recognition.cli.{module}").add_parser(subparsers)
     return parser
+
+
+class _Version(argparse.Action):
+    """Prints the version, and which update conditions the hypotheses."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from intent_recognition.gaussian import KERNEL  # imports numpy and scipy: not always
+
+        written = "numpy (install a C compiler and the package again for the fast one)"
+        update = "compiled C" if KERNEL == "c" else written
+        sys.stdout.write(f"intent {__version__}\nupdate: {update}\n")
+        parser.exit()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recursive conditioning of every hypothesis over task, duration and phase; pruning."""
 
-from intent_recognition.filtering.conditioning import Step, condition_on
 from intent_recognition.filtering.deviation_history import Deviations
 from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import (
@@ -28,11 +27,9 @@ __all__ = [
     "MovementFilter",
     "ObservationModel",
     "RunningBank",
-    "Step",
     "SwitchedBelief",
     "SwitchedHypotheses",
     "TaskPrediction",
-    "condition_on",
     "deviations_at",
     "duration_offsets",
     "fixed_hypotheses",

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering.hypotheses import Hypotheses, duration_offsets
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.gaussian import Gaussian, GaussianBatch, make_state
+from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
 SWITCHES = 0.04
@@ -199,34 +199,34 @@ class NewbornStates:
             course: its weights without an offset, (P N,).
         """
         n_basis = self.library.basis.n_basis
-        state = make_state(course.mean[None], course.covariance[None], n_basis)
+        state = GaussianBatch.of(course.mean[None], course.covariance[None], n_basis)
         return self._with_offset(state, HELD_UP_OFFSET)
 
     def _make(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
         library, n_basis = self.library, self.library.basis.n_basis
         mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
-        state = make_state(mean, covariance, n_basis)
-        known = GaussianBatch(state[:-1], n_basis)
+        courses = GaussianBatch.of(mean, covariance, n_basis)
+        known = GaussianBatch(courses.state[:-1], n_basis)
         row = library.basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
         for dofs, values, noise in self._first:
-            known.condition(dofs, row, values, noise)
-        known.apply_downdates()
-        return self._with_offset(state)
+            known.condition(LinearMeasurement(dofs, row, values, noise))
+        return self._with_offset(courses)
 
-    def _with_offset(self, state: NDArray[np.float64], scale: float = 1.0) -> NDArray[np.float64]:
+    def _with_offset(self, courses: GaussianBatch, scale: float = 1.0) -> NDArray[np.float64]:
         """States of courses by the rates of fading, with weights of an offset beside theirs."""
         n_basis, p = self.library.basis.n_basis, self.library.n_observed
-        courses = GaussianBatch(state, n_basis)
-        shape = len(state), len(FADINGS)
+        means, covariances = courses.moments()
+        shape = len(means), len(FADINGS)
         mean = np.zeros((*shape, p, self.width))
-        mean[..., :n_basis] = courses.mean.reshape(shape[0], 1, p, n_basis)
+        mean[..., :n_basis] = means.reshape(shape[0], 1, p, n_basis)
         covariance = np.zeros((*shape, p, self.width, p, self.width))
-        own = courses.covariance.reshape(shape[0], 1, p, n_basis, p, n_basis)
+        own = covariances.reshape(shape[0], 1, p, n_basis, p, n_basis)
         covariance[:, :, :, :n_basis, :, :n_basis] = own
         dof, offset = np.arange(p)[:, None], n_basis + np.arange(OFFSET_BASIS)
         covariance[:, :, dof, offset, dof, offset] = scale**2 * self._offset_variance
         size = p * self.width
-        return make_state(mean.reshape(-1, size), covariance.reshape(-1, size, size), self.width)
+        flat = covariance.reshape(-1, size, size)
+        return GaussianBatch.of(mean.reshape(-1, size), flat, self.width).state
 
 
 def fading(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:

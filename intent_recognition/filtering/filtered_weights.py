@@ -50,7 +50,7 @@ class CourseWeights:
 
     @cached_property
     def _current(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        mean, covariance = self._weights.current(np.arange(len(self.log_evidence)))
+        mean, covariance = self._weights.moments()
         return mean[:, self._own], covariance[:, self._own[:, None], self._own]
 
     @property

@@ -98,33 +98,19 @@ class MovementFilter:
     def observe(self, observation: Observation) -> None:
         """Condition every hypothesis on an observation, unless it follows too closely on the last.
 
-        Then there is time for a part of what the next observation would wait for (`catch_up`).
-
         Raises:
             ShapeError: values, DOFs and covariance do not fit each other.
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
         measurement = self.observation_model.measurement(observation)
         if measurement is None:
-            self.catch_up()
             return
-        if self._switched is not None:
-            self._switched.finish()
         self._bank.condition(measurement)
         if self._switched is not None:
             self._switched.observe(measurement, self._bank.log_evidence, self.memory)
         self.n_used += 1
         self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
         self._predictions.clear()
-
-    def catch_up(self) -> bool:
-        """Do a part of the work that is due before the next observation; whether there was some.
-
-        It makes no difference to any estimate.
-        """
-        if self._switched is not None and self._switched.catch_up():
-            return True
-        return self.memory.catch_up()
 
     @property
     def log_evidence(self) -> NDArray[np.float64]:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.filtering.conditioning import Step
 from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.gaussian import LinearMeasurement
 from intent_recognition.promp import TaskLibrary, deviation_transition, reference_phase
 from intent_recognition.signals import Observation
 
@@ -46,7 +46,7 @@ class Measurement(NamedTuple):
 
 
 class ObservationModel:
-    """Turns the observations of one movement into measurements, and these into steps of the filter.
+    """Turns the observations of one movement into measurements, and these into linear ones.
 
     Observations of the same DOFs closer together than half of the library's `correlation_time_s`
     say nothing new about what a primitive leaves unexplained; of them the first is used.
@@ -98,7 +98,9 @@ class ObservationModel:
             elapsed_s, passed_s, dofs, observation.values, noise, observation.derivative, first
         )
 
-    def step(self, measurement: Measurement, index: NDArray[np.int64] | slice) -> Step:
+    def linear(
+        self, measurement: Measurement, index: NDArray[np.int64] | slice
+    ) -> LinearMeasurement:
         """A measurement as some hypotheses take it.
 
         Where the movement begins counts in full: the heavy tails of the Student density are for
@@ -116,7 +118,7 @@ class ObservationModel:
         if phase.shape[1] > 1 and measurement.interval_s < inf:
             passed = measurement.interval_s / hypotheses.duration_s[index]
             transition = deviation_transition(deviation, passed)
-        return Step(
+        return LinearMeasurement(
             measurement.dofs,
             rows,
             measurement.values,

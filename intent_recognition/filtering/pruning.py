@@ -22,7 +22,6 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.conditioning import condition_on
 from intent_recognition.filtering.deviation_history import DeviationHistory
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
 from intent_recognition.filtering.running_bank import Block, RunningBank
@@ -110,7 +109,7 @@ class PrunedBank:
 
     def condition(self, measurement: Measurement) -> None:
         """Condition the active tasks on a measurement; restore and prune tasks as needed."""
-        step = self._model.step(measurement, self._bank.active)
+        step = self._model.linear(measurement, self._bank.active)
         deviation, likelihood = self._bank.condition(step)
         if deviation.shape[1] > 1:
             active = self._bank.active_hypotheses.copy()
@@ -133,10 +132,8 @@ class PrunedBank:
         tasks = self.pruned_tasks if tasks is None else tasks
         for since in np.unique(self._since[tasks]):
             group = tasks[self._since[tasks] == since]
-            blocks = self._bank.gather(group)
-            density = self._log_density(blocks, group, self._kept[since:], self.history)
-            for block, _ in blocks:
-                block.apply_downdates()
+            block = self._bank.gather(group)
+            density = self._log_density(block, group, self._kept[since:], self.history)
             self._bank.activate(group, density)
         self._is_pruned[tasks] = False
         self._bound[tasks] = -np.inf
@@ -145,29 +142,20 @@ class PrunedBank:
 
     def _log_density(
         self,
-        blocks: list[Block],
+        block: Block,
         tasks: NDArray[np.int64],
         measurements: Sequence[Measurement],
         history: DeviationHistory | None = None,
     ) -> NDArray[np.float64]:
-        """Condition the blocks of some tasks on measurements: joint log density, (n S,)."""
+        """Condition some tasks on measurements: joint log density, (n S,)."""
         n_scales = self._bank.shape[1]
         index = (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
-        density, first = np.zeros(len(index)), 0
-        believed: list[list[tuple[NDArray[np.float64], ...]]] = [[] for _ in measurements]
-        for weights, deviation in blocks:
-            some = slice(first, first + len(deviation))
-            for one, parts in zip(measurements, believed, strict=True):
-                added, likelihood = condition_on(
-                    weights, deviation, self._model.step(one, index[some])
-                )
-                density[some] += added
-                parts.append((deviation.copy(), likelihood))
-            first = some.stop
-        if history is not None and self._bank.shape[4] > 1:
-            for one, parts in zip(measurements, believed, strict=True):
-                after, weighed = (np.concatenate(part) for part in zip(*parts, strict=True))
-                history.add(one.elapsed_s, index, after, weighed)
+        density, (weights, deviation) = np.zeros(len(index)), block
+        for one in measurements:
+            added, likelihood = weights.condition(self._model.linear(one, index), deviation)
+            density += added
+            if history is not None and deviation.shape[1] > 1:
+                history.add(one.elapsed_s, index, deviation.copy(), likelihood)
         return density
 
     def _limits(self) -> NDArray[np.float64]:

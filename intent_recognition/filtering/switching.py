@@ -6,8 +6,6 @@ the way. What may happen, how often, and what a born hypothesis says of the hand
 Here they are filtered, judged, and given up when they explain too little.
 """
 
-from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +26,7 @@ from intent_recognition.filtering.filtered_weights import CourseWeights
 from intent_recognition.filtering.hypotheses import N_SCALES, Hypotheses, make_hypotheses
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.gaussian import Gaussian, GaussianBatch, pending_shape, state_width
+from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
 BIRTHS_EVERY = 2
@@ -112,12 +110,12 @@ class SwitchedHypotheses:
         self._settling = SETTLING * len(library.observed_groups)
         self._births_every = BIRTHS_EVERY * len(library.observed_groups)
         shape = library.n_observed, self._width
-        fitting = MAX_FLOATS // (shape[0] * shape[1] * state_width(*shape))
+        size = shape[0] * shape[1]
+        fitting = MAX_FLOATS // (size * (size + 1 + shape[0]))
         self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
         n_born = len(self._grid.prior) + len(DELAYS) * len(FADINGS)
         room = self._n_kept + n_born * -(-SETTLING // BIRTHS_EVERY)
-        self._state = np.zeros((room, shape[0] * shape[1], state_width(*shape)))
-        self._pending = np.zeros((room, *pending_shape(*shape)))
+        self._state = np.full((room, size + size * (size + 1) // 2), 0.0)
         self._born = np.zeros(room, dtype=_BORN)
         self._log_mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
         self._log_std = np.r_[library.log_duration_std, library.none_log_duration[1]]
@@ -133,8 +131,6 @@ class SwitchedHypotheses:
         known = hypotheses.log_task_prior[:-1]
         self._log_task_prior = known - np.logaddexp.reduce(known)
         self._n = 0
-        self._batch = self._batch_of(0, 0)
-        self._due: list[Callable[[], object]] = []
         self._newborn.start()
         self._last_s, self._n_used = 0.0, 0
         self._last_birth_s, self._between_births_s = 0.0, 0.0
@@ -175,9 +171,6 @@ class SwitchedHypotheses:
     ) -> None:
         """Condition on a measurement; give birth to new hypotheses, and give up hopeless ones.
 
-        Births and what else no estimate needs before the next measurement are left to `catch_up`
-        and `finish`.
-
         Args:
             measurement: as the hypotheses of the onset took it.
             log_evidence: see `left`; this measurement is among the observations.
@@ -187,7 +180,7 @@ class SwitchedHypotheses:
         self._last_s = max(measurement.elapsed_s, self._last_s)
         self._n_used += 1
         born = self._born[: self._n]
-        density = self._condition(self._batch, measurement, born)
+        density = self._condition(slice(0, self._n), measurement)
         born["seen"] += 1
         log_joint, judged = born["log_joint"], born["seen"] > self._settling
         log_joint[judged] += density[judged]
@@ -196,24 +189,9 @@ class SwitchedHypotheses:
         if settled.size:
             passed = self._shares(total)[settled["kind"]] + settled["log_part"]
             log_joint[born["seen"] == self._settling] = passed
-        self._due.append(partial(self._forget, self._give_up(float(np.logaddexp.reduce(total)))))
+        self._forget(self._give_up(float(np.logaddexp.reduce(total))))
         if self._n_used % self._births_every == 0:
-            self._due.append(partial(self._give_birth, measurement, log_evidence, onset))
-
-    def catch_up(self) -> bool:
-        """Do a part of what is due before the next measurement; whether there was something to do.
-
-        It makes no difference to what they say, only to when the time is spent.
-        """
-        if self._due:
-            self._due.pop(0)()
-            return True
-        return self._batch.catch_up()
-
-    def finish(self) -> None:
-        """Do all that is due, before the hypotheses of the onset take the next measurement."""
-        while self._due:
-            self._due.pop(0)()
+            self._give_birth(measurement, log_evidence, onset)
 
     def belief(self) -> SwitchedBelief:
         """What they make of task and timing."""
@@ -243,7 +221,9 @@ class SwitchedHypotheses:
         """The courses of some of them, without their offsets."""
         own = self._width * np.arange(self.library.n_observed)[:, None]
         own = (own + np.arange(self.library.basis.n_basis)).ravel()
-        return CourseWeights(self._batch.part(index), own, self._born["log_joint"][index])
+        return CourseWeights(
+            GaussianBatch(self._state[index], self._width), own, self._born["log_joint"][index]
+        )
 
     def _shares(self, total: NDArray[np.float64]) -> NDArray[np.float64]:
         """What passes to the hypotheses of the last birth."""
@@ -255,20 +235,16 @@ class SwitchedHypotheses:
             switch_margin=self.library.switch_margin,
         )
 
-    def _batch_of(self, n: int, n_pending: int) -> GaussianBatch:
-        return GaussianBatch(self._state[:n], self._width, self._pending[:n], n_pending)
-
-    def _condition(
-        self, batch: GaussianBatch, measurement: Measurement, born: NDArray[np.void]
-    ) -> NDArray[np.float64]:
-        """Condition some hypotheses, those of a batch: log density of the measurement, (n,)."""
-        return batch.condition(
+    def _condition(self, some: slice, measurement: Measurement) -> NDArray[np.float64]:
+        """Condition some hypotheses: log density of the measurement, (n,)."""
+        linear = LinearMeasurement(
             measurement.dofs,
-            self._rows(measurement, born)[:, None],
+            self._rows(measurement, self._born[some])[:, None],
             measurement.values,
             measurement.noise_covariance,
-            self.library.evidence_freedom,
+            degrees_of_freedom=self.library.evidence_freedom,
         )
+        return GaussianBatch(self._state[some], self._width).condition(linear)[0]
 
     def _give_birth(
         self, measurement: Measurement, log_evidence: NDArray[np.float64], onset: RunningBank
@@ -276,9 +252,8 @@ class SwitchedHypotheses:
         """Add newborn hypotheses, and condition them on the measurement of their birth."""
         first = self._n
         self._bear(measurement.elapsed_s, log_evidence)
-        new, n_pending = slice(first, self._n), self._batch.n_pending - len(measurement.dofs)
-        newborn = GaussianBatch(self._state[new], self._width, self._pending[new], n_pending)
-        self._condition(newborn, measurement, self._born[new])
+        new = slice(first, self._n)
+        self._condition(new, measurement)
         self._born["seen"][new] += 1
         self._bear_held_up(measurement.elapsed_s, log_evidence, onset)
 
@@ -331,9 +306,7 @@ class SwitchedHypotheses:
         """Add newborn hypotheses; returns what is to be filled in of them."""
         new = slice(self._n, self._n + len(states))
         self._state[new] = states
-        self._pending[new] = 0.0  # what is pending for the others is nothing to these
         self._n = new.stop
-        self._batch = self._batch_of(self._n, self._batch.n_pending)
         born = self._born[new]
         born["seen"], born["birth_s"], born["log_joint"] = 0, birth_s, -np.inf
         return born
@@ -370,6 +343,5 @@ class SwitchedHypotheses:
         self._n = len(hopeless) - int(np.count_nonzero(hopeless))
         free = np.flatnonzero(hopeless[: self._n])
         moved = self._n + np.flatnonzero(~hopeless[self._n :])
-        for array in (self._state, self._pending, self._born):
+        for array in (self._state, self._born):
             array[free] = array[moved]
-        self._batch = self._batch_of(self._n, self._batch.n_pending)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gaussian distributions: every way to condition them (dense, batched, delayed), and mixtures."""
+"""Gaussian distributions: every way to condition them (dense, batched), and mixtures."""
 
-from intent_recognition.gaussian.batch import GaussianBatch, make_state, pending_shape, state_width
+from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement
 from intent_recognition.gaussian.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
 from intent_recognition.gaussian.linalg import (
     LOG_2_PI,
@@ -40,12 +40,14 @@ from intent_recognition.gaussian.tube import tube_faces, tube_rings
 
 __all__ = [
     "EMPTY",
+    "KERNEL",
     "LOG_2_PI",
     "Components",
     "CovariancePrior",
     "Gaussian",
     "GaussianBatch",
     "GaussianMixture",
+    "LinearMeasurement",
     "MixtureFit",
     "Regression",
     "affine_span",
@@ -59,16 +61,13 @@ __all__ = [
     "log_density",
     "log_joint",
     "log_normalizer",
-    "make_state",
     "marginal",
     "maximisation",
     "mixture_moments",
     "one_hot",
-    "pending_shape",
     "product",
     "regression",
     "solve_lower",
-    "state_width",
     "student_log_density",
     "symmetrize",
     "tube_faces",

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from intent_recognition.filtering import Deviations, Step, condition_on
-from intent_recognition.gaussian import Gaussian, GaussianBatch, make_state
+from intent_recognition.filtering import Deviations
+from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement
 from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,
     SAMPLES_USED,
@@ -74,7 +74,7 @@ def filter_samples(
         values: observed DOFs, (m, n, P).
     """
     model, basis, n = library.phase_deviation, library.basis, len(pace)
-    weights = GaussianBatch(make_state(*prior, basis.n_basis), basis.n_basis)
+    weights = GaussianBatch.of(*prior, basis.n_basis)
     deviation = np.tile(deviation_prior(model), (n, 1))
     dofs = np.arange(library.n_observed)
     interval_s = library.correlation_time_s * SAMPLES_PER_MOVEMENT / SAMPLES_USED
@@ -85,10 +85,10 @@ def filter_samples(
     between = deviation_transition(model, different / len(phases))[place]  # they are evenly spaced
     for k, phase in enumerate(phases):
         rows = basis.design_matrix(reference_phase(model, phase * different))[place]
-        freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.step`
+        freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.linear`
         moved = between if k else None
-        step = Step(dofs, rows, values[k], noise, moved, model.evidence, freedom)
-        density, likelihood = condition_on(weights, deviation, step)
+        one = LinearMeasurement(dofs, rows, values[k], noise, moved, model.evidence, freedom)
+        density, likelihood = weights.condition(one, deviation)
         evidence += density
         believed.append((deviation.copy(), likelihood))
         yield Progress(k + 1, evidence, weights, believed)

@@ -179,7 +179,7 @@ def _predict(
 ) -> NDArray[np.float64]:
     """Mean of the controlled agent at the scored phases, under the own task, (n, s, Q)."""
     model, size = library.phase_deviation, library.n_observed_weights
-    filtered, _ = progress.weights.current(own)
+    filtered = progress.weights.mean[own]
     mean = np.array([one.mean for one in left_out])
     change = np.matmul(
         np.array([one.gain for one in left_out]), (filtered - mean[:, :size])[..., None]

@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal, multivariate_t
 from simulation import START_NS, make_library, minimum_jerk, nearly_known
 
-from intent_recognition.errors import ArgumentError
-from intent_recognition.filtering.conditioning import Step, condition_on
 from intent_recognition.filtering.deviation_history import DeviationHistory
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.observation_model import ObservationModel
-from intent_recognition.gaussian.batch import GaussianBatch, make_state
+from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp import phase_deviation as progress_module
 from intent_recognition.promp.library import TaskLibrary
@@ -75,7 +73,7 @@ def random_gaussians(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.n
 
 
 def batch_of(mean: np.ndarray, covariance: np.ndarray) -> GaussianBatch:
-    return GaussianBatch(make_state(mean, covariance, N_BASIS), N_BASIS)
+    return GaussianBatch.of(mean, covariance, N_BASIS)
 
 
 def a_step(rng: np.random.Generator, n: int, n_deviations: int, freedom: float, exponent: float):
@@ -85,25 +83,7 @@ def a_step(rng: np.random.Generator, n: int, n_deviations: int, freedom: float, 
     rows = rng.normal(size=(n, n_deviations, N_BASIS))
     noise = root @ root.T + 0.1 * np.eye(m)
     moved = rng.dirichlet(np.ones(n_deviations), size=(n, n_deviations))
-    return Step(dofs, rows, rng.normal(size=m), noise, moved, exponent, freedom)
-
-
-@settings(max_examples=15)
-@given(seeds, freedoms)
-def test_a_single_deviation_is_the_gaussian_update(seed, freedom):
-    rng = np.random.default_rng(seed)
-    prior = random_gaussians(rng, 4)
-    ours, theirs, deviation = batch_of(*prior), batch_of(*prior), np.ones((4, 1))
-    for _ in range(4):
-        step = a_step(rng, 4, 1, freedom, 0.3)
-        evidence, likelihood = condition_on(ours, deviation, step)
-        expected = theirs.condition(
-            step.dofs, step.rows, step.values, step.noise_covariance, freedom
-        )
-        np.testing.assert_array_equal(evidence, expected)
-        np.testing.assert_array_equal(likelihood, 1.0)
-    for a, b in zip(ours.current(np.arange(4)), theirs.current(np.arange(4)), strict=True):
-        np.testing.assert_array_equal(a, b)
+    return LinearMeasurement(dofs, rows, rng.normal(size=m), noise, moved, exponent, freedom)
 
 
 @settings(max_examples=15)
@@ -114,10 +94,10 @@ def test_a_step_is_what_its_formulas_say(seed, freedom, exponent):
     n, n_deviations = 3, 5
     mean, covariance = random_gaussians(rng, n)
     batch, deviation = batch_of(mean, covariance), rng.dirichlet(np.ones(n_deviations), size=n)
-    for _ in range(2):  # the second time, rows of the first are pending in the batch
+    for _ in range(2):
         step = a_step(rng, n, n_deviations, freedom, exponent)
         before = deviation.copy()
-        evidence, _ = condition_on(batch, deviation, step)
+        evidence, _ = batch.condition(step, deviation)
         for b in range(n):
             believed = before[b] @ step.transition[b]
             selected = np.eye(3)[step.dofs]
@@ -136,7 +116,7 @@ def test_a_step_is_what_its_formulas_say(seed, freedom, exponent):
                 step.values,
                 step.noise_covariance + induced,
             )
-        found = batch.current(np.arange(n))
+        found = batch.moments()
         np.testing.assert_allclose(found[0], mean, rtol=1e-7, atol=1e-7)
         np.testing.assert_allclose(found[1], covariance, atol=1e-8)
 
@@ -149,30 +129,18 @@ def test_hypotheses_are_conditioned_apart_each_with_its_values(seed):
     step = a_step(rng, 4, 5, 4.0, 0.5)
     step = step._replace(values=rng.normal(size=(4, len(step.dofs))))
     together, believed = batch_of(*prior), deviation.copy()
-    evidence, likelihood = condition_on(together, believed, step)
+    evidence, likelihood = together.condition(step, believed)
     for b in range(4):
         own = slice(b, b + 1)
         alone, single = batch_of(prior[0][own], prior[1][own]), deviation[own].copy()
-        part = step.part(own)._replace(values=step.values[b])
-        added, weighed = condition_on(alone, single, part)
+        part = step._replace(
+            rows=step.rows[own], values=step.values[b], transition=step.transition[own]
+        )
+        added, weighed = alone.condition(part, single)
         assert added[0] == pytest.approx(evidence[b], rel=1e-10)
         np.testing.assert_allclose(single[0], believed[b], rtol=1e-10)
         np.testing.assert_allclose(weighed[0], likelihood[b], rtol=1e-10)
-        np.testing.assert_allclose(
-            alone.current(np.array([0]))[1][0], together.current(np.array([b]))[1][0], atol=1e-12
-        )
-
-
-def test_a_refused_measurement_leaves_everything_as_it_was(rng):
-    prior, deviation = random_gaussians(rng, 4), rng.dirichlet(np.ones(5), size=4)
-    batch, before = batch_of(*prior), deviation.copy()
-    step = a_step(rng, 4, 5, 4.0, 0.5)
-    bad = step._replace(noise_covariance=-1e6 * np.eye(len(step.dofs)))
-    with pytest.raises(ArgumentError, match="innovation covariance"):
-        condition_on(batch, deviation, bad)
-    assert np.array_equal(deviation, before)
-    for ours, theirs in zip(batch.current(np.arange(4)), prior, strict=True):
-        assert np.array_equal(ours, theirs)
+        np.testing.assert_allclose(alone.state[0], together.state[b], atol=1e-12)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.06])
@@ -351,8 +319,8 @@ def test_every_hypothesis_steps_at_its_own_phase(rng):
     hypotheses = Hypotheses(2, np.array([1.5, 2.0, 1.5, 2.0]), np.log(np.full(4, 0.25)))
     model = ObservationModel(library, hypotheses, START_NS)
     first, second = (model.measurement(seen(time, np.zeros(3))) for time in (0.5, 0.8))
-    assert model.step(first, slice(None)).transition is None
-    step = model.step(second, np.array([1, 0]))
+    assert model.linear(first, slice(None)).transition is None
+    step = model.linear(second, np.array([1, 0]))
     for at, duration in enumerate((2.0, 1.5)):
         phase = reference_phase(LEADING, np.array(0.8 / duration))
         np.testing.assert_allclose(step.rows[at], library.basis.design_matrix(phase))

@@ -118,7 +118,7 @@ def test_rows_of_a_velocity_are_the_slope_of_those_of_a_position(library):
     def rows(elapsed_s: float, *, derivative: bool = False) -> np.ndarray:
         found = seen(elapsed_s, covariance=np.eye(2), derivative=derivative)
         measurement = ObservationModel(library, hypotheses, START_NS).measurement(found)
-        return model.step(measurement, slice(None)).rows
+        return model.linear(measurement, slice(None)).rows
 
     slope = (rows(0.7 + step_s) - rows(0.7 - step_s)) / (2.0 * step_s)
     np.testing.assert_allclose(rows(0.7, derivative=True), slope, atol=1e-6)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.filtering import pruning, running_bank
+from intent_recognition.filtering import pruning
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.filtering.movement_filter import MovementFilter, make_memory
 from intent_recognition.filtering.running_bank import RunningBank
@@ -202,24 +202,6 @@ def test_few_hypotheses_are_all_filtered(rng):
     for observation in merge(simulate(library, 0, rng).observed):
         run.observe(observation)
     assert not len(run.pruned_tasks)
-
-
-@pytest.mark.slow
-@FILTERS
-def test_blocks_make_no_difference(monkeypatch, filtered):
-    """Tasks are cut in two where blocks end, restored ones too."""
-    library, hypotheses, observations = scene(10, filtered=filtered)
-    expected = MovementFilter(library, hypotheses, START_NS)
-    for observation in observations[:30]:
-        expected.observe(observation)
-    monkeypatch.setattr(running_bank, "BLOCK_SIZE", 7)
-    cut = MovementFilter(library, hypotheses, START_NS, prune=True)
-    for observation in observations[:30]:
-        cut.observe(observation)
-    assert len(cut.pruned_tasks) > 2
-    for ours, theirs in zip(cut.bank, expected.bank, strict=True):
-        np.testing.assert_allclose(ours, theirs, **ROUNDING)
-    assert_same_deviations(cut, expected)
 
 
 def test_memory_used_again_remembers_nothing():

@@ -269,34 +269,6 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * born
 
 
-@pytest.mark.parametrize("n_parts", [1, 2, 100])
-def test_it_does_not_matter_when_one_catches_up(library, rng, n_parts):
-    times_s = np.arange(0.0, 2.0, 0.05)
-    values = changed(library, rng, (0, 1), 0.5, times_s)
-    memories = [SwitchedHypotheses(library) for _ in range(2)]
-    runs = [
-        MovementFilter(library, make_hypotheses(library), START_NS, switched=switched)
-        for switched in memories
-    ]
-    for elapsed_s, row in zip(times_s, values, strict=True):
-        for run in runs:
-            run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
-        for _ in range(n_parts):
-            runs[0].catch_up()
-            for one, other in zip(*(posterior(run, elapsed_s) for run in runs), strict=True):
-                np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-        evidence = [run.log_evidence for run in runs]  # of hundreds of nats
-        np.testing.assert_allclose(*evidence, rtol=1e-12, atol=1e-10)
-        np.testing.assert_allclose(*(one.log_joint for one in memories), rtol=1e-12, atol=1e-10)
-    assert not (runs[0].catch_up() and n_parts == 100)
-    for switched in memories:
-        switched.finish()
-    courses = [switched.of_task(1)[0] for switched in memories]
-    for name in ("mean", "covariance", "log_evidence"):
-        one, other = (getattr(course, name) for course in courses)
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
-
-
 def test_the_mixture_of_born_hypotheses_is_that_of_their_courses(library, rng):
     switched = SwitchedHypotheses(library)
     times_s = np.arange(0.0, 1.5, 0.05)

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gaussians conditioned in place against plain conditioning, whatever the numbers."""
+"""Gaussians conditioned in place against plain conditioning and numpy's, whatever the numbers."""
+
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -8,98 +12,143 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_t
 from simulation import make_library
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import batch as batch_module
-from intent_recognition.gaussian.batch import GaussianBatch, make_state
-from intent_recognition.gaussian.normal import Gaussian, condition
+from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement
+from intent_recognition.gaussian.normal import Gaussian, condition, mixture_moments
 
 seeds = st.integers(0, 2**32 - 1)
+BUILT = pytest.mark.skipif(KERNEL != "c", reason="the compiled update is not in use")
 
 
 def random_batch(rng: np.random.Generator, n: int = 5, n_dofs: int = 3, n_basis: int = 20):
     size = n_dofs * n_basis
     root = rng.normal(size=(n, size, size)) / np.sqrt(size)
     covariance = root @ np.swapaxes(root, 1, 2) + 0.05 * np.eye(size)
-    state = make_state(rng.normal(size=(n, size)), covariance, n_basis)
-    return GaussianBatch(state, n_basis)
+    return GaussianBatch.of(rng.normal(size=(n, size)), covariance, n_basis)
 
 
-def steps(rng: np.random.Generator, n: int = 5, n_basis: int = 20, count: int = 30):
-    """Rows for all DOFs alike, or one for each value; sometimes more values than memory rows."""
-    for k in range(count):
-        m = 30 if k == 17 else int(rng.integers(1, 5))
-        dofs = rng.integers(0, 3, size=m)
-        rows = rng.normal(size=(n, 1 if k % 3 else m, n_basis))
-        root = rng.normal(size=(m, m))
-        yield dofs, rows, rng.normal(size=m), root @ root.T + 0.1 * np.eye(m)
+def a_measurement(rng, n: int, n_dofs: int, n_basis: int, n_deviations: int = 1):
+    """Any DOFs in any order; values, noise and transitions of their own or shared."""
+    m = int(rng.integers(1, 8))
+    root = rng.normal(size=(m, m))
+    noise = root @ root.T + 0.1 * np.eye(m)
+    own, moves = rng.uniform(size=2) < 0.5
+    return LinearMeasurement(
+        rng.integers(0, n_dofs, size=m),
+        rng.normal(size=(n, n_deviations, n_basis)),
+        rng.normal(size=(n, m) if own else m),
+        noise * rng.uniform(0.5, 2.0, size=(n, 1, 1)) if own else noise,
+        rng.dirichlet(np.ones(n_deviations), size=(n, n_deviations)) if moves else None,
+        float(rng.choice([1.0, 0.3])),
+        float(rng.choice([np.inf, 4.0])),
+    )
 
 
-@given(seeds, st.sampled_from([1, 4, 9, 1000]))
-@settings(max_examples=15)
-def test_it_does_not_matter_when_pending_rows_are_subtracted(seed, pending_rows):
+@BUILT
+@given(seeds)
+@settings(max_examples=100)
+def test_the_compiled_update_is_that_of_numpy(seed):
+    """Of all shapes, of some of the Gaussians in any order, with and without deviations."""
     rng = np.random.default_rng(seed)
-    work = list(steps(rng))
-    one = random_batch(np.random.default_rng(seed))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(batch_module, "PENDING_ROWS", pending_rows)
-        other = random_batch(np.random.default_rng(seed))
-    for k, step in enumerate(work):
-        a, b = one.condition(*step), other.condition(*step)
-        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
-        if k % 5 == 0:
-            one.apply_downdates()
-    for a, b in zip(one.current(np.arange(5)), other.current(np.arange(5)), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+    n, n_dofs, n_basis = (int(k) for k in rng.integers(1, [7, 5, 23]))
+    n_deviations = int(rng.choice([1, 3, 15]))
+    index = rng.permutation(n)[: rng.integers(1, n + 1)] if seed % 2 else None
+    one, other = (random_batch(np.random.default_rng(seed), n, n_dofs, n_basis) for _ in range(2))
+    deviation = rng.dirichlet(np.ones(n_deviations), size=n)
+    deviations = deviation.copy(), deviation
+    for _ in range(3):
+        k = n if index is None else len(index)
+        measurement = a_measurement(rng, k, n_dofs, n_basis, n_deviations)
+        found = one.condition(measurement, deviations[0], index)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(batch_module, "KERNEL", "numpy")
+            expected = other.condition(measurement, deviations[1], index)
+        for a, b in zip(found, expected, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(one.state, other.state, rtol=1e-10, atol=1e-11)
+        np.testing.assert_allclose(*deviations, rtol=1e-9, atol=1e-12)
 
 
-def test_downdates_may_be_applied_a_part_at_a_time():
-    """Also where an observation comes before all parts are."""
-    parts, whole = random_batch(np.random.default_rng(3)), random_batch(np.random.default_rng(3))
-    found = []
-    for k, step in enumerate(steps(np.random.default_rng(4))):
-        np.testing.assert_allclose(parts.condition(*step), whole.condition(*step), rtol=1e-12)
-        found += [parts.catch_up() for _ in range(k % 4)]
-    assert any(found)
-    assert not all(found)
-    for a, b in zip(parts.current(np.arange(5)), whole.current(np.arange(5)), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+def test_the_update_in_use_can_be_chosen():
+    """By the environment, before the package is imported; `--version` says it."""
+    for wanted, expected in (("numpy", "update: numpy"), ("cuda", "c or numpy, got cuda")):
+        code = "from intent_recognition.cli.main import main; main(['--version'])"
+        run = subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"INTENT_KERNEL": wanted},
+            capture_output=True,
+            text=True,
+        )
+        assert expected in run.stdout + run.stderr
 
 
-def test_looking_at_the_current_distributions_changes_nothing(rng):
-    looked, left = random_batch(np.random.default_rng(1)), random_batch(np.random.default_rng(1))
-    for step in steps(rng):
-        looked.condition(*step)
-        left.condition(*step)
-        mean, covariance = looked.current(np.array([3, 1]))
-    left.apply_downdates()
-    assert np.array_equal(looked.current(np.arange(5))[1], left.covariance)
-    assert np.array_equal(covariance, np.swapaxes(covariance, 1, 2))
-    np.testing.assert_allclose(mean, left.mean[[3, 1]], rtol=1e-12, atol=1e-12)
+def test_moments_and_mixture_are_those_that_went_in(rng):
+    mean, root = rng.normal(size=(4, 6)), rng.normal(size=(4, 6, 6))
+    covariance = root @ np.swapaxes(root, 1, 2)
+    batch = GaussianBatch.of(mean, covariance, 2)
+    assert np.array_equal(batch.moments()[0], mean)
+    assert np.array_equal(batch.moments(np.array([2, 0]))[1], covariance[[2, 0]])
+    weight = rng.dirichlet(np.ones(4))
+    for ours, expected in zip(
+        batch.mixture(weight), mixture_moments(weight, mean, covariance), strict=True
+    ):
+        np.testing.assert_allclose(ours, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_each_hypothesis_may_have_its_own_noise(rng):
-    block = random_batch(np.random.default_rng(2))
-    alone = [random_batch(np.random.default_rng(2)) for _ in range(5)]
-    for dofs, rows, values, noise in steps(rng):
-        noises = noise * np.array([1.0, 0.1, 10.0, 2.0, 0.5])[:, None, None]
-        density = block.condition(dofs, rows, values, noises)
-        for b, single in enumerate(alone):
-            expected = single.condition(dofs, rows, values, noises[b])[b]
-            assert density[b] == pytest.approx(expected, rel=1e-12)
-    for b, single in enumerate(alone):
-        index = np.array([b])
-        np.testing.assert_allclose(block.current(index)[1], single.current(index)[1], atol=1e-12)
+@pytest.mark.parametrize(
+    "bad", ["values", "rows", "noise_covariance", "negative noise", "own noise"]
+)
+def test_a_refused_measurement_leaves_everything_as_it_was(rng, bad):
+    batch, deviation = random_batch(rng), rng.dirichlet(np.ones(3), size=5)
+    before = batch.state.copy(), deviation.copy()
+    good = LinearMeasurement(np.arange(3), rng.normal(size=(5, 3, 20)), np.zeros(3), np.eye(3))
+    if bad == "negative noise":
+        measurement = good._replace(noise_covariance=-1e6 * np.eye(3))
+    elif bad == "own noise":
+        noise = np.repeat(np.eye(3)[None], 5, axis=0)
+        noise[4] *= -1e6
+        measurement = good._replace(noise_covariance=noise)
+    else:
+        array = getattr(good, bad).copy()
+        array.flat[-1] = np.nan
+        measurement = good._replace(**{bad: array})
+    with pytest.raises(ArgumentError, match=r"innovation covariance.*number|finite|definite"):
+        batch.condition(measurement, deviation)
+    for ours, expected in zip((batch.state, deviation), before, strict=True):
+        assert np.array_equal(ours, expected)
 
 
-def test_a_refused_observation_leaves_everything_as_it_was(rng):
-    refused, spared = random_batch(np.random.default_rng(3)), random_batch(np.random.default_rng(3))
-    for k, step in enumerate(steps(rng)):
-        if k % 4 == 1:
-            for bad in (np.nan, -1e6):
-                with pytest.raises(ArgumentError, match="innovation covariance"):
-                    refused.condition(*step[:3], bad * np.eye(len(step[0])))
-        density = refused.condition(*step)
-        np.testing.assert_allclose(density, spared.condition(*step), rtol=1e-12)
+@pytest.mark.parametrize("part", ["rows", "values", "noise_covariance", "transition"])
+def test_arrays_that_do_not_fit_are_refused(rng, part):
+    measurement = LinearMeasurement(
+        np.arange(3), np.ones((5, 2, 20)), np.zeros(3), np.eye(3), np.ones((5, 2, 2))
+    )
+    wrong = measurement._replace(**{part: getattr(measurement, part)[:-1]})
+    with pytest.raises(ShapeError, match=r"measurement: expected rows \(5, 2, 20\)"):
+        random_batch(rng).condition(wrong, np.full((5, 2), 0.5))
+
+
+@BUILT
+@pytest.mark.parametrize(
+    "change", [{"index": np.array([5])}, {"index": np.array([-1])}, {"dofs": np.array([3])}]
+)
+def test_nothing_outside_of_the_arrays_is_touched(rng, change):
+    index, dofs = change.get("index", np.array([0])), change.get("dofs", np.array([1]))
+    measurement = LinearMeasurement(dofs, np.ones((1, 1, 20)), np.zeros(1), np.eye(1))
+    with pytest.raises(ValueError, match="do not fit"):
+        random_batch(rng).condition(measurement, None, index)
+
+
+@BUILT
+def test_arrays_of_any_layout_are_taken_as_they_are(rng):
+    batches = [random_batch(np.random.default_rng(1)) for _ in range(2)]
+    rows = rng.normal(size=(20, 1, 5)).T
+    values, noise = np.arange(6)[::2], np.eye(3, dtype=np.float32)
+    plain = LinearMeasurement(np.arange(3), rows.copy(), values.astype(float), np.eye(3))
+    batches[0].condition(LinearMeasurement(np.arange(3, dtype=np.int32), rows, values, noise))
+    batches[1].condition(plain)
+    assert np.array_equal(batches[0].state, batches[1].state)
 
 
 @pytest.mark.slow
@@ -109,16 +158,16 @@ def test_ten_thousand_nearly_noiseless_updates_keep_a_covariance(resting):
     rng = np.random.default_rng(4)
     library = make_library(rng, n_basis=20)
     prior = library.observed_covariance[:2]
-    block = GaussianBatch(make_state(np.zeros((2, 60)), prior, 20), 20)
+    block = GaussianBatch.of(np.zeros((2, 60)), prior, 20)
     gram = np.zeros((20, 20))
     noise = 1e-8 * np.eye(3)
     for k in range(10_000):
         phase = np.full(2, 0.37) if resting else rng.uniform(size=2)
         row = library.basis.design_matrix(phase)
         gram += np.outer(row[0], row[0])
-        block.condition(np.arange(3), row[:, None], np.zeros(3), noise)
+        block.condition(LinearMeasurement(np.arange(3), row[:, None], np.zeros(3), noise))
         if k % 500 == 499:
-            covariance = block.current(np.arange(2))[1]
+            covariance = block.moments()[1]
             assert np.array_equal(covariance, np.swapaxes(covariance, 1, 2))
             assert np.linalg.eigvalsh(covariance).min() > 0.0
     if resting:  # as good as one observation with a ten-thousandth of the noise
@@ -132,47 +181,22 @@ def test_ten_thousand_nearly_noiseless_updates_keep_a_covariance(resting):
     assert error <= 1e-9 * np.abs(prior[0]).max()
 
 
-@settings(max_examples=15)
-@given(seeds)
-def test_what_is_predicted_is_that_of_the_distributions_in_force(seed):
-    """With rows pending and without; looking changes nothing."""
-    rng = np.random.default_rng(seed)
-    looked, left = (random_batch(np.random.default_rng(seed)) for _ in range(2))
-    for k, step in enumerate(steps(rng, count=6)):
-        looked.condition(*step)
-        left.condition(*step)
-        if k == 3:
-            looked.apply_downdates()
-            left.apply_downdates()
-        dofs, row = rng.permutation(3)[: rng.integers(1, 4)], rng.normal(size=(5, 20))
-        mean, covariance = looked.predicted(dofs, row)
-        current = looked.current(np.arange(5))
-        for b in range(5):
-            H = np.kron(np.eye(3)[dofs], row[b])
-            np.testing.assert_allclose(covariance[b], H @ current[1][b] @ H.T, atol=1e-9)
-            expected = current[0][b].reshape(3, 20)[dofs]
-            np.testing.assert_allclose(mean[b], expected, rtol=1e-9, atol=1e-9)
-    for a, b in zip(looked.current(np.arange(5)), left.current(np.arange(5)), strict=True):
-        assert np.array_equal(a, b)
-
-
 def test_each_may_have_its_own_values_and_a_student_density_conditions_alike(rng):
-    prior = random_batch(np.random.default_rng(6)).current(np.arange(5))
     batch, normal = (random_batch(np.random.default_rng(6)) for _ in range(2))
-    dofs, rows, _, noise = next(steps(rng))
-    values = rng.normal(size=(5, len(dofs)))
-    density = batch.condition(dofs, rows, values, noise, 4.0)
-    normal.condition(dofs, rows, values, noise)
-    mean, covariance = batch.current(np.arange(5))
-    assert np.array_equal(mean, normal.current(np.arange(5))[0])
+    prior = batch.moments()
+    one = a_measurement(rng, 5, 3, 20)
+    one = one._replace(values=rng.normal(size=(5, len(one.dofs))), degrees_of_freedom=4.0)
+    density, _ = batch.condition(one)
+    normal.condition(one._replace(degrees_of_freedom=np.inf))
+    assert np.array_equal(batch.state, normal.state)
+    mean, covariance = batch.moments()
+    noise = np.broadcast_to(one.noise_covariance, (5, len(one.dofs), len(one.dofs)))
     for b in range(5):
-        H = np.zeros((len(dofs), 60))
-        for i, dof in enumerate(dofs):
-            H[i, dof * 20 : (dof + 1) * 20] = rows[b, min(i, rows.shape[1] - 1)]
+        H = np.kron(np.eye(3)[one.dofs], one.rows[b])
         before = Gaussian(prior[0][b], prior[1][b])
-        expected, _ = condition(before, H, values[b], noise)
+        expected, _ = condition(before, H, one.values[b], noise[b])
         np.testing.assert_allclose(mean[b], expected.mean, atol=1e-9)
         np.testing.assert_allclose(covariance[b], expected.covariance, atol=1e-9)
-        spread = H @ before.covariance @ H.T + noise
-        found = multivariate_t(H @ before.mean, spread, df=4.0).logpdf(values[b])
+        spread = H @ before.covariance @ H.T + noise[b]
+        found = multivariate_t(H @ before.mean, spread, df=4.0).logpdf(one.values[b])
         assert density[b] == pytest.approx(found, rel=1e-9)

@@ -1,0 +1,249 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * One measurement y = H w + e conditions n Gaussians over the weights w of P DOFs with N basis functions each, together
+ * with the phase deviation of each, which has E values (E = 1: the plain update, Maeda et al. 2014, Eq. 6). `batch.py`
+ * says the same in numpy, and calls this. Each covariance is read once and written once.
+ *
+ * A row of the state holds the D = P N means and then the upper triangle of the covariance, line by line.
+ */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <math.h>
+#include <string.h>
+
+#if defined(__GNUC__) && defined(__x86_64__)
+#define ON_EACH_PROCESSOR 1
+#endif
+#if defined(__GNUC__)
+#define INLINE static inline __attribute__((always_inline))
+#define FETCH(address) __builtin_prefetch(address, 1)
+#else
+#define INLINE static inline
+#define FETCH(address)
+#endif
+
+typedef Py_ssize_t Size;
+typedef struct {
+    Size n_rows, n, P, N, m, E, D, width;
+    double *state, *deviation, *density, *likelihood, *scratch;
+    const double *transition, *rows, *values, *noise;
+    const int64_t *index, *dofs;
+    Size values_step, noise_step; /* 0 where all share them */
+    double exponent, freedom, constant;
+} Work;
+
+INLINE const double *line(const double *upper, Size D, Size a) { return upper + a * (2 * D - a - 1) / 2; }
+
+INLINE double dot(Size n, const double *a, const double *b) {
+    double sum = 0.0;
+#pragma omp simd reduction(+ : sum)
+    for (Size k = 0; k < n; k++) sum += a[k] * b[k];
+    return sum;
+}
+
+/* The covariance of a DOF's value with all weights, (D,): its row of H C. */
+INLINE void project(Size D, Size N, const double *upper, const double *row, Size dof, double *restrict out) {
+    Size first = dof * N;
+    for (Size a = 0; a < first; a++) out[a] = dot(N, row, line(upper, D, a) + first);
+    for (Size a = first; a < D; a++) out[a] = 0.0;
+    for (Size a = first; a < first + N; a++) {
+        const double *c = line(upper, D, a), factor = row[a - first];
+        out[a] += dot(first + N - a - 1, row + (a - first) + 1, c + a + 1);
+        for (Size b = a; b < D; b++) out[b] += factor * c[b];
+    }
+}
+
+/* The covariance of the values of two DOFs that share a row. */
+INLINE double between(Size D, Size N, const double *upper, const double *row, Size one, Size other) {
+    Size i = one < other ? one : other, j = one < other ? other : one;
+    double sum = 0.0;
+    for (Size k = 0; k < N; k++) {
+        const double *c = line(upper, D, i * N + k) + j * N;
+        sum += row[k] * (i < j ? dot(N, row, c) : row[k] * c[k] + 2.0 * dot(N - k - 1, row + k + 1, c + k + 1));
+    }
+    return sum;
+}
+
+/* rows <- L^-1 rows for S = L L^T (m, m), of which the upper triangle is used and becomes L^T; 0: not positive definite. */
+INLINE int whiten(Size m, Size width, double *restrict S, double *restrict rows) {
+    for (Size i = 0; i < m; i++) {
+        if (!(S[i * m + i] > 0.0 && S[i * m + i] < INFINITY)) return 0;
+        double scale = 1.0 / sqrt(S[i * m + i]);
+        for (Size j = i; j < m; j++) S[i * m + j] *= scale;
+        for (Size j = 0; j < width; j++) rows[i * width + j] *= scale;
+        for (Size k = i + 1; k < m; k++) {
+            double factor = S[i * m + k];
+            for (Size j = k; j < m; j++) S[k * m + j] -= factor * S[i * m + j];
+            for (Size j = 0; j < width; j++) rows[k * width + j] -= factor * rows[i * width + j];
+        }
+    }
+    return 1;
+}
+
+INLINE double log_density(const Work *w, double squares, const double *L) {
+    double log_scale = 0.0;
+    for (Size i = 0; i < w->m; i++) log_scale += log(L[i * w->m + i]);
+    if (isinf(w->freedom)) return w->constant - 0.5 * squares - log_scale;
+    return w->constant - log_scale - 0.5 * (w->freedom + w->m) * log1p(squares / w->freedom);
+}
+
+/* What the measurement says of the deviation of a row: changes it, and adds what it leaves open to the noise. */
+INLINE int weigh(const Work *w, Size h, const double *mean, double *deviation, double *noise, double *row, double *S,
+                 double *apart, double *own, double *moved) {
+    Size m = w->m, N = w->N, E = w->E;
+    const double *rows = w->rows + h * E * N, *y = w->values + h * w->values_step;
+    double *likelihood = w->likelihood + h * E, best = -INFINITY, total = 0.0, sum = 0.0;
+    memcpy(moved, deviation, E * sizeof(double));
+    if (w->transition) {
+        memset(moved, 0, E * sizeof(double));
+        for (Size e = 0; e < E; e++)
+            for (Size f = 0; f < E; f++) moved[f] += deviation[e] * w->transition[(h * E + e) * E + f];
+    }
+    memset(row, 0, N * sizeof(double));
+    for (Size e = 0; e < E; e++)
+        for (Size k = 0; k < N; k++) row[k] += moved[e] * rows[e * N + k];
+    for (Size i = 0; i < m; i++) {
+        for (Size j = i; j < m; j++)
+            S[i * m + j] = noise[i * m + j] + between(w->D, N, mean + w->D, row, w->dofs[i], w->dofs[j]);
+        for (Size e = 0; e < E; e++)
+            own[i * E + e] = apart[i * E + e] = y[i] - dot(N, rows + e * N, mean + w->dofs[i] * N);
+    }
+    if (!whiten(m, E, S, own)) return 0;
+    for (Size e = 0; e < E; e++) {
+        double squares = 0.0;
+        for (Size i = 0; i < m; i++) squares += own[i * E + e] * own[i * E + e];
+        own[e] = log_density(w, squares, S);
+        if (own[e] > best) best = own[e];
+    }
+    for (Size e = 0; e < E; e++) {
+        total += moved[e] * exp(own[e] - best);
+        likelihood[e] = exp(w->exponent * (own[e] - best));
+        sum += deviation[e] = moved[e] * likelihood[e];
+    }
+    w->density[h] = log(total) + best;
+    memset(row, 0, N * sizeof(double));
+    for (Size e = 0; e < E; e++) {
+        deviation[e] /= sum;
+        for (Size k = 0; k < N; k++) row[k] += deviation[e] * rows[e * N + k];
+    }
+    for (Size i = 0; i < m; i++) {
+        double expected = dot(E, deviation, apart + i * E);
+        for (Size e = 0; e < E; e++) apart[i * E + e] -= expected;
+    }
+    for (Size i = 0; i < m; i++)
+        for (Size j = 0; j < m; j++)
+            for (Size e = 0; e < E; e++) noise[i * m + j] += deviation[e] * apart[i * E + e] * apart[j * E + e];
+    return 1;
+}
+
+/* Returns -1, or the first hypothesis whose innovation covariance is not positive definite. */
+INLINE Size condition_all(const Work *w) {
+    const Size m = w->m, N = w->N, E = w->E, D = w->D, columns = D + 1;
+    double *V = w->scratch, *S = V + m * columns, *noise = S + m * m, *row = noise + m * m, *apart = row + N,
+           *own = apart + m * E, *moved = own + m * E;
+    for (Size h = 0; h < w->n; h++) {
+        Size at = w->index ? w->index[h] : h, next = h + 1 < w->n ? (w->index ? w->index[h + 1] : h + 1) : at;
+        double *mean = w->state + at * w->width, *upper = mean + D;
+        const double *y = w->values + h * w->values_step, *ahead = w->state + next * w->width;
+        memcpy(noise, w->noise + h * w->noise_step, m * m * sizeof(double));
+        memcpy(row, w->rows + h * N, N * sizeof(double));
+        if (E > 1 && !weigh(w, h, mean, w->deviation + at * E, noise, row, S, apart, own, moved)) return h;
+        for (Size i = 0; i < m; i++) {
+            double *v = V + i * columns;
+            project(D, N, upper, row, w->dofs[i], v);
+            v[D] = y[i] - dot(N, row, mean + w->dofs[i] * N);
+        }
+        for (Size i = 0; i < m; i++)
+            for (Size j = i; j < m; j++) S[i * m + j] = noise[i * m + j] + dot(N, row, V + i * columns + w->dofs[j] * N);
+        if (!whiten(m, columns, S, V)) return h;
+        if (E == 1) {
+            double squares = 0.0;
+            for (Size i = 0; i < m; i++) squares += V[i * columns + D] * V[i * columns + D];
+            w->density[h] = log_density(w, squares, S), w->likelihood[h] = 1.0;
+        }
+        for (Size i = 0; i < m; i++)
+            for (Size j = 0; j < D; j++) mean[j] += V[i * columns + D] * V[i * columns + j];
+        for (Size a = 0; a < D; a++) {
+            double *restrict c = upper + a * (2 * D - a - 1) / 2;
+            Size i = 0;
+            for (Size b = a; b < D; b += 8) FETCH(ahead + (c - mean) + b);
+            for (; i + 3 <= m; i += 3) {
+                const double *u = V + i * columns, *v = u + columns, *x = v + columns;
+                double p = u[a], q = v[a], r = x[a];
+                for (Size b = a; b < D; b++) c[b] -= p * u[b] + q * v[b] + r * x[b];
+            }
+            for (; i < m; i++) {
+                const double *u = V + i * columns;
+                double p = u[a];
+                for (Size b = a; b < D; b++) c[b] -= p * u[b];
+            }
+        }
+    }
+    return -1;
+}
+
+static Size condition_anywhere(const Work *w) { return condition_all(w); }
+#ifdef ON_EACH_PROCESSOR
+__attribute__((target("avx2,fma"))) static Size condition_avx2(const Work *w) { return condition_all(w); }
+#endif
+
+/* Whether nothing can go wrong on the way: what is measured is finite, and every noise positive definite. */
+static Size refused(const Work *w) {
+    Size n_values = w->values_step ? w->n * w->m : w->m, n_noises = w->noise_step ? w->n : 1;
+    for (Size k = 0; k < n_values; k++)
+        if (!isfinite(w->values[k])) return k / w->m;
+    for (Size k = 0; k < w->n * w->E * w->N; k++)
+        if (!isfinite(w->rows[k])) return k / (w->E * w->N);
+    for (Size h = 0; h < n_noises; h++) {
+        memcpy(w->scratch, w->noise + h * w->m * w->m, w->m * w->m * sizeof(double));
+        if (!whiten(w->m, 0, w->scratch, w->scratch + w->m * w->m)) return h;
+    }
+    return -1;
+}
+
+/* condition(state, index, deviation, dofs, rows, values, noise, transition, density, likelihood, P, N, exponent, freedom) */
+static PyObject *condition(PyObject *module, PyObject *arguments) {
+    Py_buffer b[10];
+    Work w;
+    Size found = -2;
+    memset(b, 0, sizeof b);
+    if (!PyArg_ParseTuple(arguments, "w*z*w*y*y*y*y*z*w*w*nndd:condition", b, b + 1, b + 2, b + 4, b + 5, b + 6, b + 7,
+                          b + 3, b + 8, b + 9, &w.P, &w.N, &w.exponent, &w.freedom))
+        return NULL;
+    w.state = b[0].buf, w.index = b[1].buf, w.deviation = b[2].buf, w.transition = b[3].buf, w.dofs = b[4].buf;
+    w.rows = b[5].buf, w.values = b[6].buf, w.noise = b[7].buf, w.density = b[8].buf, w.likelihood = b[9].buf;
+    w.D = w.P * w.N, w.width = w.D + w.D * (w.D + 1) / 2, w.n = b[8].len / 8, w.m = b[4].len / 8;
+    w.n_rows = w.width > 0 ? b[0].len / 8 / w.width : 0, w.E = w.n_rows ? b[2].len / 8 / w.n_rows : 1;
+    w.values_step = b[6].len / 8 == w.m ? 0 : w.m, w.noise_step = b[7].len / 8 == w.m * w.m ? 0 : w.m * w.m;
+    int fits = w.P > 0 && w.N > 0 && w.m > 0 && w.E > 0 && b[0].len == 8 * w.n_rows * w.width &&
+               b[1].len == (w.index ? 8 * w.n : 0) && (w.index || w.n == w.n_rows) && b[2].len == 8 * w.n_rows * w.E &&
+               b[3].len == (w.transition ? 8 * w.n * w.E * w.E : 0) && b[5].len == 8 * w.n * w.E * w.N &&
+               b[6].len == 8 * w.m * (w.values_step ? w.n : 1) && b[9].len == 8 * w.n * w.E &&
+               b[7].len == 8 * w.m * w.m * (w.noise_step ? w.n : 1);
+    for (Size i = 0; fits && i < w.m; i++) fits = w.dofs[i] >= 0 && w.dofs[i] < w.P;
+    for (Size h = 0; fits && w.index && h < w.n; h++) fits = w.index[h] >= 0 && w.index[h] < w.n_rows;
+    if (fits) {
+        w.scratch = PyMem_Malloc(sizeof(double) * (w.m * (w.D + 1 + 2 * w.m + 2 * w.E) + w.N + w.E));
+        if (w.scratch) {
+            w.constant = -0.5 * (double)w.m * log(2.0 * 3.14159265358979323846);
+            if (!isinf(w.freedom))
+                w.constant = lgamma(0.5 * (w.freedom + w.m)) - lgamma(0.5 * w.freedom) -
+                             0.5 * w.m * log(w.freedom * 3.14159265358979323846);
+            found = refused(&w);
+#ifdef ON_EACH_PROCESSOR
+            if (found < 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found = condition_avx2(&w);
+            else
+#endif
+            if (found < 0) found = condition_anywhere(&w);
+            PyMem_Free(w.scratch);
+        } else
+            PyErr_NoMemory();
+    } else
+        PyErr_SetString(PyExc_ValueError, "the arrays do not fit each other");
+    for (int k = 0; k < 10; k++) PyBuffer_Release(b + k);
+    return found == -2 ? NULL : PyLong_FromSsize_t(found);
+}
+
+static PyMethodDef methods[] = {{"condition", condition, METH_VARARGS, NULL}, {NULL, NULL, 0, NULL}};
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_kernel", NULL, 0, methods, NULL, NULL, NULL, NULL};
+PyMODINIT_FUNC PyInit__kernel(void) { return PyModule_Create(&module); }
