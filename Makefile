@@ -6,6 +6,7 @@ DEMO_ARGS ?=
 TEST_ARGS ?=
 JOBS ?= 4
 BENCH_ARGS ?=
+FIGURES ?=
 DOCS ?= out/docs
 
 BIN := $(VENV)/bin
@@ -18,7 +19,7 @@ export MPLBACKEND ?= Agg
 # A demo or a test starts many processes: each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help venv demo test coverage quick lint format bench docs reference clean
+.PHONY: help venv figures demo test coverage quick lint format bench docs reference clean
 .DEFAULT_GOAL := help
 
 help:
@@ -28,6 +29,7 @@ help:
 	@echo "make coverage  run the tests and show which branches never ran"
 	@echo "make lint   check style, formatting, types and spelling"
 	@echo "make bench  measure against the required figures"
+	@echo "make figures  measure the figures of README and docs again (FIGURES='demo speed')"
 	@echo "make docs   build the site in $(DOCS)"
 	@echo "make venv   only create $(VENV)"
 
@@ -82,6 +84,9 @@ bench: $(VENV)/.bench
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs -b html . $(DOCS)
 	@echo "the site is at $(DOCS)/index.html"
+
+figures: $(VENV)/.bench
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/tools/figures.py $(FIGURES)
 
 reference: $(VENV)/.runtime
 	$(BIN)/python docs/tools/write_reference.py

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures that README and docs show: measured by commands, kept in docs/figures.json.
+
+`python docs/tools/figures.py NAME ...` runs the commands of these figures (all without a name; some
+take an hour), keeps what they measured, and writes it into the pages. `--write` runs nothing.
+
+A page shows a table or a printed text between `<!-- figures NAME -->` and `<!-- end -->`, and a
+single value before `<!--NAME.KEY-->`.
+"""
+
+import argparse
+import json
+import re
+import shlex
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+FILE = ROOT / "docs" / "figures.json"
+OUT = Path("out/figures")
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+BLOCK = re.compile(r"(?<=<!-- figures )(\S+) -->\n.*?(?=<!-- end -->)", re.DOTALL)
+INLINE = re.compile(r"[^\s|(]+(?=<!--([\w./]+)\.(\w+)-->)")
+EXPERIMENTS = {
+    **dict.fromkeys(("pointing", "pole", "toolbox"), " --seeds 10"),
+    **dict.fromkeys(("sparse", "noise", "alignment", "assembly", "feedback", "context"), ""),
+    **dict.fromkeys(("change_of_mind", "clearance", "skills", "constraints", "grasps"), ""),
+    "pouring": "",
+}
+"""The papers' experiments, and what they are asked for besides the shipped recordings."""
+
+
+class Source(NamedTuple):
+    """A command, the JSON file that it writes, and what to keep of it."""
+
+    command: str
+    result: Path
+    keep: Callable[[Any], dict]
+
+
+def _findings(name: str) -> Callable[[Any], dict]:
+    """Rows of an experiment: what, the paper's figure, ours."""
+
+    def keep(numbers: Any) -> dict:
+        found = numbers["experiments"][name]["findings"]
+        rows = [[f["quantity"], f["paper"] or "-", f["ours"]] for f in found]
+        return {"rows": [["", "paper or required", "ours"], *rows]}
+
+    return keep
+
+
+def _benchmarks(results: Any) -> dict:
+    rows = []
+    for one in results:
+        values = [f"{one[key]:.3g} {one['unit']}".strip() for key in ("required", "measured")]
+        short = one["verdict"] != "ok"
+        shown = f"**{values[1]}, falls short**" if short else values[1]
+        rows.append([one["name"], f"{one['direction']} {values[0]}", shown])
+    return {"rows": [["what", "required", "measured"], *rows]}
+
+
+def _demo(numbers: Any) -> dict:
+    line = textwrap.fill(numbers["summary"]["line"], 100, subsequent_indent="  ")
+    return {"text": line, "values": {"recognised": line.split()[2].rstrip(",")}}
+
+
+SOURCES = {
+    **{
+        f"experiments/{name}": Source(
+            f"intent experiments {name}{more} --output {OUT / name}",
+            OUT / name / "numbers.json",
+            _findings(name),
+        )
+        for name, more in EXPERIMENTS.items()
+    },
+    "speed": Source(
+        f"python -m benchmarks --json {OUT / 'speed.json'}", OUT / "speed.json", _benchmarks
+    ),
+    "demo": Source(
+        f"intent demo --headless --seed 1 --output {OUT / 'demo'} --json {OUT / 'demo.json'}",
+        OUT / "demo.json",
+        _demo,
+    ),
+}
+
+
+def load() -> dict[str, dict]:
+    """What was measured, by name: command, version, and rows, text or values."""
+    return json.loads(FILE.read_text(encoding="utf-8"))
+
+
+def measured(name: str) -> dict:
+    """Run the command of a figure; what is to be kept of it."""
+    from intent_recognition import __version__
+
+    source = SOURCES[name]
+    (ROOT / OUT).mkdir(parents=True, exist_ok=True)
+    words = shlex.split(source.command)
+    words[:1] = (
+        [sys.executable] if words[0] == "python" else [str(Path(sys.executable).parent / words[0])]
+    )
+    subprocess.run(words, cwd=ROOT, check=False)  # 1 where a figure is missed
+    found = json.loads((ROOT / source.result).read_text(encoding="utf-8"))
+    return {"command": source.command, "version": __version__, **source.keep(found)}
+
+
+def with_figures(page: str, figures: Mapping[str, Mapping]) -> str:
+    """The text of a page with the figures in their places."""
+
+    def block(match: re.Match) -> str:
+        return f"{match[1]} -->\n{_shown(figures[match[1]])}\n"
+
+    page = BLOCK.sub(block, page)
+    return INLINE.sub(lambda match: figures[match[1]]["values"][match[2]], page)
+
+
+def _shown(figure: Mapping) -> str:
+    if "text" in figure:
+        return f"```text\n{figure['text']}\n```"
+    head, *rows = figure["rows"]
+    lines = ["| " + " | ".join(row) + " |" for row in (head, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])
+
+
+def main() -> None:
+    """Measure, keep, and write the pages."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SOURCES))
+    parser.add_argument("--write", action="store_true", help="only write the pages")
+    args = parser.parse_args()
+    figures = load()
+    for name in () if args.write else args.names or SOURCES:
+        figures[name] = measured(name)
+        text = json.dumps(dict(sorted(figures.items())), indent=1, ensure_ascii=False)
+        FILE.write_text(text + "\n", encoding="utf-8")
+    for path in PAGES:
+        page = path.read_text(encoding="utf-8")
+        path.write_text(with_figures(page, figures), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

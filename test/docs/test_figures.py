@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of README and docs are those of docs/figures.json, which commands write."""
+
+import re
+import sys
+
+import pytest
+from docs.shown import ROOT
+
+sys.path.append(str(ROOT / "docs" / "tools"))
+import figures
+
+MEASURED = ("docs/experiments.md", "docs/speed.md")
+"""Pages all of whose tables are measured."""
+
+
+@pytest.mark.parametrize("path", figures.PAGES, ids=lambda path: path.name)
+def test_a_page_shows_what_was_measured(path):
+    page = path.read_text(encoding="utf-8")
+    assert figures.with_figures(page, figures.load()) == page, "run docs/tools/figures.py --write"
+
+
+def test_every_figure_has_a_command_and_is_shown():
+    kept = figures.load()
+    assert set(kept) == set(figures.SOURCES)
+    for name, figure in kept.items():
+        assert figures.SOURCES[name].command.startswith(figure["command"].split(" --")[0])
+    pages = "".join(path.read_text(encoding="utf-8") for path in figures.PAGES)
+    assert set(re.findall(r"<!-- figures (\S+) -->", pages)) == set(kept)
+
+
+@pytest.mark.parametrize("page", MEASURED)
+def test_every_table_of_measurements_comes_from_a_command(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert not re.search(r"^\|", figures.BLOCK.sub("", text), re.MULTILINE)
+
+
+def test_values_and_tables_are_written_in_their_places():
+    kept = {"a/b": {"rows": [["x", "y"], ["1", "2"]], "values": {"n": "7/8"}}}
+    page = "<!-- figures a/b -->\nold\n<!-- end -->\nIt was 1/2<!--a/b.n--> (4<!--a/b.n-->)."
+    table = "| x | y |\n|---|---|\n| 1 | 2 |\n"
+    expected = (
+        f"<!-- figures a/b -->\n{table}<!-- end -->\nIt was 7/8<!--a/b.n--> (7/8<!--a/b.n-->)."
+    )
+    assert figures.with_figures(page, kept) == expected
+
+
+def test_findings_and_benchmarks_become_rows():
+    finding = {"quantity": "error", "paper": "", "ours": "2 cm", "holds": None, "remark": "-"}
+    numbers = {"experiments": {"pole": {"findings": [finding]}}}
+    rows = figures.SOURCES["experiments/pole"].keep(numbers)["rows"]
+    assert rows[1:] == [["error", "-", "2 cm"]]
+    result = {"name": "one", "measured": 17.71, "required": 20.0, "direction": "at least"}
+    (row,) = figures.SOURCES["speed"].keep([result | {"unit": "x", "verdict": "falls short"}])[
+        "rows"
+    ][1:]
+    assert row == ["one", "at least 20 x", "**17.7 x, falls short**"]
