@@ -93,7 +93,7 @@ def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[Seen]:
         p = estimate.probabilities
         end_std = None
         # `decide` asks for the end of a task that may become active, and of no other one.
-        if p.max() >= settings.threshold and estimate.task not in (NONE, decision.active):
+        if estimate.task not in (NONE, decision.active):
             end_std = estimator.predicted_end_std()
         decision, _ = decide(settings, decision, estimate.labels, p, end_std, estimate.log_evidence)
         yield Seen(float(samples.times_s[k]), estimate, decision)

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import ActiveInteraction, PredictedInteraction
-from intent_recognition.recognition import DecisionState, decide, is_certain, uncertain_end
+from intent_recognition.promp import NONE
+from intent_recognition.recognition import (
+    DecisionSettings,
+    DecisionState,
+    decide,
+    is_certain,
+    possible_tasks,
+    uncertain_end,
+)
 
 _LARGEST_AHEAD_NS = 1_000_000_000
 """A stamp may be ahead of the clock by this [ns]. Convention: clocks of a graph differ by less."""
@@ -31,6 +39,20 @@ class _Estimate(NamedTuple):
         )
 
 
+def _question(
+    settings: DecisionSettings,
+    state: DecisionState,
+    labels: Sequence[str],
+    probabilities: NDArray[np.float64],
+) -> dict[str, float]:
+    """What may be asked; see `EstimatorInbox`."""
+    chances = dict(zip(labels, np.asarray(probabilities).tolist(), strict=True))
+    if state.idle or state.active or chances[NONE] >= 0.5:
+        return {}
+    possible = possible_tasks(settings, labels, probabilities)
+    return {label: chances[label] for label in possible} if len(possible) > 1 else {}
+
+
 def _same(a: NDArray[np.float64] | None, b: NDArray[np.float64] | None) -> bool:
     return a is b if a is None or b is None else np.array_equal(a, b)
 
@@ -44,6 +66,8 @@ class EstimatorInbox:
 
     Attributes:
         decision: the state of the decision.
+        question: the tasks that the movement under way may be while none is acted on, and their
+            probabilities; empty where there is but one, or none of them is as probable.
         held_back: why a recognised task is not executed (its end is uncertain), or empty.
         prediction: the newest, None while the human rests.
         unused: whether it has not been planned with yet.
@@ -67,6 +91,7 @@ class EstimatorInbox:
     def forget_interaction(self) -> None:
         """Nothing is recognised or predicted; the stamps taken stay taken."""
         self.decision, self.held_back = DecisionState(), ""
+        self.question: dict[str, float] = {}
         self.prediction: PredictedInteraction | None = None
         self.ordered: PredictedInteraction | None = None
         self._served_ns: int | None = None
@@ -151,6 +176,7 @@ class EstimatorInbox:
             self._received_ns = now_ns
         self._stamp_ns, self._estimate = stamp_ns, estimate
         self.decision = state
+        self.question = _question(settings, state, labels, probabilities)
         self._note_held_back(uncertain_end(settings, state, end_std))
         if state.idle:
             self.prediction = self._served_ns = None

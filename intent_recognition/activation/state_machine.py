@@ -133,6 +133,11 @@ class Activation:
         return "" if interaction is None else interaction.prediction.label
 
     @property
+    def question(self) -> dict[str, float]:
+        """Tasks that the movement under way may be, while none is acted on; empty else."""
+        return self._inbox.question
+
+    @property
     def corrected(self) -> PredictedInteraction | None:
         """What the arm follows, if a person has corrected it by hand."""
         return self._motions.corrected

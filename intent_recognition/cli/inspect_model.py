@@ -10,6 +10,7 @@ from rich.console import Console
 from intent_recognition.cli.console import brief_list, escape, plain_table, print_facts
 from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
+from intent_recognition.recognition import learned_risk
 
 MEANINGS = {
     "ridge": " (smoothness of what is learned)",
@@ -43,6 +44,7 @@ def model_json(model: Model) -> dict:
         "controlled_follows": library.phase_deviation.controlled_follows,
         "none_margin": library.none_margin,
         "switch_margin": library.switch_margin,
+        "left_out_odds": library.left_out_odds._asdict(),
         "correlation_time_s": library.correlation_time_s,
         "none_prior": library.none_prior,
         "dofs": model.dofs.to_dict(),
@@ -80,6 +82,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             " (evidence that a known task must have over it)",
             "change of mind": f"margin {library.switch_margin:.3g} nats (evidence that it must have"
             " over staying with the task)",
+            **({"risk": str(risk)} if (risk := learned_risk(library)) else {}),
             "noise": f"scale {library.noise_scale:.3g}, correlated over"
             f" {library.correlation_time_s:.3g} s",
             "progress": _progress(library),

@@ -65,6 +65,11 @@ class PathMarkers:
     tube: NDArray[np.float64]
 
 
+ASKED_AFTER_S = 0.5
+"""Time for which the same tasks must be in question before somebody is asked [s]. Convention: most
+movements are recognised before."""
+
+
 @dataclass(frozen=True)
 class NodeHealth:
     """The newest report of one node: level 0 to 3, message, values, when; whether the last."""
@@ -121,6 +126,8 @@ class CellState:
     skills: dict[str, list[SkillRow]] = field(default_factory=dict)
     via_points: tuple[ViaPoint, ...] = ()
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
+    _question: tuple[str, ...] = ()
+    _question_at_s: float = -np.inf
     _joints_at_s: dict[str, float] = field(default_factory=dict)
     _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
     _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))
@@ -134,6 +141,14 @@ class CellState:
     def can_undo(self) -> bool:
         """Whether the teacher has a change to take back."""
         return any(TO_UNDO in row.values for rows in self.skills.values() for row in rows)
+
+    def take_question(self, tasks: tuple[str, ...], now_s: float) -> None:
+        """The tasks that are in question, none where nothing is."""
+        self._question, self._question_at_s = tasks, now_s
+
+    def question(self, now_s: float) -> tuple[str, ...]:
+        """The tasks to ask about: those that have been in question for `ASKED_AFTER_S`."""
+        return self._question if now_s - self._question_at_s >= ASKED_AFTER_S else ()
 
     def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
         """A joint state, of all joints or some; names that keep changing are forgotten."""

@@ -13,6 +13,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from intent_recognition.nodes import qos
@@ -45,6 +46,7 @@ class Commands:
         self._calls: dict[str, tuple[Future, float]] = {}
         self.helping = True
         self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
+        self._answers = node.create_publisher(String, "intent/answer", qos.STATE)
 
     def offers(self, service: str, kind: type = Trigger) -> bool:
         """Whether a service is available, such as `task_teacher/start`."""
@@ -67,6 +69,10 @@ class Commands:
     def tell(self, task: str, values: Mapping[str, str]) -> None:
         """Say something about the execution of a task, now or last."""
         self._feedback.publish(DiagnosticStatus(name=task, values=key_values(values)))
+
+    def answer(self, task: str) -> None:
+        """Say which task the movement under way is."""
+        self._answers.publish(String(data=task))
 
     def gravity_compensation(self, enabled: bool) -> None:
         """Let the arm be guided, or hold it."""

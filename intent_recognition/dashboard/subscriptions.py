@@ -82,6 +82,7 @@ class CellSubscriptions:
             (JointTrajectory, "intent/robot_trajectory", self._on_predicted, qos.COMMAND),
             (MarkerArray, "intent/markers", self._on_markers, qos.COMMAND),
             (String, "intent/active_task", self._on_active, qos.LATCHED),
+            (JointState, "intent/question", self._on_question, qos.LATCHED),
             (String, "coworker/task", self._on_truth, qos.STATE),
             (String, "robot_description", self._on_description, qos.LATCHED),
             (String, "teach/status", self._on_teaching, qos.LATCHED),
@@ -134,6 +135,10 @@ class CellSubscriptions:
 
     def _on_active(self, message: String) -> None:
         self._state.active = checked_text("data", message.data)
+
+    def _on_question(self, message: JointState) -> None:
+        names = checked_names("name", message.name, MOST_TASKS)
+        self._state.take_question(names, self._clock())
 
     def _on_truth(self, message: String) -> None:
         self._state.truth = checked_text("data", message.data)

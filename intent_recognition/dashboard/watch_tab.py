@@ -2,6 +2,7 @@
 """The task posterior, its past and the phase; and the everyday controls."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import viser
@@ -44,6 +45,9 @@ class WatchTab:
         self._server, self._gui = server, gui
         self._empty = gui.add_html(markup.ways(NO_INPUT, NEXT_STEPS))
         self._bars = gui.add_html("")
+        self._question = gui.add_folder("Which task is it?", visible=False)
+        self._choices: dict[str, viser.GuiButtonHandle] = {}
+        self._do = do
         self._plot: viser.GuiUplotHandle | None = None
         self._plotted: tuple = ()
         self._plotted_at_s = -np.inf
@@ -65,6 +69,7 @@ class WatchTab:
         self._empty.visible = not present and not state.joints
         fresh = present and state.fresh(state.tasks_at_s, now_s)
         set_content(self._bars, markup.bars(state, colours, fresh))
+        self._ask(state.question(now_s) if fresh else ())
         self._place.visible = present
         if present and now_s - self._plotted_at_s >= PLOT_PERIOD_S:
             self._plotted_at_s = now_s
@@ -78,6 +83,21 @@ class WatchTab:
         self._reset.disabled = not offers(f"{ESTIMATOR}/reset")
         self._helps.disabled = not self._commands.can_switch_help()
         self._guide.disabled = not self._commands.can_guide()
+
+    def _ask(self, tasks: tuple[str, ...]) -> None:
+        """A button for each task in question."""
+        if tasks == tuple(self._choices):
+            return
+        for button in self._choices.values():
+            button.remove()
+        self._question.visible = bool(tasks)
+        with self._question:
+            self._choices = {task: self._gui.add_button(task) for task in tasks}
+        for task, button in self._choices.items():
+            button.on_click(partial(self._answer, task))
+
+    def _answer(self, task: str, _: viser.GuiEvent) -> None:
+        self._do(partial(self._commands.answer, task))
 
     def _draw(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         times, columns = state.posterior_past(now_s)

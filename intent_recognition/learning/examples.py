@@ -31,6 +31,8 @@ SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it. Convention."""
 SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
 """Samples of one movement that the filter uses (`filtering.SPACING`)."""
+GROUP = "group"
+"""Key of a recording's metadata that says whose it is."""
 MIN_DURATION_S = 0.2
 """Shortest movement that can be learned from [s]. Convention."""
 
@@ -49,6 +51,7 @@ class TrainingExample(NamedTuple):
         aligned: the example over the reference phase of its task, with another basis; None where
             nothing was aligned.
         context: what was known of the scene, (M,).
+        group: whose demonstration it is, such as a pair of people; "" where that is not known.
     """
 
     name: str
@@ -60,6 +63,7 @@ class TrainingExample(NamedTuple):
     controlled: NDArray[np.float64]
     aligned: TrainingExample | None = None
     context: NDArray[np.float64] = np.empty(0)
+    group: str = ""
 
 
 def sample_phases() -> NDArray[np.float64]:
@@ -173,6 +177,7 @@ def _assemble(
         np.hstack([_at(sample_phases(), part) for part in parts[:n_observed]]),
         np.hstack([_at(scored_phases(), part) for part in parts[n_observed:]]),
         context=recorded.context_values,
+        group=recorded.metadata.get(GROUP, ""),
     )
 
 

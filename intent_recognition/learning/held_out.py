@@ -7,7 +7,6 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from intent_recognition.filtering import Deviations
 from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement
@@ -141,21 +140,3 @@ def nearest_tasks(
         squares = [np.sum((tasks[k].mean - example.weights)[dofs] ** 2) for k in others]
         apart += len(dofs) * np.array(squares) / (np.mean(squares) or 1.0)
     return others[np.argsort(apart)[:MAX_RIVALS]]
-
-
-def conformal_bound(values: NDArray[np.float64], accepted: float) -> float:
-    """What one more value of the same kind exceeds with at most a probability.
-
-    Whatever the distribution (Vovk et al. 2005). Fewer values than that takes are extrapolated by
-    a normal distribution.
-
-    Args:
-        values: (n,), two or more.
-        accepted: the probability, in (0, 1).
-    """
-    n = len(values)
-    rank = int(np.ceil((n + 1) * (1.0 - accepted)))
-    if rank <= n:
-        return float(np.sort(values)[rank - 1])
-    quantile = float(ndtri(1.0 - accepted))
-    return float(max(values.mean() + quantile * values.std(ddof=1), values.max()))

@@ -21,7 +21,12 @@ from intent_recognition.learning.none_model import (
     none_timing,
 )
 from intent_recognition.learning.selection import STRENGTH
-from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
+from intent_recognition.learning.statistics import (
+    TaskStatistics,
+    pooled_moments,
+    summarize,
+    variance_scales,
+)
 from intent_recognition.promp import (
     Scatter,
     TaskLibrary,
@@ -111,6 +116,19 @@ class LeavingOut:
         mean[number] -= deviation / (task.n - 1)
         n[number] -= 1
         covariance = shared_covariance(rest, self._floor, STRENGTH)
+        return self._left_out(covariance, self._departed, mean, n)
+
+    def group(self, name: str) -> LeftOut | None:
+        """Without all demonstrations of a group; None where a task has no others."""
+        n_observed, size = self.library.n_observed, self.library.n_observed_weights
+        rest = [[e for e in task.examples if e.group != name] for task in self.statistics]
+        kept = [summarize(examples) for examples in rest if examples]
+        if len(kept) < len(rest) or sum(task.n for task in kept) == len(kept):
+            return None
+        pooled = observed_block(pooled_moments(kept), size)
+        mean = np.array([task.mean.ravel()[:size] for task in kept])
+        n = np.array([task.n for task in kept])
+        covariance = shared_covariance(pooled, self._floor[:n_observed], STRENGTH)
         return self._left_out(covariance, self._departed, mean, n)
 
     def _left_out(

@@ -7,7 +7,7 @@ hold other tasks that were born, compared with all the rest? A change of mind ha
 probable than that (docs/decisions/change_of_mind.md).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,10 +20,10 @@ from intent_recognition.filtering import (
     make_hypotheses,
 )
 from intent_recognition.learning.examples import TrainingExample, sample_phases
-from intent_recognition.learning.held_out import conformal_bound, paired_examples
+from intent_recognition.learning.held_out import paired_examples
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.statistics import TaskStatistics
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.promp import TaskLibrary, conformal_bound
 from intent_recognition.signals import observations_of
 
 FALSE_SWITCHES = 0.05
@@ -70,17 +70,26 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
         task: number of the true one.
         recorded: the movement.
     """
-    library = replace(library, switch_margin=0.0)
+    followed = follow(replace(library, switch_margin=0.0), recorded)
+    return max(-NEGLIGIBLE, *(_log_odds(born, left, task) for born, left in followed))
+
+
+def follow(
+    library: TaskLibrary, recorded: TrainingExample
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Log joint of born hypotheses and of those of the onset along a movement, by task (K,) each.
+
+    Args:
+        library: one that does not know the movement.
+        recorded: the movement.
+    """
     hypotheses = make_hypotheses(library, n_scales=N_FOLLOWED_SCALES)
     switched = SwitchedHypotheses(library, N_FOLLOWED_SCALES)
     run = MovementFilter(library, hypotheses, 0, switched=switched)
-    largest = -NEGLIGIBLE
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
         run.observe(observation)
-        born, left = switched.log_joint[:-1], switched.left(run.log_evidence)[:-1]
-        largest = max(largest, _log_odds(born, left, task))
-    return largest
+        yield switched.log_joint[:-1], switched.left(run.log_evidence)[:-1]
 
 
 def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:

@@ -18,6 +18,7 @@ from intent_recognition.learning.fitting import (
     library_from_statistics,
     statistics_of,
 )
+from intent_recognition.learning.left_out_odds import learn_left_out_odds
 from intent_recognition.learning.preprocessing import Preprocessing, example_of
 from intent_recognition.learning.selection import Hyperparameters, choose
 from intent_recognition.learning.settings import TrainingSettings
@@ -217,13 +218,15 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
 
 
 def with_margins(trained: Trained) -> Trained:
-    """The same with the margins over none and over staying that these demonstrations give."""
+    """The same with the margins and the risk of acting that these demonstrations give."""
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
     margin = learn_none_margin(trained.library, tasks, trained.tasks)
     library = replace(trained.library, none_margin=margin)
     if trained.preprocessing.settings.switching:
         margin = learn_switch_margin(library, tasks, trained.tasks)
         library = replace(library, switch_margin=margin)
+        odds = learn_left_out_odds(library, tasks, trained.tasks)
+        library = replace(library, left_out_odds=odds)
     return replace(trained, library=library)
 
 

@@ -17,7 +17,7 @@ from intent_recognition.model.arrays import (
     check_covariances,
     check_positive,
 )
-from intent_recognition.promp import NONE, PhaseDeviation
+from intent_recognition.promp import NONE, LeftOutOdds, PhaseDeviation
 
 DEVIATION_STD = "phase_deviation_std"
 LONGEST_LOG_S = 20.0
@@ -120,6 +120,19 @@ def evidence_freedom(path: str | Path, header: dict) -> float:
         expected = f"above zero and up to {LARGEST:g}, or null"
         raise ModelError.about(f"{path}: evidence_freedom", expected, found, RETRAIN)
     return float(found)
+
+
+def left_out_odds(path: str | Path, header: dict) -> LeftOutOdds:
+    """What is known of the risk of acting; nothing in models that were written without."""
+    try:
+        entry = header.get("left_out_odds", {"odds": [], "groups": []})
+        odds, groups = tuple(map(float, entry["odds"])), tuple(map(str, entry["groups"]))
+        if len(odds) != len(groups) or len(odds) == 1 or not np.all(np.isfinite(odds)):
+            raise ValueError(f"{len(odds)} odds of {len(groups)} demonstrations")
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        expected = "finite odds, one for each of two demonstrations or more"
+        raise ModelError.about(f"{path}: left_out_odds", expected, error, RETRAIN) from error
+    return LeftOutOdds(odds, groups)
 
 
 def phase_deviation(

@@ -31,6 +31,7 @@ from intent_recognition.model.checks import (
     check_values,
     evidence_freedom,
     labels_of,
+    left_out_odds,
     phase_deviation,
     shapes_of,
 )
@@ -141,6 +142,7 @@ def save_model(
             "controlled_follows": deviation.controlled_follows,
         },
         "evidence_freedom": None if isinf(library.evidence_freedom) else library.evidence_freedom,
+        "left_out_odds": library.left_out_odds._asdict(),
         "provenance": dict(library.provenance),
     }
     if trained is not None:
@@ -192,6 +194,7 @@ def load_model(path: str | Path) -> Model:
         onset=onset,
         phase_deviation=deviation,
         evidence_freedom=evidence_freedom(path, header),
+        left_out_odds=left_out_odds(path, header),
         provenance=provenance,
         context=read_context(path, content, dofs, numbers),
         **numbers,

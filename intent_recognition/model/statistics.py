@@ -33,7 +33,9 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import OnsetSettings
 
 SUMS = tuple(f.name for f in fields(TaskStatistics) if f.name not in ("examples", "aligned"))
-PARTS = tuple(name for name in TrainingExample._fields if name not in ("name", "task", "aligned"))
+PARTS = tuple(
+    name for name in TrainingExample._fields if name not in ("name", "task", "aligned", "group")
+)
 OF_CONTEXT = "context"
 """Part of the names of arrays that files without a context do not have."""
 COUNT = "examples_count"
@@ -64,6 +66,7 @@ def pack_statistics(trained: Trained) -> Packed:
         "chosen": trained.chosen._asdict(),
         "labels": list(trained.tasks),
         "examples": [example.name for task in tasks for example in task.examples],
+        "groups": [example.group for task in tasks for example in task.examples],
     }
     arrays = {
         **_pack_tasks(tasks, STEADY),
@@ -96,6 +99,7 @@ def unpack_statistics(
         preprocessing = _preprocessing(header["preprocessing"], timing)
         chosen = _hyperparameters(header["chosen"])
         labels, names = tuple(header["labels"]), tuple(header["examples"])
+        groups = tuple(header.get("groups", [""] * len(names)))
     except (KeyError, TypeError, AttributeError, ArgumentError) as error:
         raise ModelError.about(
             f"{path}: statistics", "a complete header", error, RETRAIN
@@ -120,8 +124,12 @@ def unpack_statistics(
             raise ModelError.about(
                 f"{path}: {COUNT}", f"{len(names)} in all", arrays[COUNT], RETRAIN
             )
-    aligned = _unpack_tasks(labels, names, arrays, ALIGNED)
-    tasks = _unpack_tasks(labels, names, arrays, STEADY, aligned)
+    if len(groups) != len(names) or not all(isinstance(group, str) for group in groups):
+        expected = f"{len(names)} groups of demonstrations"
+        raise ModelError.about(f"{path}: statistics", expected, groups, RETRAIN)
+    named = list(zip(names, groups, strict=True))
+    aligned = _unpack_tasks(labels, named, arrays, ALIGNED)
+    tasks = _unpack_tasks(labels, named, arrays, STEADY, aligned)
     return Trained(library, preprocessing, tasks, chosen)
 
 
@@ -153,12 +161,15 @@ def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, NDArray
 
 def _unpack_tasks(
     labels: Sequence[str],
-    names: Sequence[str],
+    named: Sequence[tuple[str, str]],
     arrays: Mapping[str, NDArray[Any]],
     kind: str,
     aligned: Mapping[str, TaskStatistics] | None = None,
 ) -> dict[str, TaskStatistics]:
-    """Statistics of each label, each with its aligned ones where there are any."""
+    """Statistics of each label, each with its aligned ones where there are any.
+
+    `named` are names and groups of the examples.
+    """
     edges = np.r_[0, np.cumsum(arrays[COUNT])]
     tasks = {}
     for row, label in enumerate(labels):
@@ -167,7 +178,9 @@ def _unpack_tasks(
         for place, k in enumerate(range(edges[row], edges[row + 1])):
             parts = {name: _plain_value(arrays[f"{kind}examples_{name}"][k]) for name in PARTS}
             own = None if over_reference is None else over_reference.examples[place]
-            examples.append(TrainingExample(name=names[k], task=label, **parts, aligned=own))
+            name, group = named[k]
+            example = TrainingExample(name=name, task=label, **parts, aligned=own, group=group)
+            examples.append(example)
         sums = {name: _plain_value(arrays[f"{kind}statistics_{name}"][row]) for name in SUMS}
         sums["scatter"] = from_upper(sums["scatter"], sums["mean"].size)
         tasks[label] = TaskStatistics(**sums, examples=tuple(examples), aligned=over_reference)

@@ -4,6 +4,7 @@
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
@@ -29,6 +30,9 @@ class ActivationOutput:
         self._commands = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self._task = node.create_publisher(String, "intent/active_task", qos.LATCHED)
         self._corrections = node.create_publisher(JointTrajectory, "intent/correction", qos.COMMAND)
+        self._questions = node.create_publisher(JointState, "intent/question", qos.LATCHED)
+        self._clock = node.get_clock()
+        self._asked: tuple[str, ...] = ()
         self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
         self._builder: TrajectoryBuilder | None = None
         self._published_task: str | None = None
@@ -69,12 +73,18 @@ class ActivationOutput:
             self._feedback.publish(DiagnosticStatus(name=outcome.label, values=key_values(values)))
 
     def task(self, activation: Activation | None) -> None:
-        """Tell which task is active, and for which one the arm has gone ahead."""
+        """Tell which task is active, which ones are in question, and for which one it is ahead."""
         task = "" if activation is None else activation.active_task
         if task != self._published_task:
             self._published_task = task
             self._task.publish(String(data=task))
             self._logger.info(f"active task: {task or 'none'}")
+        question = {} if activation is None else activation.question
+        if {*question} != {*self._asked}:
+            self._asked = tuple(question)
+            message = JointState(name=list(question), position=list(question.values()))
+            message.header.stamp = self._clock.now().to_msg()
+            self._questions.publish(message)
         ahead = "" if activation is None else activation.pretrigger.label
         if ahead != self._ahead:
             self._ahead = ahead

@@ -35,8 +35,19 @@ from intent_recognition.nodes.activation_specs import (
 )
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
-from intent_recognition.promp import TaskLibrary, Trajectory, end_std_limits, least_end_std
-from intent_recognition.recognition import DecisionSettings, start_mean
+from intent_recognition.promp import (
+    Risk,
+    TaskLibrary,
+    Trajectory,
+    end_std_limits,
+    least_end_std,
+)
+from intent_recognition.recognition import (
+    USUAL_THRESHOLD,
+    DecisionSettings,
+    learned_risk,
+    start_mean,
+)
 from intent_recognition.signals import POSITION_FIELDS
 
 if TYPE_CHECKING:
@@ -99,6 +110,7 @@ class ActivationParameters:
         self.entries: Sequence[DofEntry] = ()
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
+        self._decision()
 
     def changed(self, changes: Changes) -> "ActivationParameters":
         """The same with other values.
@@ -217,13 +229,21 @@ class ActivationParameters:
     def _decision(self) -> DecisionSettings:
         value = self._values
         return DecisionSettings(
-            threshold=value["threshold"],
+            threshold=value["threshold"] or USUAL_THRESHOLD,
             n_observations=value["n_observations"],
             max_end_std_rad=value["max_end_std"] or None,
             learned_end_std=self._learned_end_std,
             release_below=value["release_below"],
             min_evidence=value["min_evidence"],
+            risk=self.risk,
         )
+
+    @property
+    def risk(self) -> Risk | None:
+        """From which probability to act, and how often that is wrong; None: by the threshold."""
+        if self._values["threshold"] or self.library is None:
+            return None
+        return learned_risk(self.library, self._values["max_wrong"])
 
     def _check_pretrigger(self) -> None:
         value = self._values["pretrigger_threshold"]

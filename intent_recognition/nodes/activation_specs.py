@@ -7,6 +7,7 @@ from typing import Any
 from rclpy.parameter import Parameter
 
 from intent_recognition.kinematics import DEFAULT_ACCELERATION_RAD_S2
+from intent_recognition.recognition import MAX_WRONG
 
 DOUBLES = Parameter.Type.DOUBLE_ARRAY
 
@@ -55,10 +56,18 @@ AT_REST = {
 """Parameters that may change while no motion is under way: a plan is made for one set of limits."""
 
 ANY_TIME = {
+    "max_wrong": ParameterSpec(
+        MAX_WRONG,
+        "Share of interactions with new people that may be acted on wrongly, as the model's "
+        "demonstrations bound it; a smaller value acts later, or asks more often.",
+        0.001,
+        0.5,
+    ),
     "threshold": ParameterSpec(
-        0.9,
-        "Probability from which a task may move the arm; a larger value acts later and errs less.",
-        0.501,
+        0.0,
+        "Probability from which a task may move the arm, instead of max_wrong; a larger value acts "
+        "later and errs less. 0: by max_wrong, and 0.9 with a model that tells nothing of it.",
+        0.0,
         1.0,
     ),
     "n_observations": ParameterSpec(
@@ -148,7 +157,7 @@ ANY_TIME = {
 """Parameters that may change at any time, with effect from the next observation or plan on."""
 
 GUARDS = (
-    *("velocity_scale", "acceleration_limit", "threshold", "n_observations", "max_end_std"),
-    *("timeout", "max_joint_state_age", "max_tracking_error"),
+    *("velocity_scale", "acceleration_limit", "max_wrong", "threshold", "n_observations"),
+    *("max_end_std", "timeout", "max_joint_state_age", "max_tracking_error"),
 )
 """Parameters that say how fast, how surely and how long the arm is moved."""

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -121,6 +122,9 @@ class IntentEstimatorNode(ManagedNode):
         self.create_subscription(
             DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
         )
+        self._answers = self.create_subscription(
+            String, "intent/answer", self._take_answer, qos.STATE
+        )
         self._inputs = ObservationInput(
             self, self._diagnostics, self._observe, self._observe_context
         )
@@ -129,6 +133,15 @@ class IntentEstimatorNode(ManagedNode):
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
         self.start()
+
+    def _take_answer(self, message: String) -> None:
+        """Count what a person says the movement is as evidence, from the next observation on."""
+        if not self.active:
+            return
+        try:
+            self._estimator.answer(message.data)
+        except IntentError as error:
+            self._diagnostics.reject("bad_answer", str(error))
 
     def _start_over(self) -> None:
         """Forget the movement and what came before: what comes next is earlier."""

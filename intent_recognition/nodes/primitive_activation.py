@@ -103,6 +103,11 @@ class PrimitiveActivation(ManagedNode):
         self._starts_near = np.empty(0)
         if names:
             self._set_joints(names)
+        risk = self._settings.risk
+        if risk is not None:
+            few = risk.n_groups < risk.n_needed
+            (self.get_logger().warning if few else self.get_logger().info)(str(risk))
+            self.diagnostics.value("wrong actions at most", f"{risk.bound:.3f}")
         for task, std in self._settings.never_certain().items():
             self.diagnostics.value(f"never certain enough: {task} [rad]", f"{std:.2f}")
             self.get_logger().warning(

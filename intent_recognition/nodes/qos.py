@@ -12,7 +12,7 @@ from intent_recognition.bags import TopicInfo, qos_policy
 
 PLAYBACK_DEPTH = 1000
 """Messages that a publisher keeps for slow subscribers. Convention."""
-LATCHED_TOPICS = ("robot_description", "intent/active_task")
+LATCHED_TOPICS = ("robot_description", "intent/active_task", "intent/question")
 SENSOR_TOPICS = ("mocap/", "human/")
 
 

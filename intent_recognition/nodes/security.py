@@ -79,7 +79,7 @@ INTERFACES = {
     **dict.fromkeys(ARMS, _ARM),
     "mocap_ingest": Interface((f"mocap/{BODY}/pose",), (f"human/{BODY}",)),
     "intent_estimator": Interface(
-        (HEARD, "intent/sequence", "joint_states", "robot_description"),
+        (HEARD, "intent/answer", "intent/sequence", "joint_states", "robot_description"),
         ("intent/human_path", "intent/human_trajectory", "intent/markers", "intent/next_task")
         + ("intent/robot_trajectory", "intent/tasks", "intent/via_points"),
         ("~/reload_model", "~/reset"),
@@ -89,8 +89,8 @@ INTERFACES = {
         ("intent/human_trajectory", "intent/next_task", "intent/robot_trajectory")
         + ("intent/tasks", "intent/via_points", f"human/{BODY}")
         + ("joint_states", "robot_description"),
-        ("intent/active_task", "intent/correction", "intent/feedback", "intent/sequence")
-        + ("joint_trajectory",),
+        ("intent/active_task", "intent/correction", "intent/feedback", "intent/question")
+        + ("intent/sequence", "joint_trajectory"),
         ("~/reset",),
         managed=True,
     ),
@@ -111,8 +111,8 @@ INTERFACES = {
     "dashboard": Interface(
         ("coworker/task", "intent/active_task", "intent/markers", "intent/robot_trajectory")
         + ("intent/tasks", "joint_states", f"mocap/{BODY}/pose", "robot_description")
-        + ("intent/via_points", "teach/skills", "teach/status"),
-        ("intent/feedback", "joint_trajectory", f"mocap/{BODY}/pose"),
+        + ("intent/question", "intent/via_points", "teach/skills", "teach/status"),
+        ("intent/answer", "intent/feedback", "joint_trajectory", f"mocap/{BODY}/pose"),
         (),
         ("intent_estimator/reset", "primitive_activation/reset", "intent_estimator/set_parameters")
         + ("primitive_activation/change_state", "primitive_activation/get_state")

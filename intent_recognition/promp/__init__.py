@@ -45,6 +45,7 @@ from intent_recognition.promp.prior import (
     weight_floor,
     without_demonstration,
 )
+from intent_recognition.promp.risk import NO_ODDS, LeftOutOdds, Risk, conformal_bound, risk_of
 from intent_recognition.promp.trajectory import Trajectory, check_points, dof_variance, rollout
 from intent_recognition.promp.weights import (
     WeightFit,
@@ -56,6 +57,7 @@ from intent_recognition.signals import NONE
 __all__ = [
     "CONTEXT_STRENGTH",
     "NONE",
+    "NO_ODDS",
     "STEADY",
     "USUAL_END_STD",
     "Blend",
@@ -63,8 +65,10 @@ __all__ = [
     "ControlGrid",
     "ControlPoint",
     "InteractionProMP",
+    "LeftOutOdds",
     "NormalizedRBFBasis",
     "PhaseDeviation",
+    "Risk",
     "Scatter",
     "StartPosture",
     "TaskLibrary",
@@ -75,6 +79,7 @@ __all__ = [
     "check_points",
     "co_activate",
     "condition_response",
+    "conformal_bound",
     "controlled_at",
     "controlled_spread",
     "controlled_weights",
@@ -89,6 +94,7 @@ __all__ = [
     "least_end_std",
     "observed_block",
     "reference_phase",
+    "risk_of",
     "rollout",
     "shared_covariance",
     "shrunk_covariance",

@@ -17,6 +17,7 @@ from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.context import ContextModel, as_context
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
+from intent_recognition.promp.risk import NO_ODDS, LeftOutOdds
 from intent_recognition.promp.trajectory import rollout
 from intent_recognition.signals import OnsetSettings
 
@@ -89,6 +90,7 @@ class TaskLibrary:
         evidence_freedom: degrees of freedom of the Student density that the evidence of an
             observation is computed with; infinite for the normal density.
         provenance: where it came from: bags, settings, version, score.
+        left_out_odds: what demonstrations that were left out say about the risk of acting.
         context: how the weights depend on what is known of the scene; None where nothing is, or
             where it has been used (`given`).
     """
@@ -122,6 +124,7 @@ class TaskLibrary:
     phase_deviation: PhaseDeviation = STEADY
     evidence_freedom: float = inf
     provenance: Mapping[str, object] = field(default_factory=dict)
+    left_out_odds: LeftOutOdds = NO_ODDS
     context: ContextModel | None = None
 
     def __repr__(self) -> str:

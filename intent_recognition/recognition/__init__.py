@@ -2,12 +2,16 @@
 """Online: the posterior of the tasks, transitions, the decision, and the estimator of it all."""
 
 from intent_recognition.recognition.decision import (
+    MAX_WRONG,
+    USUAL_THRESHOLD,
     DecisionSettings,
     DecisionState,
     decide,
     decision_settings,
     is_certain,
+    learned_risk,
     least_certain_unit,
+    possible_tasks,
     uncertain_end,
 )
 from intent_recognition.recognition.estimate import Estimate, Prediction
@@ -23,8 +27,10 @@ from intent_recognition.recognition.transitions import FORGET_AFTER_S, TaskMemor
 
 __all__ = [
     "FORGET_AFTER_S",
+    "MAX_WRONG",
     "POSTURE_OUTSIDE",
     "POSTURE_UNKNOWN",
+    "USUAL_THRESHOLD",
     "DecisionSettings",
     "DecisionState",
     "Estimate",
@@ -35,7 +41,9 @@ __all__ = [
     "decide",
     "decision_settings",
     "is_certain",
+    "learned_risk",
     "least_certain_unit",
+    "possible_tasks",
     "predict_controlled",
     "recognize_task",
     "start_mean",

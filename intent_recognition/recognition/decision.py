@@ -3,10 +3,12 @@
 
 One pure function, used by the activation node and by a replay of a recording alike:
 
-- a task activates when its probability has been at or above `threshold` for `n_observations`
-  consecutive observations, with at least `min_evidence` of the movement's own evidence among the
-  tasks and no evidence for none, and the standard deviation of its predicted end point is at
-  most what the task's demonstrations allow to ask for, or a limit in rad and m that is given;
+- a task activates when it has been sure enough for `n_observations` consecutive observations, with
+  at least `min_evidence` of the movement's own evidence among the tasks and no evidence for none,
+  and the standard deviation of its predicted end point is at most what the task's demonstrations
+  allow to ask for, or a limit in rad and m that is given. Sure enough is a probability among the
+  tasks that bounds the share of wrong actions (`promp.risk_of`), with `none` improbable; or, where
+  no such bound was learned or another one is asked for, a probability of at least `threshold`;
 - once active it stays so, also while the human holds still, until the interaction is over (the
   estimator reports idle) or the evidence turns against it;
 - evidence turns against it when its probability has been below `release_below` for
@@ -31,11 +33,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.promp import NONE, USUAL_END_STD, TaskLibrary, end_std_limits
+from intent_recognition.promp import (
+    NONE,
+    USUAL_END_STD,
+    Risk,
+    TaskLibrary,
+    end_std_limits,
+    risk_of,
+)
 
 EVEN = 1e-6
 """Log Bayes factor that counts as zero. Convention: rounding, and what the margin leaves of it.
 """
+MAX_NONE = 0.1
+"""Probability of none up to which a task is acted on: what a threshold of 0.9 leaves to it.
+"""
+USUAL_THRESHOLD = 0.9
+"""Probability from which a task is acted on where the risk of it is not known. Convention."""
+MAX_WRONG = 0.05
+"""Share of interactions that may be acted on wrongly. Convention."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +59,7 @@ class DecisionSettings:
     """When to act.
 
     Attributes:
-        threshold: probability a task must reach, in (0.5, 1].
+        threshold: probability a task must reach, in (0.5, 1], where there is no `risk`.
         n_observations: consecutive observations for which it must hold (or fail), at least 1.
         max_end_std_rad: largest standard deviation of the predicted end point over the
             controlled DOFs in radians; infinity for no limit, None for the learned one
@@ -57,7 +73,7 @@ class DecisionSettings:
         idle_margin: idle means probability of `none` >= 1 - idle_margin.
     """
 
-    threshold: float = 0.9
+    threshold: float = USUAL_THRESHOLD
     n_observations: int = 5
     max_end_std_rad: float | None = None
     max_end_std_m: float | None = None
@@ -65,6 +81,7 @@ class DecisionSettings:
     min_evidence: float = 0.6
     idle_margin: float = 1e-12
     learned_end_std: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    risk: Risk | None = None
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -81,6 +98,19 @@ class DecisionSettings:
         if not 0.0 <= self.min_evidence < 1.0:
             _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
 
+    def is_sure(self, labels: Sequence[str], p: NDArray[np.float64], task: int) -> bool:
+        """Whether a task is probable enough to act on.
+
+        Args:
+            labels: of the tasks and none.
+            p: their probabilities.
+            task: place of its label.
+        """
+        if self.risk is None:
+            return bool(p[task] >= self.threshold)
+        none = p[list(labels).index(NONE)]
+        return bool(none <= MAX_NONE and p[task] >= self.risk.threshold * (1.0 - none))
+
     def max_end_std(self, unit: str, task: str) -> float:
         """Largest standard deviation of a task's predicted end in a unit; 0 in an unknown unit."""
         fixed = {"rad": self.max_end_std_rad, "m": self.max_end_std_m}.get(unit)
@@ -90,9 +120,50 @@ class DecisionSettings:
         return learned.get(unit, USUAL_END_STD.get(unit, 0.0))
 
 
-def decision_settings(library: TaskLibrary) -> DecisionSettings:
-    """The default settings, with what may be asked of the ends of a library's tasks."""
-    return DecisionSettings(learned_end_std=end_std_limits(library))
+def decision_settings(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> DecisionSettings:
+    """The default settings, with what was learned of a library's tasks.
+
+    Args:
+        library: the learned tasks.
+        max_wrong: share of interactions that may be acted on wrongly, in (0, 0.5].
+    """
+    return DecisionSettings(
+        learned_end_std=end_std_limits(library), risk=learned_risk(library, max_wrong)
+    )
+
+
+def learned_risk(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Risk | None:
+    """From which probability to act; None where the library was learned without left-out odds.
+
+    Raises:
+        ArgumentError: `max_wrong` is no share in (0, 0.5].
+    """
+    if not 0.0 < max_wrong <= 0.5:
+        _refuse("max_wrong", "a share in (0, 0.5]", max_wrong)
+    return risk_of(library.left_out_odds, max_wrong) if library.left_out_odds.odds else None
+
+
+def possible_tasks(
+    settings: DecisionSettings,
+    labels: Sequence[str],
+    probabilities: NDArray[np.float64],
+) -> tuple[str, ...]:
+    """The tasks that a movement may be, the most probable first: a conformal set.
+
+    The true one is in it throughout the movement, but for the share of interactions that `risk`
+    bounds. Without a risk, the tasks that `threshold` does not rule out.
+
+    Args:
+        settings: when to act.
+        labels: of the tasks and none.
+        probabilities: theirs, (n_labels,).
+    """
+    p = _checked(labels, probabilities)
+    known = np.array([label != NONE for label in labels])
+    total = float(p[known].sum())
+    threshold = settings.threshold if settings.risk is None else settings.risk.threshold
+    some = np.flatnonzero(known & (p > (1.0 - threshold) * total))
+    return tuple(labels[k] for k in some[np.argsort(-p[some], kind="stable")])
 
 
 class DecisionState(NamedTuple):
@@ -100,7 +171,7 @@ class DecisionState(NamedTuple):
 
     Attributes:
         active: label of the active task, empty when there is none.
-        candidate: label that was at or above the threshold at the last observation, or empty.
+        candidate: label that was sure enough at the last observation, or empty.
         n_for: for how many consecutive observations.
         n_against: for how many consecutive observations the active task was below release_below.
         event: what the last observation did: "activated", "switched", "withdrawn", "over"
@@ -149,7 +220,7 @@ def decide(
         event = "over" if state.active else ""
         return DecisionState(event=event, idle=True), ""
     best = int(np.argmax(p))
-    sure = labels[best] != NONE and p[best] >= settings.threshold
+    sure = labels[best] != NONE and settings.is_sure(labels, p, best)
     sure = sure and evidence_share(labels, best, log_evidence) >= settings.min_evidence
     sure = sure and not favours_none(labels, log_evidence)
     candidate = labels[best] if sure else ""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.composing import BentLibrary, ViaPoint
-from intent_recognition.errors import check_type
+from intent_recognition.errors import ArgumentError, check_type
 from intent_recognition.filtering import N_SCALES, make_hypotheses
 from intent_recognition.kinematics import Arm
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
@@ -29,7 +29,7 @@ from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movement, MovementMemory
-from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.recognition.posterior import TaskPosterior, answered
 from intent_recognition.recognition.start_posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
 from intent_recognition.signals import Observation
@@ -87,6 +87,7 @@ class IntentEstimator:
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._switching = switching
         self._memory = self._make_memory()
+        self._answer = ""
         self._movement: Movement | None = None
         self._posterior: TaskPosterior | None = None
         self._after_stop = MovementAfterStop(library, self._make_memory)
@@ -188,15 +189,22 @@ class IntentEstimator:
             self._movement.observe(observation)
         if self._movement is None:
             return self._estimate(observation.stamp_ns)
-        posterior = self._movement.posterior(observation.stamp_ns)
-        self._posterior = self.expectation.weigh(posterior)
+        self._posterior = self._believed(self._movement, observation.stamp_ns)
         elapsed_s = (observation.stamp_ns - self._movement.onset_ns) * 1e-9
         if self._detector.is_over(elapsed_s, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
             self._movement = self._posterior = None
+            self._answer = ""
         elif self._switching:
             self._follow_stops(observation)
         return self._estimate(observation.stamp_ns)
+
+    def _believed(self, movement: Movement, stamp_ns: int) -> TaskPosterior:
+        """What is believed of the movement under way at a stamp."""
+        posterior = self.expectation.weigh(movement.posterior(stamp_ns))
+        if self._answer in self.library.labels:
+            return answered(posterior, self.library.labels.index(self._answer))
+        return posterior
 
     def _estimate(self, stamp_ns: int) -> Estimate:
         """What the observations up to a stamp have given, or that no movement is under way."""
@@ -291,6 +299,26 @@ class IntentEstimator:
         self.bent.choose(points, arm)
         self._use(self.bent.taught)
 
+    def answer(self, task: str) -> None:
+        """Take what a person says the movement under way is, as evidence.
+
+        It counts until the movement ends. A later answer replaces it.
+
+        Args:
+            task: its label.
+
+        Raises:
+            ArgumentError: no movement is under way, or there is no such task.
+        """
+        if self._movement is None or self._posterior is None:
+            cure = "Answer while the human moves."
+            raise ArgumentError.about("answer", "a movement under way", "none", cure)
+        if task not in self.library.labels:
+            cure = "Name a task of the model."
+            raise ArgumentError.about("answer", f"one of {self.library.labels}", repr(task), cure)
+        self._answer = task
+        self._posterior = self._believed(self._movement, self._movement.observations[-1].stamp_ns)
+
     def expect(self, task: str) -> None:
         """Let a task be that of the next movement, as sure as a habit; empty: as it was learned."""
         self.expectation.expect(task, at_once=self._movement is None)
@@ -344,6 +372,7 @@ class IntentEstimator:
     def reset(self) -> None:
         """Forget the movement under way and the past, but not what is known of the scene."""
         self._movement = self._posterior = None
+        self._answer = ""
         self.expectation.reset()
         if self._posture is not None:
             self._posture.clear()
@@ -377,7 +406,7 @@ class IntentEstimator:
             before = self._movement
             self._begin(before.onset_ns, before.observations)
             last_ns = before.observations[-1].stamp_ns
-            self._posterior = self.expectation.weigh(self._movement.posterior(last_ns))
+            self._posterior = self._believed(self._movement, last_ns)
 
     def _make_memory(self) -> MovementMemory:
         return MovementMemory(
@@ -404,4 +433,5 @@ class IntentEstimator:
                 self.expectation.remember(stamp_ns, self._posterior)
             self._detector.waits_for_rest = False
             self._movement, self._memory = after.hand_over(self._memory)
-            self._posterior = self.expectation.weigh(self._movement.posterior(stamp_ns))
+            self._answer = ""
+            self._posterior = self._believed(self._movement, stamp_ns)

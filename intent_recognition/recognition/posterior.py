@@ -23,6 +23,9 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering import Hypotheses, SwitchedBelief
 
+ANSWER_TRUST = 0.99
+"""Probability with which somebody who is asked names the right task. Convention."""
+
 
 class TaskPosterior(NamedTuple):
     """What is believed about task and phase after some observations.
@@ -127,6 +130,27 @@ def task_belief(
         probabilities, log_task_evidence, np.zeros_like(expected_s), expected_s, scale_weights
     )
     return TaskBelief(hypotheses, posterior, share, switched)
+
+
+def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
+    """The posterior after a person has said which task it is.
+
+    An answer names the right task with probability `ANSWER_TRUST`, and any other thing as often as
+    any.
+
+    Args:
+        posterior: before the answer.
+        task: number of the task that was named.
+    """
+    log_likelihood = np.full(
+        len(posterior.probabilities),
+        np.log((1.0 - ANSWER_TRUST) / (len(posterior.probabilities) - 1)),
+    )
+    log_likelihood[task] = np.log(ANSWER_TRUST)
+    p = posterior.probabilities * np.exp(log_likelihood)
+    return posterior._replace(
+        probabilities=p / p.sum(), log_evidence=posterior.log_evidence + log_likelihood
+    )
 
 
 def counted_none(

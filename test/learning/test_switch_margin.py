@@ -5,13 +5,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import expit
 from simulation import make_library, simulate
 
+from intent_recognition.filtering import MovementFilter, SwitchedHypotheses, make_hypotheses
 from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
+from intent_recognition.learning.left_out_odds import largest_odds_against
 from intent_recognition.learning.statistics import summarize
-from intent_recognition.learning.switch_margin import largest_odds, learn_switch_margin
+from intent_recognition.learning.switch_margin import (
+    N_FOLLOWED_SCALES,
+    largest_odds,
+    learn_switch_margin,
+)
+from intent_recognition.recognition import task_posterior
+from intent_recognition.signals import observations_of
 
 WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
 
@@ -67,6 +77,43 @@ def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(trained, 
     assert trained.library.switch_margin == margin
     wary = replace(trained.library, switch_margin=margin + 3.0)
     assert learn_switch_margin(wary, tasks, trained.tasks) == margin
+
+
+def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
+    """Beside a filter that is asked for its posterior at every sample."""
+    example = tasks["task_1"].examples[0]
+    library = replace(trained.library, none_margin=0.0, switch_margin=1.0)
+    hypotheses = make_hypotheses(library, n_scales=N_FOLLOWED_SCALES)
+    switched = SwitchedHypotheses(library, N_FOLLOWED_SCALES)
+    run, largest = MovementFilter(library, hypotheses, 0, switched=switched), 0.0
+    stamps_ns = np.round(sample_phases() * example.duration_s * 1e9).astype(np.int64)
+    for observation in observations_of(library.observed_groups, stamps_ns, example.observed):
+        run.observe(observation)
+        posterior = task_posterior(run.log_evidence, hypotheses, 1.0, run.switched())
+        known = posterior.probabilities[:-1] / posterior.probabilities[:-1].sum()
+        largest = max(largest, 1.0 - known[1])
+    assert expit(largest_odds_against(library, 1, example)) == pytest.approx(largest, abs=1e-9)
+
+
+def test_people_are_left_out_together(trained, tasks):
+    """A library without a person equals one learned without that person."""
+    people = {
+        label: summarize([e._replace(group="ab"[k % 2]) for k, e in enumerate(task.examples)])
+        for label, task in tasks.items()
+    }
+    found = LeavingOut(trained.library, people).group("a").as_library()
+    rest = {
+        label: summarize([e for e in task.examples if e.group != "a"])
+        for label, task in people.items()
+    }
+    anew = library_from_statistics(rest, trained.preprocessing, trained.chosen)
+    np.testing.assert_allclose(found.observed_mean[:-1], anew.observed_mean[:-1], atol=1e-10)
+    only = {label: replace_groups(task, "a") for label, task in people.items()}
+    assert LeavingOut(trained.library, only).group("a") is None
+
+
+def replace_groups(task, group):
+    return summarize([example._replace(group=group) for example in task.examples])
 
 
 def test_nobody_turns_from_the_only_task(trained, tasks):

@@ -25,7 +25,7 @@ from intent_recognition.model.file import (
     load_model,
     save_model,
 )
-from intent_recognition.promp.phase_deviation import PhaseDeviation
+from intent_recognition.promp import NO_ODDS, LeftOutOdds, PhaseDeviation
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +40,7 @@ def model() -> Model:
         switch_margin=1.25,
         phase_deviation=PhaseDeviation(np.linspace(0.0, 0.1, 7), 0.4, 0.15, False),
         evidence_freedom=4.0,
+        left_out_odds=LeftOutOdds((0.5, -1.25), ("anna", "")),
         provenance={"bags": ["a", "b"], "package_version": "1"},
     )
     return Model(library, dofs)
@@ -108,6 +109,19 @@ def test_reading_and_writing_again_changes_nothing(written, tmp_path):
 def test_a_model_of_before_changes_of_mind_has_no_margin_for_them(written, tmp_path):
     old = rewritten(tmp_path / "old.npz", written, switch_margin=None)
     assert load_model(old).library.switch_margin == 0.0
+
+
+def test_a_model_of_before_stated_risks_tells_nothing_of_them(written, tmp_path):
+    old = with_header(tmp_path / "old.npz", written, lambda header: header.pop("left_out_odds"))
+    assert load_model(old).library.left_out_odds == NO_ODDS
+
+
+@pytest.mark.parametrize("odds", [[1.0, "x"], [1.0, 1e400], [1.0], [1.0, 2.0, 3.0], 4.0])
+def test_odds_that_are_none_are_refused(written, tmp_path, odds):
+    def change(header):
+        header["left_out_odds"]["odds"] = odds
+
+    refused(with_header(tmp_path / "m.npz", written, change), "left_out_odds")
 
 
 def test_the_file_holds_what_the_contract_lists(written):

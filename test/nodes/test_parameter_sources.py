@@ -32,7 +32,7 @@ def test_the_last_one_that_sets_a_parameter_is_named(own, tmp_path):
     files = [word for file in (shipped, own, of_launch) for word in ("--params-file", str(file))]
     given = ["node", "--ros-args", *files, "-p", "timeout:=0.4", "-p", "left:hold_time:=1.0"]
     sources = parameter_sources(given, "/primitive_activation")
-    assert sources["threshold"] == shipped and sources["velocity_scale"] == own
+    assert sources["max_wrong"] == shipped and sources["velocity_scale"] == own
     assert sources["timeout"] == "command line" and sources["model"] == "launch argument"
     assert "hold_time" not in sources and "return_home" not in sources
     sources = parameter_sources(given[:-4], "/cell/left")

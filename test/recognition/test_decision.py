@@ -7,11 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.promp import LeftOutOdds, risk_of
 from intent_recognition.recognition.decision import (
     DecisionSettings,
     DecisionState,
     decide,
     evidence_share,
+    possible_tasks,
     uncertain_end,
 )
 
@@ -228,3 +230,32 @@ def test_evidence_is_no_further_condition_where_all_tasks_are_expected_alike(rng
         best = int(np.argmax(p))
         if LABELS[best] != "none" and p[best] >= SETTINGS.threshold:
             assert evidence_share(LABELS, best, log_evidence) >= SETTINGS.threshold - 1e-12
+
+
+RISK = risk_of(LeftOutOdds(tuple(np.linspace(-1.0, 2.0, 40)), ("",) * 40), 0.05)
+
+
+def test_a_stated_risk_asks_for_a_probability_among_the_tasks():
+    """What none keeps of the prior does not count against the tasks, as long as it is little."""
+    settings, enough = DecisionSettings(risk=RISK), RISK.threshold + 1e-6
+    for none in (0.0, 0.05, 0.1):
+        known = (1.0 - none) * np.array([enough, 1.0 - enough])
+        assert play([(*known, none)] * 5, settings)[1][-1] == "plate"
+        short = (1.0 - none) * np.array([enough - 1e-3, 1.0 - enough + 1e-3])
+        assert play([(*short, none)] * 9, settings)[1][-1] == ""
+    assert play([(0.88, 0.01, 0.11)] * 9, settings)[1][-1] == ""
+
+
+def test_the_set_of_possible_tasks_is_the_one_task_that_is_acted_on_or_several():
+    settings = DecisionSettings(risk=RISK)
+    for share in np.linspace(0.5, 0.999, 40):
+        p = np.array([0.9 * share, 0.9 * (1.0 - share), 0.1])
+        possible = possible_tasks(settings, LABELS, p)
+        acted = settings.is_sure(LABELS, p, 0)
+        assert possible == (("plate",) if acted else ("plate", "screw"))
+
+
+def test_a_smaller_share_of_wrong_actions_asks_for_more():
+    odds = LeftOutOdds(tuple(np.linspace(-1.0, 2.0, 99)), ("",) * 99)
+    thresholds = [risk_of(odds, share).threshold for share in (0.2, 0.1, 0.05, 0.01)]
+    assert thresholds == sorted(thresholds)

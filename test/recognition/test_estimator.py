@@ -10,7 +10,7 @@ from plain import run_bank
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, minimum_jerk
 
-from intent_recognition.errors import DofError
+from intent_recognition.errors import ArgumentError, DofError
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
@@ -342,3 +342,22 @@ def test_a_hand_that_goes_elsewhere_is_of_no_task_any_more(library, truth, rng, 
     assert max(e.probabilities[0] for e in before) > 0.9
     assert after[-1].moving
     assert after[-1].probabilities[-1] > 0.9
+
+
+def test_an_answer_counts_as_evidence_until_the_movement_ends(library, truth, rng):
+    observations = list(merge(movement(truth, 1, rng).observed))
+    estimator, plain = IntentEstimator(library), IntentEstimator(library)
+    with pytest.raises(ArgumentError, match="movement"):
+        estimator.answer(library.labels[0])
+    for observation in observations:
+        before, now = plain.update(observation), estimator.update(observation)
+        if now.moving and not estimator._answer and now.stamp_ns > now.onset_ns + 3e8:
+            with pytest.raises(ArgumentError, match="nothing like it"):
+                estimator.answer("nothing like it")
+            estimator.answer(library.labels[2])
+        elif now.moving and estimator._answer:
+            gained = np.diff((now.log_evidence - before.log_evidence)[[0, 2]])[0]
+            assert gained == pytest.approx(np.log(0.99 / (0.01 / 3.0)))
+            expected = before.probabilities * np.array([0.01, 0.01, 2.97, 0.01])
+            np.testing.assert_allclose(now.probabilities, expected / expected.sum(), atol=1e-12)
+    assert not now.moving and not estimator._answer
