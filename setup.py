@@ -2,6 +2,7 @@
 """One tree for pip, colcon and ros2 run; settings that colcon reads must stand here."""
 
 import re
+import runpy
 import sys
 from pathlib import Path
 
@@ -85,55 +86,23 @@ setup(
         *tree("launch"),
         *tree("bags"),
     ],
-    # ROS itself comes from the distribution or, without one, from the extra `ros`.
     install_requires=[
-        "cma>=3.2",
-        "embreex; platform_machine == 'x86_64'",
-        "matplotlib",
         "lazy-loader>=0.4",
         "lz4",
         "mcap>=1.1",
         "mcap-ros2-support>=0.5",
         "numpy>=1.26",
-        "pybullet>=3.2.5",
         "PyYAML",
         "rich",
         "rosbags>=0.10",
-        "rtree; platform_machine != 'x86_64'",
-        "ruckig>=0.19",
         "scipy>=1.11",
         "shtab>=1.13",
-        "trimesh>=4",
         "zstandard",
     ],
     extras_require={
-        "ros": [
-            "ros-rclpy[fastrtps]==7.1.6",
-            "ros-common-interfaces==5.3.6",
-            "ros-rmw-fastrtps-cpp==8.4.3",
-        ],
-        "dashboard": [
-            "viser>=1.0",
-            "msgspec>=0.18",
-            "websockets>=13.0",
-            "yourdfpy>=0.0.56",
-        ],
-        # Kinematics of any arm from its URDF; the LWR's own need nothing.
-        "arms": ["coal>=3.0", "pin>=3.0", "xacro>=2.0"],
-        "dask": [
-            "distributed>=2024.1",
-        ],
-        # What `intent import` and `intent export` need for some files: Parquet, C3D.
-        "parquet": [
-            "pyarrow>=14",
-        ],
-        "c3d": [
-            "c3d>=0.5",
-        ],
+        **runpy.run_path(str(ROOT / PACKAGE / "extras.py"))["requirements"](),
         # What `intent experiments alignment` compares with; it runs without.
-        "dtw": [
-            "dtaidistance>=2.3",
-        ],
+        "dtw": ["dtaidistance>=2.3"],
         "docs": ["sphinx>=7", "myst-parser>=3", "furo", "matplotlib>=3.8", "sphinx-gallery>=0.17"],
         "test": ["pytest>=7", "pytest-cov", "pytest-xdist", "hypothesis", "playwright"],
     },

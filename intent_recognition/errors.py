@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """One exception family; messages name the argument, what was expected, what came and the cure."""
 
-from typing import TypeVar
+import importlib
+from typing import Any, TypeVar
+
+from intent_recognition.extras import installing
 
 AnError = TypeVar("AnError", bound="IntentError")
 
@@ -59,6 +62,10 @@ class KinematicsError(IntentError):
     """A pose cannot be reached, or a joint vector is outside the limits."""
 
 
+class MissingPackageError(IntentError, ImportError):
+    """An optional package is not installed."""
+
+
 class ResourceBusyError(IntentError):
     """A port, a ROS domain or a file is in use or cannot be opened."""
 
@@ -107,12 +114,35 @@ def _words(got: object, argument: str | None = None) -> str:
     return reason if known else f"{got.filename}: {reason}"
 
 
-def without_ros(error: ImportError) -> IntentError | None:
-    """What to say of an import that failed because ROS 2 is not there; None of any other."""
-    package = (error.name or "").partition(".")[0]
-    if not package.endswith(("rclpy", "_msgs", "_srvs", "_interfaces")):
+def missing_package(error: ImportError) -> MissingPackageError | None:
+    """What to say of an import that failed because an optional package, or ROS 2, is not there.
+
+    None of any other: the error tells more than we could.
+    """
+    if isinstance(error, MissingPackageError):
+        return error
+    module = (error.name or "").partition(".")[0]
+    if module.endswith(("rclpy", "_msgs", "_srvs", "_interfaces")):
+        cure = "Source it, or pip install .[ros]."
+        return MissingPackageError.about(module, "ROS 2 Jazzy", error, cure)
+    if (package := installing(module)) is None:
         return None
-    return IntentError.about(package, "ROS 2 Jazzy", error, "Source it, or pip install .[ros].")
+    got = "none" if isinstance(error, ModuleNotFoundError) else error
+    name, extra = package
+    cure = f"Install it: pip install {name}, or .[{extra}] in a checkout."
+    return MissingPackageError.about(module, f"the package {name}", got, cure)
+
+
+def optional(module: str) -> Any:
+    """A module of a package that not everybody needs (`extras.EXTRAS`).
+
+    Raises:
+        MissingPackageError: it is not installed; says how to install it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise missing_package(error) or error from None
 
 
 def printable(text: str) -> str:

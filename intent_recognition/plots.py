@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.errors import optional
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -55,8 +57,7 @@ def draw_shares(axes: Axes, labels: Sequence[str], shares: NDArray[np.float64]) 
 
 def new_panels(n_rows: int = 1, n_columns: int = 1) -> tuple[Figure, NDArray[np.object_]]:
     """A figure of pyplot, which shows and closes it, and its panels (n_rows, n_columns)."""
-    from matplotlib import pyplot
-
+    pyplot = optional("matplotlib.pyplot")
     size = (max(5.0, 3.2 * n_columns), 2.4 * n_rows + 0.6)
     return pyplot.subplots(n_rows, n_columns, squeeze=False, figsize=size, layout="constrained")
 

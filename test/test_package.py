@@ -3,16 +3,19 @@
 
 import ast
 import configparser
+import json
 import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from functools import cache
 from pathlib import Path
 
 import pytest
 import yaml
 
 import intent_recognition
+from intent_recognition.extras import EXTRAS
 from intent_recognition.nodes.graph import NODES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -102,21 +105,30 @@ def test_every_requirement_of_setup_is_pinned():
         re.split(r"[\[=]", line)[0].lower()
         for line in (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
     }
-    assert set(install_requires()) <= pinned
+    assert required(["all", "ros", "dtw"]) - {"pyarrow", "c3d"} <= pinned
 
 
-def install_requires():
-    """Names of setup.py's install_requires, lower case, and for which platform."""
-    (call,) = [
-        node
-        for node in ast.walk(ast.parse((ROOT / "setup.py").read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
-    ]
-    (required,) = [k.value for k in call.keywords if k.arg == "install_requires"]
-    return {
-        re.split(r"[<>=; ]", entry)[0].lower(): entry.partition(";")[2].strip()
-        for entry in ast.literal_eval(required)
-    }
+@cache
+def setup_arguments():
+    """What setup.py gives to setuptools."""
+    code = (
+        "import setuptools, json\n"
+        "setuptools.setup = lambda **k: print(json.dumps({n: k[n] for n in"
+        " ('entry_points', 'install_requires', 'extras_require')}))\n"
+        "import setup"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return json.loads(run.stdout)
+
+
+def required(extras=()):
+    """Names of what setup.py asks for on this machine, lower case, with some extras."""
+    arguments = setup_arguments()
+    entries = [*arguments["install_requires"]]
+    entries += [entry for extra in extras for entry in arguments["extras_require"][extra]]
+    return {re.split(r"[\[<>=; ]", e)[0].lower() for e in entries if "!= 'x86_64'" not in e}
 
 
 def test_readme_installs_on_a_jazzy_machine_what_rosdep_does_not(manifest):
@@ -128,8 +140,11 @@ def test_readme_installs_on_a_jazzy_machine_what_rosdep_does_not(manifest):
     (lines,) = re.findall(r"^pip install (\w[^#]*mcap[^#]*) +#", readme, re.MULTILINE)
     by_rosdep = {"matplotlib", "numpy", "pyyaml", "scipy"}
     assert {"python3-matplotlib", "python3-numpy", "python3-yaml", "python3-scipy"} <= keys
-    needed = {n for n, platform in install_requires().items() if "!=" not in platform}
-    assert needed - by_rosdep == set(lines.replace("\\", "").split()) - {"viser", "yourdfpy"}
+    needed = required(["sim", "dashboard", "practice"]) - {
+        "msgspec",
+        "websockets",
+    }  # viser has them
+    assert needed - by_rosdep == set(lines.replace("\\", "").split())
 
 
 KEYS = {
@@ -158,12 +173,11 @@ def imported_packages():
 def test_everything_imported_is_declared(manifest):
     """In package.xml, or in setup.py for what rosdep does not know."""
     declared = {element.text for element in manifest.iter("exec_depend")}
-    setup = (ROOT / "setup.py").read_text(encoding="utf-8")
+    declared |= required().union(*EXTRAS.values())
     own = {*sys.stdlib_module_names, "intent_recognition", "sim_bridge", "experiments"}
     for name in sorted(set(imported_packages()) - own):
         key = KEYS.get(name, name)
-        known = {key, f"python3-{key}"} & declared or re.search(rf'"{key}(>=[\d.]+)?",', setup)
-        assert known, name
+        assert {key, f"python3-{key}"} & declared, name
 
 
 NEWER_THAN_3_10 = (
@@ -191,26 +205,8 @@ def test_launch_files_start_only_what_is_declared(manifest):
     assert {spec.package for spec in NODES.values()} <= declared | {"intent_recognition"}
 
 
-def entry_points():
-    run = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            "import setuptools, json\n"
-            "setuptools.setup = lambda **k: print(json.dumps(k['entry_points']))\n"
-            "import setup",
-        ],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    scripts = yaml.safe_load(run.stdout)["console_scripts"]
-    return dict(script.split(" = ") for script in scripts)
-
-
 def test_every_executable_has_its_main():
-    scripts = entry_points()
+    scripts = dict(s.split(" = ") for s in setup_arguments()["entry_points"]["console_scripts"])
     assert set(scripts) == EXECUTABLES
     for name, target in scripts.items():
         module, function = target.split(":")

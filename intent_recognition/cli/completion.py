@@ -45,16 +45,9 @@ def add_completion_option(parser: argparse.ArgumentParser) -> None:
 
 
 def completion(parser: argparse.ArgumentParser, shell: str) -> str:
-    """The script for a shell; it needs nothing of this package when a key is pressed.
+    """The script for a shell; it needs nothing of this package when a key is pressed."""
+    import shtab
 
-    Raises:
-        ArgumentError: shtab is not installed.
-    """
-    try:
-        import shtab
-    except ImportError as error:
-        cure = "Install it with `pip install shtab`."
-        raise ArgumentError.about("shtab", "an installed library", "none", cure) from error
     _prepare(parser, shtab.FILE, shtab.DIRECTORY)
     script = shtab.complete(parser, shell=shell)
     return ANY_NUMBER_ZSH.sub('  "*:', script) if shell == "zsh" else script

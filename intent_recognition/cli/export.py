@@ -55,7 +55,8 @@ def run(args: argparse.Namespace) -> int:
     """Read, write the table and its map, print what was left out.
 
     Raises:
-        BagError: nothing could be read, another suffix, or pyarrow is not installed.
+        BagError: nothing could be read, or another suffix.
+        MissingPackageError: pyarrow is not installed.
         ResourceBusyError: the file cannot be written.
     """
     console = make_console()

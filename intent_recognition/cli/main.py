@@ -15,7 +15,7 @@ from intent_recognition import __version__
 from intent_recognition.cli.completion import add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.cli.options import CommandParser
-from intent_recognition.errors import IntentError, one_line, without_ros
+from intent_recognition.errors import IntentError, missing_package, one_line
 from intent_recognition.interrupts import INTERRUPTED, ignore_interrupts, raise_interrupts
 
 CURES = {
@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_output()
         return 0
     except ImportError as error:
-        if (told := without_ros(error)) is None:
+        if (told := missing_package(error)) is None:
             raise
         sys.stderr.write(f"intent {args.command}: {one_line(told)}\n")
         return 1

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.options import a_path
-from intent_recognition.errors import ArgumentError, ResourceBusyError
+from intent_recognition.errors import ArgumentError, ResourceBusyError, optional
 
 PRINTED = Path("-")
 """The value of `--json` without OUT: standard output."""
@@ -71,10 +71,13 @@ def check_output(option: str, path: Path | None) -> None:
     """Find out before long work that its result could not be written.
 
     Raises:
+        MissingPackageError: a report is wanted, and matplotlib is not installed.
         ResourceBusyError: the path is a folder, or its folder cannot be made or written to.
     """
     if path is None:
         return
+    if option == "--report":
+        optional("matplotlib")
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     problem = ""
     if path.is_dir():

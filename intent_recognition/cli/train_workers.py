@@ -12,7 +12,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from intent_recognition.cli.options import number
-from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
+from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, optional
 from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
 
@@ -51,7 +51,8 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
         scheduler: address as `tcp://127.0.0.1:8786`; its workers read the same paths.
 
     Raises:
-        ArgumentError: fewer than one process, or dask is not installed.
+        ArgumentError: fewer than one process.
+        MissingPackageError: dask is not installed.
         ResourceBusyError: no scheduler answers, or it has no workers.
         IntentError: a worker or the scheduler died.
     """
@@ -88,18 +89,11 @@ def _processes(jobs: int) -> Iterator[Run]:
 
 @contextmanager
 def _dask(scheduler: str) -> Iterator[Run]:
+    distributed = optional("distributed")
+    from distributed.comm import CommClosedError
+
     try:
-        from distributed import Client, KilledWorker
-        from distributed.comm import CommClosedError
-    except ImportError as error:
-        raise ArgumentError.about(
-            "--scheduler",
-            "the package `distributed`",
-            "no such package",
-            "Install it with `pip install distributed`, or use --jobs.",
-        ) from error
-    try:
-        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+        client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ResourceBusyError.about(
             f"--scheduler {scheduler}",
@@ -118,7 +112,7 @@ def _dask(scheduler: str) -> Iterator[Run]:
             )
         try:
             yield partial(_in_order, partial(client.submit, pure=False), AHEAD * n_workers)
-        except (KilledWorker, CommClosedError, CancelledError) as error:
+        except (distributed.KilledWorker, CommClosedError, CancelledError) as error:
             raise IntentError.about(
                 f"--scheduler {scheduler}",
                 "scheduler and workers that run to the end",

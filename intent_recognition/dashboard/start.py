@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start the page, or report what is missing for it."""
 
-import sys
 from collections.abc import Sequence
 
 from intent_recognition.nodes.start import explained, tell_missing
@@ -12,13 +11,7 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         from intent_recognition.dashboard.node import Dashboard
     except ImportError as error:
-        if error.name not in ("viser", "yourdfpy"):
-            tell_missing("dashboard", error)
-            return 1
-        sys.stderr.write(
-            f"dashboard: {error.name}: expected an installed library, got none."
-            " Install it with `pip install viser yourdfpy`.\n"
-        )
+        tell_missing("dashboard", error)
         return 1
     from intent_recognition.dashboard import node
     from intent_recognition.nodes.runtime import run

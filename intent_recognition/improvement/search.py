@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.errors import ArgumentError, ShapeError, optional
 from intent_recognition.improvement.space import SearchSpace
 
 HALVINGS = 8
@@ -89,7 +89,7 @@ class CovarianceSearch:
         return strategy, generation, len(costs) - done
 
     def _strategy(self) -> Any:
-        import cma
+        cma = optional("cma")
 
         rng = np.random.default_rng(self.seed)
         options = {

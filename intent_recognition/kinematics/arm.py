@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe, optional
 from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, Target
-from intent_recognition.kinematics.reduced_model import ReducedModel, load_pinocchio
+from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
 from intent_recognition.kinematics.urdf_tree import LINK
 
@@ -207,7 +207,7 @@ class Arm:
 
     def _build(self, chain: UrdfChain) -> None:
         """The model, reduced to the chain and to what copies it, and how the joints drive it."""
-        pin = self._pin = load_pinocchio()
+        pin = self._pin = optional("pinocchio")
         try:
             full = pin.buildModelFromXML(chain.xml)
         except Exception as error:  # what urdfdom finds wrong is a plain C++ exception

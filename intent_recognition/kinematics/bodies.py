@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe, one_line
+from intent_recognition.errors import ArgumentError, ShapeError, describe, one_line, optional
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
-from intent_recognition.kinematics.reduced_model import ReducedModel, load_pinocchio
+from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import read_mimics
 from intent_recognition.kinematics.urdf_tree import (
     LINK,
@@ -133,8 +133,8 @@ class Bodies:
     ) -> None:
         if not clearance_m > 0.0:
             raise ArgumentError(describe("clearance", "above 0 m", clearance_m, "Try 0.02."))
-        self._pin = pin = load_pinocchio()
-        self._coal = _load_coal()
+        self._pin = pin = optional("pinocchio")
+        self._coal = optional("coal")
         self.clearance_m, self.boxes = float(clearance_m), tuple(boxes)
         self._read(read_urdf(source), tuple(joint_names))
         self._add_boxes()
@@ -378,12 +378,3 @@ class Bodies:
             cure = "One row per sample."
             raise ShapeError(describe("positions", f"(T, {n}), finite", q.shape, cure))
         return q
-
-
-def _load_coal() -> Any:
-    try:
-        import coal
-    except ImportError as error:
-        cure = "Install it: pip install pin, or apt install ros-jazzy-coal."
-        raise ArgumentError(describe("coal", "the library", str(error), cure)) from error
-    return coal

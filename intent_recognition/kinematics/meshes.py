@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError, describe, optional
 from intent_recognition.kinematics.urdf_tree import LARGEST
 from intent_recognition.untrusted import MOST_MESH, UntrustedError, check_regular
 
@@ -69,7 +69,7 @@ def _materials(path: Path) -> Iterable[Path]:
 
 
 def _is_finite(path: Path) -> bool:
-    import trimesh
+    trimesh = optional("trimesh")
 
     try:
         with np.errstate(all="ignore"):

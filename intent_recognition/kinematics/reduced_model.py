@@ -3,13 +3,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics.urdf import Mimic
 
 
@@ -34,7 +32,7 @@ class ReducedModel:
     @classmethod
     def of(
         cls,
-        pin: ModuleType,
+        pin: Any,
         full: Any,
         names: Sequence[str],
         mimics: Sequence[Mimic],
@@ -62,17 +60,3 @@ class ReducedModel:
     def values(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """The configuration (nv,) at a joint vector (n,)."""
         return q if self.direct else self.drive @ q + self.offset
-
-
-def load_pinocchio() -> ModuleType:
-    """The module pinocchio.
-
-    Raises:
-        ArgumentError: it is not installed.
-    """
-    try:
-        import pinocchio
-    except ImportError as error:
-        cure = "Install it: pip install pin, or apt install ros-jazzy-pinocchio."
-        raise ArgumentError(describe("pinocchio", "the library", str(error), cure)) from error
-    return pinocchio

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe, one_line
+from intent_recognition.errors import ArgumentError, describe, one_line, optional
 from intent_recognition.untrusted import MOST_TEXT, UntrustedError, load_xml, read_text
 
 MOST_LINKS = 1000
@@ -66,11 +66,7 @@ def read_urdf(source: str | Path) -> str:
 
 def _expanded(path: Path) -> str:
     """The URDF that a xacro file describes with its default arguments."""
-    try:
-        import xacro
-    except ImportError as error:
-        cure = "Install it: pip install xacro, or apt install ros-jazzy-xacro."
-        raise ArgumentError(describe("xacro", "the library", str(error), cure)) from error
+    xacro = optional("xacro")
     try:
         return str(xacro.process_file(str(path)).toxml())
     except Exception as error:  # also what the file's own expressions raise

@@ -6,20 +6,12 @@ arbitrary target states"). Both start at the running reference, also in motion.
 """
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from ruckig import (
-    ControlInterface,
-    InputParameter,
-    Result,
-    Ruckig,
-    RuckigError,
-    Synchronization,
-    Trajectory,
-)
 
-from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.errors import TrajectoryError, describe, optional
 from intent_recognition.kinematics import POSITION_TOLERANCE_RAD, JointLimits, position_violation
 from intent_recognition.motion.plan import (
     STEP_S,
@@ -31,6 +23,9 @@ from intent_recognition.motion.plan import (
     sample_times,
     scaled_limits,
 )
+
+if TYPE_CHECKING:
+    from ruckig import InputParameter
 
 RISE_TIME_S = 0.1
 """Shortest time in which an acceleration rises from zero to its limit [s]; the jerk limit is the
@@ -94,8 +89,9 @@ def brake_plan(
     speeds_up = start.acceleration * start.velocity > 0.0
     start = start._replace(acceleration=np.where(speeds_up, 0.0, start.acceleration))
     motion = _input(start, limits, limits)
-    motion.control_interface = ControlInterface.Velocity
-    for synchronization in (Synchronization.Phase, Synchronization.No):
+    ruckig = optional("ruckig")
+    motion.control_interface = ruckig.ControlInterface.Velocity
+    for synchronization in (ruckig.Synchronization.Phase, ruckig.Synchronization.No):
         motion.synchronization = synchronization
         plan = _sampled(motion, limits, "stop", phase)
         reached = np.stack(position_range(plan.times_s, plan.positions, plan.velocities))
@@ -106,7 +102,7 @@ def brake_plan(
     return replace(plan, outside=tuple(int(j) for j in outside))
 
 
-def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> InputParameter:
+def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> "InputParameter":
     """A motion from the start within bounds, to rest.
 
     What interpolation between samples adds to accelerations is taken off the limits. A start
@@ -117,7 +113,8 @@ def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> I
     largest = limits.acceleration - _INTERPOLATION * jerk * STEP_S
     room_up = np.sqrt(2.0 * jerk * np.maximum(limits.velocity - start.velocity, 0.0))
     room_down = np.sqrt(2.0 * jerk * np.maximum(limits.velocity + start.velocity, 0.0))
-    motion = InputParameter(start.position.size)
+    ruckig = optional("ruckig")
+    motion = ruckig.InputParameter(start.position.size)
     motion.current_position = start.position
     motion.current_velocity = start.velocity
     motion.current_acceleration = np.clip(
@@ -126,11 +123,11 @@ def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> I
     motion.max_velocity = bounds.velocity
     motion.max_acceleration = np.minimum(bounds.acceleration, largest)
     motion.max_jerk = jerk
-    motion.synchronization = Synchronization.Phase
+    motion.synchronization = ruckig.Synchronization.Phase
     return motion
 
 
-def _make_straight(motion: InputParameter, way: NDArray[np.float64]) -> None:
+def _make_straight(motion: "InputParameter", way: NDArray[np.float64]) -> None:
     """Make the limits proportional to the way, so that phase synchronisation keeps to a line."""
     distance = np.abs(way)
     moves = distance > _STANDING_RAD
@@ -142,27 +139,28 @@ def _make_straight(motion: InputParameter, way: NDArray[np.float64]) -> None:
         setattr(motion, name, np.where(moves, rate * distance, limit))
 
 
-def _sampled(motion: InputParameter, limits: JointLimits, kind: str, phase: float) -> JointPlan:
+def _sampled(motion: "InputParameter", limits: JointLimits, kind: str, phase: float) -> JointPlan:
     """Ruckig's motion as a plan.
 
     Raises:
         TrajectoryError: Ruckig finds no motion.
     """
-    ruckig, trajectory = Ruckig(motion.degrees_of_freedom), Trajectory(motion.degrees_of_freedom)
+    ruckig, n = optional("ruckig"), motion.degrees_of_freedom
+    trajectory = ruckig.Trajectory(n)
     cure = "Check the reference and the target for values that are not finite."
     try:
-        result = ruckig.calculate(motion, trajectory)
-    except RuckigError as error:
+        result = ruckig.Ruckig(n).calculate(motion, trajectory)
+    except ruckig.RuckigError as error:
         raise TrajectoryError(
             describe("start", "finite values", str(error).strip(), cure)
         ) from error
-    if result not in (Result.Working, Result.Finished):
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise TrajectoryError(describe("start", "a state to move from", result.name, cure))
     duration_s = max(trajectory.duration, STEP_S)
     times = sample_times(duration_s, plan_step(duration_s, limits))
     rows = [trajectory.at_time(time) for time in times]
     positions, velocities = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
-    if motion.control_interface == ControlInterface.Position:
+    if motion.control_interface == ruckig.ControlInterface.Position:
         positions[-1] = motion.target_position
     velocities[-1] = 0.0
     standing = np.zeros_like(times)

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 
-from intent_recognition.errors import one_line, without_ros
+from intent_recognition.errors import missing_package, one_line
 
 HELP = """\
 {name}: {does}
@@ -47,7 +47,7 @@ def tell_missing(name: str, error: ImportError) -> None:
     Raises:
         ImportError: something else is.
     """
-    if (told := without_ros(error)) is None:
+    if (told := missing_package(error)) is None:
         raise error
     sys.stderr.write(f"{name}: {one_line(told)}\n")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError, describe, optional
 from intent_recognition.untrusted import MOST_MESH, check_regular
 from intent_recognition.warping import ObjectCloud, with_estimated_normals
 
@@ -65,7 +65,7 @@ def load_target(
     Raises:
         ArgumentError: the file cannot be read, or its content is not an open container.
     """
-    import trimesh
+    trimesh = optional("trimesh")
 
     place = str(path)
     if not Path(path).is_file():
@@ -96,9 +96,9 @@ def load_target(
 
 def _buffers(place: str) -> "trimesh.resolvers.FilePathResolver":
     """What gives a glTF its buffers: regular files beside it, of bounded size."""
-    import trimesh
+    trimesh = optional("trimesh")
 
-    class Buffers(trimesh.resolvers.FilePathResolver):
+    class Buffers(trimesh.resolvers.FilePathResolver):  # type: ignore[name-defined]
         def get(self, name: str) -> bytes:
             path = Path(self.parent, name)
             check_regular(path, MOST_MESH)
@@ -121,7 +121,7 @@ def mesh_target(
     Raises:
         ArgumentError: no area, vertices that are not finite, or a body that is closed.
     """
-    import trimesh
+    trimesh = optional("trimesh")
 
     vertices, faces = np.array(mesh.vertices, dtype=float) * scale, np.array(mesh.faces)
     if not len(faces):
@@ -172,7 +172,7 @@ def _check_hollow(solid: "trimesh.Trimesh", points: NDArray[np.float64]) -> None
 
 def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
     """The meshes of a file as one."""
-    import trimesh
+    trimesh = optional("trimesh")
 
     if isinstance(loaded, trimesh.Scene):
         loaded = loaded.to_mesh() if loaded.geometry else trimesh.Trimesh()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.errors import optional
 from intent_recognition.promp import NONE
 
 if TYPE_CHECKING:
@@ -89,11 +90,10 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
     @functools.wraps(draw)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
-        from matplotlib import rc_context, rcdefaults
-
-        with rc_context():
-            rcdefaults()
-            with rc_context(STYLE):  # type: ignore[arg-type]  # its keys are literals in the stubs
+        matplotlib = optional("matplotlib")
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            with matplotlib.rc_context(STYLE):
                 return draw(*args, **kwargs)
 
     return run
@@ -109,8 +109,7 @@ def new_figure(
         height_in: height in inches.
         margins: of `subplots_adjust`; None measures every text, which doubles the time to draw.
     """
-    from matplotlib.figure import Figure
-
+    Figure = optional("matplotlib.figure").Figure
     if margins is None:
         return Figure(figsize=(width_in, height_in), layout=LAYOUT)
     figure = Figure(figsize=(width_in, height_in))

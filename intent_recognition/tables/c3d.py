@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.errors import one_line
-from intent_recognition.tables.table import Table, Values, optional, unusable
+from intent_recognition.errors import one_line, optional
+from intent_recognition.tables.table import Table, Values, unusable
 
 
 def open_c3d(path: Path) -> Table:
@@ -16,9 +16,10 @@ def open_c3d(path: Path) -> Table:
     Rate and unit are those of the file. Analog channels are not read.
 
     Raises:
-        BagError: it is no C3D file, or the library c3d is not installed.
+        BagError: it is no C3D file.
+        MissingPackageError: c3d is not installed.
     """
-    c3d = optional("c3d", "c3d", path)
+    c3d = optional("c3d")
     try:
         with path.open("rb") as stream, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that there is no analog channel

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, optional
 from intent_recognition.signals import Demonstration
-from intent_recognition.tables.table import optional
 
 NAME, TASK, STAMP = "demonstration", "task", "stamp_ns"
 """Columns that every exported table has."""
@@ -85,7 +84,8 @@ def write_table(path: Path, columns: Columns) -> None:
     In a CSV what is missing is an empty cell, in Parquet it is null.
 
     Raises:
-        BagError: another suffix, or pyarrow is not installed.
+        BagError: another suffix.
+        MissingPackageError: pyarrow is not installed.
     """
     suffix = path.suffix.lower()
     if suffix == ".parquet":
@@ -113,7 +113,7 @@ def _cells(values: NDArray[Any]) -> list[object]:
 
 
 def _write_parquet(path: Path, columns: Columns) -> None:
-    arrow, parquet = (optional(m, "pyarrow", path) for m in ("pyarrow", "pyarrow.parquet"))
+    arrow, parquet = (optional(m) for m in ("pyarrow", "pyarrow.parquet"))
     arrays = {}
     for name, values in columns.items():
         array = arrow.array(values, mask=np.isnan(values) if values.dtype.kind == "f" else None)

@@ -34,7 +34,8 @@ def open_table(path: Path, skip_rows: int = 0) -> Table:
         skip_rows: lines of a CSV before its header.
 
     Raises:
-        BagError: the file cannot be read, or its library is not installed.
+        BagError: the file cannot be read.
+        MissingPackageError: its library is not installed.
     """
     if is_lerobot(path):
         return open_lerobot(path)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, MissingPackageError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import (
@@ -87,7 +87,7 @@ def import_demonstrations(
                 if isinstance(found, ImportedDemonstration):
                     taken.add(found.name)
                 yield found
-        except BagError as error:
+        except (BagError, MissingPackageError) as error:
             (path, *others) = recording.paths.values()
             yield Rejection.of(recording.name if others else str(path), error)
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from intent_recognition.errors import BagError, one_line
+from intent_recognition.errors import BagError, one_line, optional
 from intent_recognition.tables.table import (
     Table,
     Values,
     check_columns,
     numbers,
-    optional,
     unusable,
 )
 from intent_recognition.untrusted import (
@@ -35,7 +34,8 @@ def open_parquet(path: Path) -> Table:
     """A Parquet file; elements of a list column are `NAME.0`, `NAME.1`, ...
 
     Raises:
-        BagError: it is no Parquet file, or pyarrow is not installed.
+        BagError: it is no Parquet file.
+        MissingPackageError: pyarrow is not installed.
     """
     return _table(path, [path], {})
 
@@ -47,7 +47,7 @@ def open_lerobot(folder: Path) -> Table:
     ... The column `task` holds the text of each row's task.
 
     Raises:
-        BagError: metadata are missing or of another version, or pyarrow is not installed.
+        BagError: metadata are missing or of another version.
     """
     path = folder / "meta" / "info.json"
     try:
@@ -123,7 +123,7 @@ def _tasks(folder: Path) -> dict[float, str]:
 
 def _table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str]]) -> Table:
     """Files of one schema as one table."""
-    parquet = optional("pyarrow.parquet", "pyarrow", source)
+    parquet = optional("pyarrow.parquet")
     places = _places(parquet, files[0], names)
     own = [name for name, (_, element, alias) in places.items() if not alias]
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The columns of one file, and what their values mean: numbers, texts, times, units."""
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -68,19 +67,6 @@ class Table:
                 "Correct the names in the map.",
             )
         return self.read(tuple(dict.fromkeys(wanted)))
-
-
-def optional(module: str, package: str, source: Path) -> Any:
-    """A module of a library that only some files need.
-
-    Raises:
-        BagError: it is not installed; says how to install it.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        cure = f"Install it: pip install {package}."
-        raise BagError.about(str(source), f"the library {package}", "none", cure) from error
 
 
 def check_columns(source: Path, count: int) -> None:

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from intent_recognition.errors import optional
+
 STDOUT, STDERR = 1, 2
 
 
@@ -36,7 +38,7 @@ def _flush() -> None:
 
 
 with _silent(STDOUT, STDERR):
-    import pybullet
+    pybullet = optional("pybullet")
     from pybullet_utils.bullet_client import BulletClient
 
 

@@ -125,11 +125,3 @@ def test_the_option_prints_it(scripts, shell, capsys):
         cli.main(["--print-completion", shell])
     assert ended.value.code == 0
     assert capsys.readouterr().out.strip() == (scripts / shell).read_text("utf-8").strip()
-
-
-def test_without_the_library_it_says_so_in_one_line(monkeypatch, capsys):
-    monkeypatch.setitem(__import__("sys").modules, "shtab", None)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["--print-completion", "bash"])
-    (line,) = capsys.readouterr().err.splitlines()
-    assert ended.value.code == 1 and "pip install shtab" in line

@@ -149,12 +149,12 @@ def child(words, output):
 def main():
     from intent_recognition.bags.definitions import jazzy_names
     from intent_recognition.cli import inspect, recover, train, warp  # noqa: F401
-    from intent_recognition.kinematics.reduced_model import load_pinocchio
+    from intent_recognition.errors import optional
     from intent_recognition.model import load_model  # noqa: F401
     from sim_bridge.arm import find_robot  # noqa: F401
     from sim_bridge.scenarios.toolbox import ToolboxArm  # noqa: F401
 
-    load_pinocchio()
+    optional("pinocchio")
     jazzy_names()
     gc.collect()
     gc.freeze()  # children share what is there

@@ -12,7 +12,12 @@ from kinematics.test_chain import twist
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
+from intent_recognition.errors import (
+    ArgumentError,
+    KinematicsError,
+    MissingPackageError,
+    ShapeError,
+)
 from intent_recognition.kinematics import (
     JOINT_NAMES,
     LWR_LIMITS,
@@ -280,5 +285,5 @@ def test_wrong_targets_and_joint_vectors():
 
 def test_without_pinocchio_the_cure_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
-    with pytest.raises(ArgumentError, match="pip install pin"):
+    with pytest.raises(MissingPackageError, match=r"pip install pin, or \.\[arms\]"):
         Arm.from_urdf(MIXED)

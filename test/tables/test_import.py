@@ -299,7 +299,9 @@ def test_a_missing_library_is_one_line_with_its_cure(module, package, tmp_path, 
     suffix = {"pyarrow": "parquet"}.get(package, package)
     (tmp_path / f"a.{suffix}").write_bytes(b"PAR1")
     (left_out,) = import_demonstrations(tmp_path / f"a.{suffix}", ImportMap.from_dict(MAP))
-    assert str(left_out).endswith(f"got none. Install it: pip install {package}.")
+    assert str(left_out).endswith(
+        f"got none. Install it: pip install {package}, or .[files] in a checkout."
+    )
 
 
 def test_c3d_markers_with_rate_unit_and_gaps_of_the_file(rng, tmp_path):

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What can be installed on top of the library, by extra: setup.py reads it, and messages name it.
+
+The library itself needs numpy, scipy and small packages. This file imports nothing of ours, so that
+setup.py can run it before anything is installed.
+"""
+
+from collections.abc import Mapping
+
+MESHES = {
+    "trimesh": "trimesh>=4",
+    "embreex": "embreex; platform_machine == 'x86_64'",
+    "rtree": "rtree; platform_machine != 'x86_64'",
+}
+MOTION = {"ruckig": "ruckig>=0.19"}
+EXTRAS: Mapping[str, Mapping[str, str]] = {
+    "sim": {"pybullet": "pybullet>=3.2.5", **MESHES, **MOTION},
+    "ros": {
+        "rclpy": "ros-rclpy[fastrtps]==7.1.6",
+        "std_msgs": "ros-common-interfaces==5.3.6",
+        "rmw_fastrtps_cpp": "ros-rmw-fastrtps-cpp==8.4.3",
+        **MOTION,
+    },
+    "dashboard": {
+        "viser": "viser>=1.0",
+        "msgspec": "msgspec>=0.18",
+        "websockets": "websockets>=13.0",
+        "yourdfpy": "yourdfpy>=0.0.56",
+        **MESHES,
+    },
+    "arms": {
+        "pinocchio": "pin>=3.0",
+        "coal": "coal>=3.0",
+        "xacro": "xacro>=2.0",
+        **MESHES,
+        **MOTION,
+    },
+    "meshes": MESHES,
+    "motion": MOTION,
+    "plots": {"matplotlib": "matplotlib>=3.8"},
+    "practice": {"cma": "cma>=3.2"},
+    "files": {"pyarrow": "pyarrow>=14", "c3d": "c3d>=0.5"},
+    "dask": {"distributed": "distributed>=2024.1"},
+}
+"""Of each extra, the modules that are imported and what pip calls them."""
+NOT_IN_ALL = ("ros", "dask")
+"""Left out of the extra `all`: ROS may be sourced, and a cluster is rare."""
+
+
+def requirements() -> dict[str, list[str]]:
+    """The extras as setup.py gives them to pip, and `all` of them."""
+    extras = {extra: sorted(set(needed.values())) for extra, needed in EXTRAS.items()}
+    chosen = (needed for extra, needed in extras.items() if extra not in NOT_IN_ALL)
+    return {**extras, "all": sorted({one for needed in chosen for one in needed})}
+
+
+def installing(module: str) -> tuple[str, str] | None:
+    """What pip calls the package of an optional module, and the smallest extra that has it."""
+    found = [(len(needed), extra) for extra, needed in EXTRAS.items() if module in needed]
+    if not found:
+        return None
+    extra = min(found)[1]
+    requirement = EXTRAS[extra][module]
+    return requirement.partition(";")[0].split(">")[0].split("=")[0], extra
