@@ -4,6 +4,7 @@
 import atexit
 import fcntl
 import gc
+import importlib.util
 import os
 import pkgutil
 import shutil
@@ -54,6 +55,18 @@ for path in (str(ROOT), str(ROOT / "test")):
     if path not in sys.path:
         sys.path.insert(0, path)
 
+
+class SkipWithoutPybullet:
+    """Skips what imports pybullet where it is not installed: CPython 3.12 has no wheel of it."""
+
+    def find_spec(self, name: str, *_: object) -> None:
+        """Skip the test, or the module of tests, at hand."""
+        if name.partition("_")[0] == "pybullet":
+            pytest.skip(f"{name} is not installed", allow_module_level=True)
+
+
+if importlib.util.find_spec("pybullet") is None:
+    sys.meta_path.insert(0, SkipWithoutPybullet())
 
 settings.register_profile("untimed", deadline=None, max_examples=50)  # a busy machine is no failure
 settings.load_profile("untimed")
@@ -173,3 +186,30 @@ def harness():
 
     with Harness() as running:
         yield running
+
+
+@pytest.fixture(scope="session")
+def ros_interfaces(tmp_path_factory):
+    """Function that lets this and other processes import a package of `test/interfaces`.
+
+    Once compiled it serves all processes of a run; an installed one is used as it is.
+    """
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "interfaces"
+    folder.mkdir(exist_ok=True)
+
+    def provide(package: str) -> None:
+        if shutil.which("g++") is None:
+            pytest.skip(f"no compiler for {package}")
+        from ros_interfaces import build
+
+        with (folder / f"{package}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not (folder / package / "__init__.py").is_file():
+                build(package, folder)
+        if str(folder) not in sys.path:
+            sys.path.append(str(folder))
+            known = os.environ.get("PYTHONPATH")
+            os.environ["PYTHONPATH"] = f"{known}:{folder}" if known else str(folder)
+
+    return provide

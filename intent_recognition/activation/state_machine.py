@@ -274,6 +274,20 @@ class Activation:
         self._start_over()
         return command
 
+    def give_up(self, now_ns: int, reason: str) -> None:
+        """The controller does not execute the command in force: forget it and the interaction.
+
+        The arm stays where the controller holds it. The movement under way begins no motion any
+        more; the next one begins where the arm is measured.
+        """
+        self.counts[f"stopped: {reason}"] += 1
+        interaction = interaction_of(self.state)
+        if interaction is not None:
+            self._inbox.mark_served(interaction)
+        self._enter(Transition(Idle()))
+        self.pretrigger.forget()
+        self._arm.forget_commands()
+
     # Time
 
     def step(self, now_ns: int) -> Command | None:

@@ -10,6 +10,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.command_action import CommandAction
 from intent_recognition.nodes.conversions import TrajectoryBuilder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
 
@@ -23,11 +24,16 @@ class ActivationOutput:
     Args:
         node: has the publishers.
         diagnostics: of the node.
+        action: takes the commands; None: the topic `joint_trajectory` does.
     """
 
-    def __init__(self, node: Node, diagnostics: Diagnostics) -> None:
-        self._logger, self._diagnostics = node.get_logger(), diagnostics
-        self._commands = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
+    def __init__(
+        self, node: Node, diagnostics: Diagnostics, action: CommandAction | None = None
+    ) -> None:
+        self._logger, self._diagnostics, self._action = node.get_logger(), diagnostics, action
+        self._commands = action or node.create_publisher(
+            JointTrajectory, "joint_trajectory", qos.COMMAND
+        )
         self._task = node.create_publisher(String, "intent/active_task", qos.LATCHED)
         self._corrections = node.create_publisher(JointTrajectory, "intent/correction", qos.COMMAND)
         self._questions = node.create_publisher(JointState, "intent/question", qos.LATCHED)
@@ -105,8 +111,12 @@ class ActivationOutput:
     def status(self, activation: Activation | None, silent: str) -> None:
         """Level and message: what the arm does, and who is silent."""
         level, text = _status(activation)
-        parts = [part for part in (text, silent) if part]
-        self._diagnostics.status(Level.WARN if silent else level, "; ".join(parts))
+        trouble = "" if self._action is None else self._action.trouble
+        if trouble:
+            level = Level.ERROR
+        elif silent:
+            level = Level.WARN
+        self._diagnostics.status(level, "; ".join(filter(None, (text, silent, trouble))))
 
 
 def _status(activation: Activation | None) -> tuple[int, str]:

@@ -89,6 +89,7 @@ class ActivationParameters:
 
     Attributes:
         rate_hz: updates of a running motion a second.
+        command_action: action that commands go to; empty: the topic.
         of_hand: whether the model predicts a hand instead of joints.
         taught_link: link of the arm that it was taught with; empty where that is not known.
         reference: quaternion that its orientations start from (4,); empty without orientations.
@@ -103,6 +104,7 @@ class ActivationParameters:
             for name, spec in (FIXED | AT_REST | ANY_TIME).items()
         }
         self.rate_hz: float = self._values["command_rate"]
+        self.command_action: str = self._values["command_action"]
         self.described: Arm | None = None
         self.of_hand, self.taught_link = False, ""
         self.reference: tuple[float, ...] = ()

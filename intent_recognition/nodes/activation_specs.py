@@ -31,6 +31,12 @@ FIXED = {
         1.0,
         200.0,
     ),
+    "command_action": ParameterSpec(
+        "",
+        "Action control_msgs/action/FollowJointTrajectory of the controller, such as "
+        "joint_trajectory_controller/follow_joint_trajectory, that commands go to as goals; empty: "
+        "they go to the topic joint_trajectory.",
+    ),
     "joint_names": ParameterSpec([], "Joint names; empty: from model or prediction."),
     "lower": ParameterSpec(DOUBLES, f"Lower position limits [rad]; {OF_ARM}."),
     "upper": ParameterSpec(DOUBLES, f"Upper position limits [rad]; {OF_ARM}."),

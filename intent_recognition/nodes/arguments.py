@@ -65,6 +65,9 @@ ARGUMENTS = {
         Argument("use_sim_time", bool, "Take the time from /clock."),
         Argument("bodies", tuple, "Tracked bodies, separated by commas."),
         Argument("command_topic", str, "Where the arm takes a JointTrajectory."),
+        Argument(
+            "command_action", str, "Action FollowJointTrajectory that takes commands as goals."
+        ),
         Argument("joint_states_topic", str, "Where the arm publishes its joint states."),
         Argument("activate", bool, "Let the arm be moved at once; false: after `ros2 lifecycle`."),
         Argument("transition_prior", bool, "Expect the task that usually follows the last one."),

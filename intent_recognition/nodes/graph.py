@@ -125,7 +125,8 @@ NODES = {
     ),
     "primitive_activation": NodeSpec(
         "intent_recognition.nodes.primitive_activation",
-        _from("model", "pretrigger_threshold", "hand_link", "sequences", autostart="activate"),
+        _from("model", "pretrigger_threshold", "hand_link", "sequences", "command_action")
+        | {"autostart": "activate"},
         remappings=_ARM,
     ),
     "cup_warper": _warper("cup", toward="second/pose"),

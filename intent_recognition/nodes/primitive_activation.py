@@ -33,6 +33,7 @@ from intent_recognition.nodes.activation_parameters import (
 )
 from intent_recognition.nodes.activation_specs import ANY_TIME, AT_REST
 from intent_recognition.nodes.clearance_input import ClearanceInput
+from intent_recognition.nodes.command_action import CommandAction
 from intent_recognition.nodes.conversions import joint_values, stamp_ns, trajectory_arrays
 from intent_recognition.nodes.correction_input import CorrectionInput
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -71,7 +72,11 @@ class PrimitiveActivation(ManagedNode):
         self._sequences = SequenceRunner(self, self.diagnostics)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
-        self._output = ActivationOutput(self, self.diagnostics)
+        action = self._settings.command_action
+        self._action = (
+            CommandAction(self, action, self.diagnostics, self._give_up) if action else None
+        )
+        self._output = ActivationOutput(self, self.diagnostics, self._action)
         for kind, topic, handle, profile in (
             (JointState, "intent/tasks", self._on_tasks, qos.STATE),
             (JointTrajectory, "intent/robot_trajectory", self._on_prediction, qos.COMMAND),
@@ -299,6 +304,15 @@ class PrimitiveActivation(ManagedNode):
             self._output.task(self.activation)
         return "interaction forgotten"
 
+    def _give_up(self, reason: str) -> None:
+        """The controller does not execute the command in force: forget it and its interaction."""
+        if self.activation is not None:
+            self.activation.give_up(self._now_ns(), reason)
+            self._sequences.forget()
+            self._output.outcomes(self.activation)
+            self._output.task(self.activation)
+            self._output.status(self.activation, self._silent)
+
     def _on_timer(self) -> None:
         if self.active and self.activation is not None:
             self._step(self.activation)
@@ -307,6 +321,8 @@ class PrimitiveActivation(ManagedNode):
 
     def _look_for_silence(self) -> None:
         """Report at once who has fallen silent, or speaks again; in real time, whatever /clock."""
+        if self._action is not None:
+            self._action.check()
         if self.active and self.joint_names:
             with suppress(RejectionError):  # predictions are rejected for it
                 self._keep_clear(self.joint_names)

@@ -193,6 +193,9 @@ def _add(
             group = ElementTree.SubElement(profile, f"{kind}s", {rule: "ALLOW"})
             for name in allowed:
                 ElementTree.SubElement(group, kind).text = name
+    if action := call.parameters.get("command_action"):
+        group = ElementTree.SubElement(profile, "actions", {"call": "ALLOW"})
+        ElementTree.SubElement(group, "action").text = str(action)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands as goals of a controller's action `control_msgs/action/FollowJointTrajectory`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.runtime import elapsed_s
+
+ANSWER_S = 1.0
+"""Time within which a controller must accept or reject a goal [s]. Convention: the timeout of
+ros2_control's own action monitor is a twentieth of it."""
+
+
+@dataclass(eq=False)
+class _Goal:
+    """A goal that was sent, and its handle once it is accepted."""
+
+    sent_s: float
+    handle: Any = None
+
+
+class CommandAction:
+    """Sends each command as a goal, which takes the place of the one before.
+
+    Goals that a later one has replaced end as they may. When the newest one is rejected, aborted or
+    cancelled by somebody else, is not answered in `ANSWER_S`, or its controller is gone, what is
+    still under way is cancelled, so that the controller holds the arm, and `give_up` is called.
+    A goal tolerance that was not kept is reported: the arm is at rest near its end.
+
+    Args:
+        node: has the client.
+        name: of the action, such as `joint_trajectory_controller/follow_joint_trajectory`.
+        diagnostics: of the node.
+        give_up: called with the reason when a command is not executed.
+
+    Attributes:
+        trouble: what is wrong with the newest command; empty while nothing is.
+
+    Raises:
+        ArgumentError: the package control_msgs is not installed.
+    """
+
+    def __init__(
+        self, node: Node, name: str, diagnostics: Diagnostics, give_up: Callable[[str], object]
+    ):
+        try:
+            from control_msgs.action import FollowJointTrajectory
+        except ImportError as error:
+            cure = "Install ros-jazzy-control-msgs, or leave command_action empty."
+            expected = "control_msgs, which has the action's type"
+            raise ArgumentError.about("command_action", expected, "none", cure) from error
+        self._type = FollowJointTrajectory
+        self._node, self._name = node, name
+        self._diagnostics, self._give_up = diagnostics, give_up
+        self._client = ActionClient(node, FollowJointTrajectory, name)
+        self._newest: _Goal | None = None
+        self._running: Any = None
+        self.trouble = ""
+
+    def publish(self, message: JointTrajectory) -> None:
+        """Send a command."""
+        if not self._client.server_is_ready():
+            self._fail("controller_missing", f"no controller offers {self._name}")
+            return
+        goal = self._newest = _Goal(elapsed_s(self._node))
+        future = self._client.send_goal_async(
+            self._type.Goal(trajectory=message), feedback_callback=partial(self._on_feedback, goal)
+        )
+        future.add_done_callback(partial(self._on_answer, goal))
+
+    def check(self) -> None:
+        """Notice a controller that does not answer or is gone; call it some times a second."""
+        goal = self._newest
+        if goal is None:
+            return
+        if not self._client.server_is_ready():
+            self._fail("controller_missing", f"the controller of {self._name} is gone")
+        elif goal.handle is None and elapsed_s(self._node) - goal.sent_s > ANSWER_S:
+            self._fail("controller_silent", f"no answer to a goal in {ANSWER_S:g} s")
+
+    def _on_answer(self, goal: _Goal, future: Future) -> None:
+        handle = future.result()
+        if not handle.accepted:
+            if goal is self._newest:
+                self._fail("controller_rejected", f"{self._name} rejected a goal")
+            return
+        goal.handle = handle
+        if self._newest is None:  # given up before the answer came
+            handle.cancel_goal_async()
+            return
+        self._running = handle
+        if goal is self._newest:
+            self.trouble = ""
+        handle.get_result_async().add_done_callback(partial(self._on_result, goal))
+
+    def _on_feedback(self, goal: _Goal, message: Any) -> None:
+        if goal is self._newest and message.feedback.error.positions:
+            error = max(map(abs, message.feedback.error.positions))
+            self._diagnostics.value("controller error [rad]", f"{error:.3f}")
+
+    def _on_result(self, goal: _Goal, future: Future) -> None:
+        if goal is not self._newest:
+            return
+        self._newest = self._running = None
+        status, result = future.result().status, future.result().result
+        if status == GoalStatus.STATUS_SUCCEEDED:
+            return
+        why = self._explain(result)
+        if result.error_code == self._type.Result.GOAL_TOLERANCE_VIOLATED:
+            self.trouble = f"controller: {why}"
+            self._diagnostics.reject("goal_tolerance_violated", why)
+        elif status == GoalStatus.STATUS_CANCELED:
+            self._fail("controller_cancelled", f"a goal was cancelled by somebody else: {why}")
+        else:
+            self._fail("controller_aborted", why)
+
+    def _explain(self, result: Any) -> str:
+        """The controller's own words, and the name of its error code."""
+        codes = {
+            getattr(self._type.Result, name): name.lower().replace("_", " ")
+            for name in ("INVALID_GOAL", "INVALID_JOINTS", "OLD_HEADER_TIMESTAMP")
+            + ("PATH_TOLERANCE_VIOLATED", "GOAL_TOLERANCE_VIOLATED")
+        }
+        code = codes.get(result.error_code, f"error code {result.error_code}")
+        return f"{code}: {result.error_string}" if result.error_string else code
+
+    def _fail(self, reason: str, text: str) -> None:
+        """Cancel what is under way, and say that the newest command is not executed."""
+        running, self._newest, self._running = self._running, None, None
+        if running is not None:
+            running.cancel_goal_async()
+        self.trouble = f"controller: {text}"
+        self._diagnostics.reject(reason, text)
+        self._give_up(reason)

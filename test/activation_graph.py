@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A fake estimator, arm and clock around a real activation node, on its topics."""
+
+import numpy as np
+from joint_trajectories import build_joint_trajectory
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import (
+    stamp_ns,
+    to_joint_state,
+    to_stamp,
+    trajectory_arrays,
+)
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+
+HOME = np.array([-0.07, -0.58, -0.47, 1.5, -0.39, 0.94, 0.5])
+LABELS = ("plate", "screw", "none")
+GOALS = {"plate": np.full(7, 0.4), "screw": np.linspace(-0.5, 0.4, 7)}
+START_NS = 50_000_000_000
+STEP_NS = 20_000_000
+
+
+def hermite(message, time_ns):
+    """Position and velocity a cubic follower of the message has at a time."""
+    times, q, rest = trajectory_arrays(message)
+    v = rest["velocities"]
+    t = (time_ns - stamp_ns(message)) * 1e-9
+    if t >= times[-1]:
+        return q[-1], v[-1]
+    i = max(int(np.searchsorted(times, t, side="right")) - 1, 0)
+    h, x = times[i + 1] - times[i], (t - times[i]) / (times[i + 1] - times[i])
+    position = (
+        (2 * x**3 - 3 * x**2 + 1) * q[i]
+        + (x**3 - 2 * x**2 + x) * h * v[i]
+        + (-2 * x**3 + 3 * x**2) * q[i + 1]
+        + (x**3 - x**2) * h * v[i + 1]
+    )
+    velocity = (
+        6 * (x**2 - x) / h * (q[i] - q[i + 1])
+        + (3 * x**2 - 4 * x + 1) * v[i]
+        + (3 * x**2 - 2 * x) * v[i + 1]
+    )
+    return position, velocity
+
+
+def predicted(task, onset_ns, duration_s=2.0, shift=0.0, names=JOINT_NAMES, size=1.0):
+    s = np.linspace(0.0, 1.0, 50)
+    q = HOME + np.outer(s**3 * (10 - 15 * s + 6 * s**2), size * (GOALS[task] + shift))
+    v = np.outer(30 * s**2 * (1 - s) ** 2, size * (GOALS[task] + shift)) / duration_s
+    message = build_joint_trajectory(
+        names, s * duration_s, q, v, np.full((50, 7), 0.05), time_ns=onset_ns
+    )
+    message.header.frame_id = task
+    return message
+
+
+class Graph:
+    """Fake estimator, arm and clock around a real node."""
+
+    def __init__(self, harness, **parameters):
+        self.harness = harness
+        parameters = {"use_sim_time": True, "home": HOME.tolist(), **parameters}
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
+        self.clock = harness.publisher(Clock, "/clock", 10)
+        self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
+        self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
+        self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
+        harness.connect(self.clock, self.tasks, self.prediction, self.joints)
+        if parameters.get("autostart", True):
+            harness.spin_until(lambda: self.active, what="the latched task")
+        self.now_ns, self.k = START_NS, 0
+        self.task, self.onset_ns, self.shift = "idle", 0, 0.0
+        self.speaks = True
+        self.tick()
+
+    def seen(self, stream):
+        return self.node.diagnostics._totals[stream]
+
+    def send(self, publisher, message, stream):
+        """Publish and spin until the node has handled it, so that no message depends on timing."""
+        before = self.seen(stream)
+        publisher.publish(message)
+        self.harness.spin_until(lambda: self.seen(stream) > before, what=stream)
+
+    def tick(self):
+        self.now_ns += STEP_NS
+        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
+        clock = self.node.get_clock()
+        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns, what="clock")
+
+    def probabilities(self):
+        if self.task == "idle":
+            return [0.0, 0.0, 1.0]
+        p = np.full(3, 0.02)
+        p[LABELS.index(self.task)] = 0.96
+        return p
+
+    def arm(self):
+        for message in reversed(self.commands):
+            if self.now_ns >= stamp_ns(message):
+                return hermite(message, self.now_ns)[0]
+        return HOME
+
+    def send_joints(self, position=None):
+        q = self.arm() if position is None else position
+        message = to_joint_state(JOINT_NAMES, q, np.zeros(7), time_ns=self.now_ns)
+        self.send(self.joints, message, "joint_states")
+
+    def send_tasks(self, p=None, time_ns=None, names=LABELS):
+        p = self.probabilities() if p is None else p
+        time_ns = self.now_ns if time_ns is None else time_ns
+        self.send(self.tasks, to_joint_state(names, p, time_ns=time_ns), "intent/tasks")
+
+    def send_prediction(self, message=None):
+        message = message or predicted(self.task, self.onset_ns, shift=self.shift)
+        self.send(self.prediction, message, "intent/robot_trajectory")
+
+    def step(self):
+        """20 ms of the graph: joint states and tasks at 50 Hz, predictions at 25 Hz."""
+        self.tick()
+        self.k += 1
+        self.send_joints()
+        if self.speaks:
+            if self.task in GOALS and self.k % 2:
+                self.shift += 0.004 if self.k % 4 == 1 else -0.003
+                self.send_prediction()
+            self.send_tasks()
+
+    def until(self, predicate, longest_s=15.0):
+        for _ in range(round(longest_s * 1e9 / STEP_NS)):
+            if predicate():
+                return
+            self.step()
+        raise AssertionError(f"not within {longest_s} simulated s; mode {self.mode}")
+
+    @property
+    def mode(self):
+        activation = self.node.activation  # None until the joints are known
+        return "idle" if activation is None else activation.mode.value
+
+    def begin(self, task="plate", already_s=0.6):
+        self.task, self.onset_ns = task, self.now_ns - round(already_s * 1e9)
+
+    def rejected(self, reason):
+        return self.node.diagnostics.rejected(reason)
+
+    def report(self):
+        status = self.node.diagnostics.report()
+        return status, {value.key: value.value for value in status.values}

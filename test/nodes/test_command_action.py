@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The activation drives a controller of another process by its action FollowJointTrajectory."""
+
+import copy
+import sys
+
+import numpy as np
+import pytest
+from action_msgs.srv import CancelGoal
+from activation_graph import Graph
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from ros_harness import NodeProcess
+from std_msgs.msg import String
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.diagnostics import Level
+
+pytestmark = pytest.mark.slow
+ACTION = "joint_trajectory_controller/follow_joint_trajectory"
+
+
+@pytest.fixture(scope="module")
+def interfaces(ros_interfaces):
+    """control_msgs, of this process and of others."""
+    return ros_interfaces("control_msgs")
+
+
+@pytest.fixture
+def cell(interfaces, repository, harness):
+    """The graph of `test_primitive_activation`, its arm behind the action."""
+
+    class Cell(Graph):
+        """The commands are the goals."""
+
+        def __init__(self):
+            self.told = harness.collect(String, "told", 100)
+            super().__init__(harness, command_action=ACTION, switch_lead=0.05)
+            self.commands = []
+            publish = self.node._action.publish
+
+            def note(message):
+                self.commands.append(copy.deepcopy(message))
+                publish(message)
+
+            self.node._action.publish = note
+            self.node._output._commands = self.node._action
+            harness.spin_until(self.node._action._client.server_is_ready, what="the controller")
+
+        def answer(self, how):
+            value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=how)
+            request = SetParameters.Request(
+                parameters=[ParameterMessage(name="answer", value=value)]
+            )
+            harness.call(SetParameters, "joint_trajectory_controller/set_parameters", request)
+
+        def heard(self, what):
+            return any(message.data == what for message in self.told)
+
+    script = repository / "test" / "trajectory_controller.py"
+    with NodeProcess(sys.executable, str(script)) as process:
+        graph = Cell()
+        graph.process = process
+        yield graph
+
+
+def test_goals_are_accepted_replaced_and_succeed(cell):
+    cell.begin()
+    cell.until(lambda: cell.mode == "homing")
+    cell.until(lambda: cell.mode == "idle")
+    cell.harness.spin_until(lambda: cell.heard("succeeded"), what="the last goal's result")
+    assert len(cell.commands) > 2
+    assert cell.node.activation.counts.keys().isdisjoint({"stopped: controller_aborted"})
+    status, values = cell.report()
+    assert status.level != bytes([Level.ERROR]) and "controller" not in status.message
+    assert values["controller error [rad]"] == "0.020"
+
+
+@pytest.mark.parametrize(
+    ("how", "reason", "text"),
+    [
+        ("reject", "controller_rejected", "rejected a goal"),
+        ("path", "controller_aborted", "path tolerance violated: joint 3"),
+        ("silent", "controller_silent", "no answer"),
+    ],
+)
+def test_a_goal_that_is_not_executed_ends_the_interaction(cell, how, reason, text):
+    cell.answer(how)
+    cell.begin()
+    cell.until(lambda: cell.rejected(reason))
+    assert cell.mode == "idle" and cell.node.activation.active_task == ""
+    status, _ = cell.report()
+    assert status.level == bytes([Level.ERROR]) and text in status.message
+    n_commands = len(cell.commands)
+    for _ in range(50):  # the same movement begins none anew
+        cell.step()
+    assert len(cell.commands) == n_commands
+    if how == "silent":
+        cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the late goal cancelled")
+    cell.answer("accept")
+    stand = cell.arm()
+    cell.task = "idle"
+    for _ in range(50):
+        cell.step()
+    cell.begin("screw")
+    cell.until(lambda: cell.mode == "executing")
+    np.testing.assert_allclose(cell.commands[-1].points[0].positions, stand, atol=0.05)
+    cell.harness.spin_until(lambda: not cell.node._action.trouble, what="the goal accepted")
+
+
+def test_a_rejected_update_cancels_the_goal_under_way(cell):
+    cell.begin()
+    cell.until(lambda: cell.heard("accepted"))
+    cell.answer("reject")
+    cell.until(lambda: cell.rejected("controller_rejected"))
+    cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the goal cancelled")
+
+
+def test_a_goal_cancelled_by_others_ends_the_interaction(cell):
+    cell.begin()
+    cell.until(lambda: cell.heard("accepted"))
+    cell.harness.spin_until(lambda: cell.node._action._newest.handle, what="the newest accepted")
+    cell.harness.call(CancelGoal, f"{ACTION}/_action/cancel_goal", CancelGoal.Request())
+    cell.harness.spin_until(lambda: cell.rejected("controller_cancelled"), what="the result")
+    assert cell.mode == "idle"
+
+
+def test_a_goal_tolerance_is_told_and_the_arm_goes_home(cell):
+    cell.begin()
+    cell.until(lambda: cell.mode == "homing")
+    cell.until(lambda: cell.mode == "idle")
+    cell.answer("goal")
+    cell.harness.spin_until(lambda: cell.heard("aborted"), what="the last goal aborted")
+    cell.until(lambda: cell.rejected("goal_tolerance_violated"))
+    assert "goal tolerance violated: joint 3" in cell.report()[0].message
+    assert not any("controller" in reason for reason in cell.node.activation.counts)
+
+
+def test_a_controller_that_is_gone_is_noticed(cell):
+    cell.begin()
+    cell.until(lambda: cell.heard("accepted"))
+    cell.process.stop()
+    cell.harness.spin_until(lambda: cell.rejected("controller_missing"), what="it is gone")
+    assert cell.mode == "idle"
+
+
+def test_without_control_msgs_the_node_says_what_to_install(harness, monkeypatch):
+    monkeypatch.setitem(sys.modules, "control_msgs.action", None)
+    with pytest.raises(ArgumentError, match="ros-jazzy-control-msgs"):
+        Graph(harness, command_action=ACTION)
