@@ -34,13 +34,18 @@ for task in ("plate", "screw", "screwdriver"):
 
 # %%
 # The loop. `decide` is a pure function: its state is an argument and a returned value.
+# `predict_controlled` gives the whole interaction under the most probable task: it is None at rest,
+# where there is none, and while `none` is the most probable. `predict_controlled_at` says at any
+# time where the robot is expected, all tasks together; at rest, where the next movement begins.
 
 estimator = ir.IntentEstimator(library)
 settings, state = ir.decision_settings(library), ir.DecisionState()
 stamps, probabilities, predicted, active = [], [], [], []
+at_rest = estimator.predict_controlled_at(0.0)
+print("the robot's hand at rest:", at_rest.positions[0].round(3), "+-", at_rest.std[0].round(3))
 for stamp_s, position in stream:
     estimate = estimator.observe(stamp_s, position)
-    prediction = estimator.predict_controlled()  # None at rest, and while `none` is most probable
+    prediction = estimator.predict_controlled()
     state, task = ir.decide(
         settings,
         state,

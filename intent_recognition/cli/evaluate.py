@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import boxed_table, brief_list, busy, progress_bar, say
+from intent_recognition.cli.console import boxed_table, brief_list, busy, escape, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
@@ -235,6 +235,7 @@ def print_result(console: Console, result: dict) -> None:
     if mistaken := result["mistaken"]:
         taken = (f"{m['recording']} ({m['true']}) for {m['recognised']}" for m in mistaken)
         say(console, f"taken for another task at the end: {brief_list([*taken])}", "yellow")
+    print_reactive(console, result["reactive"])
     print_online(console, result["online"])
     _print_none(console, result["none"])
 
@@ -246,6 +247,20 @@ def print_online(console: Console, online: dict) -> None:
     for phase, row in online.items():
         cells = ["-" if row[name] is None else f"{row[name]:.1%}" for name in ONLINE]
         table.add_row(phase.removesuffix("_phase"), *cells)
+    console.print(table)
+
+
+def print_reactive(console: Console, reactive: dict) -> None:
+    """One table: errors of the controlled agent's pose a little ahead, by task."""
+    names = list(next(iter(next(iter(reactive.values())).values())))
+    titles = (f">{name}".replace("_", " ") for name in names)
+    table = boxed_table(
+        "reactive: pose at every moment, unknown task and phase", "task", ">ahead", *titles
+    )
+    for label, rows in reactive.items():
+        for ahead, row in rows.items():
+            cells = [_cell(row[name], "{:.3g}") for name in names]
+            table.add_row(escape(label), f"{float(ahead):g} s", *cells)
     console.print(table)
 
 
@@ -278,7 +293,7 @@ def _why_held_back(end_std: dict) -> str:
     )
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, form: str = "{:.3f}") -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{_cell(number)} {unit}" for unit, number in value.items())
-    return "-" if value is None else f"{value:.3f}"
+        return ", ".join(f"{_cell(number, form)} {unit}" for unit, number in value.items())
+    return "-" if value is None else form.format(value)

@@ -38,6 +38,14 @@ from intent_recognition.learning import TrainingReport, TrainingSettings, learn_
 from intent_recognition.model import Model, Run, frames_of, save_model
 from intent_recognition.promp import TaskLibrary
 
+PACE_WORDS = {
+    "steady": "at steady progress",
+    "own": "at the human's pace",
+    "shared": "at a shared pace",
+    "aligned": "aligned in time",
+}
+"""How `PACES` are printed."""
+
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
@@ -172,8 +180,9 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
         )
     console.print(table)
     chosen = report.chosen
-    kind = "aligned in time" if chosen.aligned else "at steady progress"
-    how = f"{kind}, noise variance x {chosen.noise_scale:g}"
+    how = f"{PACE_WORDS[chosen.pace]}, noise variance x {chosen.noise_scale:g}"
+    if library.coupling is not None and np.any(library.coupling.gain):
+        how += ", residuals coupled"
     if not report.tried:
         console.print(f"settings kept: {how}")
         return

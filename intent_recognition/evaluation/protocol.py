@@ -11,13 +11,14 @@ import numpy as np
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import score_online, where_both_were_recorded
+from intent_recognition.evaluation.reactive import HORIZONS_S, REACTIVE_NAMES, NearestWindows
+from intent_recognition.evaluation.scores import ScoreTable
 from intent_recognition.evaluation.scoring import (
     PHASES,
     PREDICTION_FRACTIONS,
     PREDICTION_NAMES,
     RECOGNITION_FRACTIONS,
     EvaluationRecords,
-    ScoreTable,
     collect,
     score_demonstration,
 )
@@ -64,9 +65,10 @@ def evaluate(
 
     Returns:
         Numbers by name, as docs/recognition.md defines them: `recognition` and `prediction` by
-        phase knowledge and share observed, `segment` ("movement" or "recording") that it is a
-        share of, `reliability`, `coverage`, `confusion` and `none`; which recordings are
-        `mistaken` for another task, and which `left_out` or `doubtful`, each with the reason.
+        phase knowledge and share observed, `reactive` by task and time ahead, `segment`
+        ("movement" or "recording") that it is a share of, `reliability`, `coverage`, `confusion`
+        and `none`; which recordings are `mistaken` for another task, and which `left_out` or
+        `doubtful`, each with the reason.
 
     Raises:
         ArgumentError: an unknown protocol, or too few demonstrations for it.
@@ -96,9 +98,10 @@ def evaluate(
         library = learn(training, replace(settings, switching=False))
         units = tuple(dict.fromkeys(library.controlled_units))
         labels |= set(library.labels)
+        windows = NearestWindows(training)
         for recorded in (usable[i] for i in test):
             if recorded.task in library.labels:
-                score_demonstration(collected, library, training, recorded, start_posture)
+                score_demonstration(collected, library, training, recorded, start_posture, windows)
             else:
                 _miss(collected)
             done += 1
@@ -123,6 +126,10 @@ def evaluate(
         "left_out": [{"recording": r.name, "reason": r.reason} for r in left_out.values()],
         "doubtful": [{"recording": d.name, "reason": d.reason} for d in doubts],
         **_tables(collected, units),
+        "reactive": {
+            label: collected.reactive.table(label, HORIZONS_S, units, REACTIVE_NAMES)
+            for label in sorted(labels)
+        },
         **decided,
         "none": {
             **compare(collected.outcomes, unknown),

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ScoreTable of one recording left out of training, and their means over all of them."""
+"""Scores of one recording left out of training."""
 
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
+from intent_recognition.evaluation.reactive import NearestWindows, ReactiveCase, moments
+from intent_recognition.evaluation.scores import ScoreTable, per_unit
 from intent_recognition.evaluation.unknown_movements import (
     DecisionMonitor,
     MovementOutcome,
@@ -34,8 +35,6 @@ TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 PHASES = ("known_phase", "unknown_phase")
 SMALLEST_PROBABILITY = 1e-300
 """Bounds the log loss. Numerical safeguard."""
-UNLIKELY = 1e-3
-"""Tasks less probable than this are left out of the marginal prediction. Convention."""
 PREDICTION_NAMES = (
     "rmse",
     "rmse_inferred_task",
@@ -48,40 +47,6 @@ PREDICTION_NAMES = (
 )
 
 
-class ScoreTable:
-    """Sums of what is averaged over demonstrations, by phase knowledge, fraction and name."""
-
-    def __init__(self) -> None:
-        self._values: dict[tuple[str, float, str], list] = defaultdict(list)
-
-    def add(self, phase: str, fraction: float, **values: float | NDArray[np.float64]) -> None:
-        """Add one demonstration's numbers (scalars, or (U,) arrays with one number per unit)."""
-        for name, value in values.items():
-            self._values[phase, fraction, name].append(value)
-
-    def table(
-        self, phase: str, fractions: Sequence[float], units: Sequence[str], names: Sequence[str]
-    ) -> dict[str, dict[str, object]]:
-        """Means over demonstrations: {fraction: {name: number}}, one number per unit if several."""
-        return {
-            str(fraction): {
-                name: _number(self._values[phase, fraction, name], units) for name in names
-            }
-            for fraction in fractions
-        }
-
-
-def _number(values: list, units: Sequence[str]) -> float | dict[str, float | None] | None:
-    """Mean over demonstrations; of several units one number each, None where there is none."""
-    if not values:
-        return None
-    mean = np.mean(np.array(values, dtype=np.float64), axis=0)
-    if mean.ndim == 0:
-        return float(mean)
-    numbers = [None if np.isnan(x) else float(x) for x in mean]
-    return numbers[0] if len(units) == 1 else dict(zip(units, numbers, strict=True))
-
-
 class EvaluationRecords(NamedTuple):
     """What is recorded over all left-out recordings.
 
@@ -91,6 +56,7 @@ class EvaluationRecords(NamedTuple):
         recognitions: recognised and true tasks.
         normalised_errors: errors in predicted standard deviations.
         outcomes: the decision about each movement, its duration unknown.
+        reactive: squared errors of predictions a little ahead, by task and horizon.
     """
 
     scores: ScoreTable
@@ -98,12 +64,15 @@ class EvaluationRecords(NamedTuple):
     recognitions: RecognitionRecords
     normalised_errors: NormalisedErrors
     outcomes: list[MovementOutcome]
+    reactive: ScoreTable
 
 
 def collect(both_starts: bool = False) -> EvaluationRecords:
     """An empty collection."""
     again = ScoreTable() if both_starts else None
-    return EvaluationRecords(ScoreTable(), again, RecognitionRecords(), NormalisedErrors(), [])
+    return EvaluationRecords(
+        ScoreTable(), again, RecognitionRecords(), NormalisedErrors(), [], ScoreTable()
+    )
 
 
 def score_demonstration(
@@ -112,8 +81,17 @@ def score_demonstration(
     training: Sequence[Demonstration],
     test: Demonstration,
     start_posture: bool,
+    windows: NearestWindows | None = None,
 ) -> None:
     """Add one left-out demonstration's scores.
+
+    Args:
+        collected: what they are added to.
+        library: learned without it.
+        training: what it was learned from.
+        test: the demonstration.
+        start_posture: whether the controlled agent's start is known to the tables of prediction.
+        windows: baseline of reactive prediction; None to leave that out.
 
     Raises:
         IntentError: the demonstration has no duration.
@@ -130,9 +108,15 @@ def score_demonstration(
         known = phase == "known_phase"
         hypotheses = fixed_hypotheses(library, duration) if known else make_hypotheses(library)
         monitor = None if known else DecisionMonitor(learned)
-        for fraction, run in _snapshots(library, hypotheses, test, duration, monitor):
+        reacting = None if known or windows is None else ReactiveCase(windows, test, posture)
+        shares = {*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS}
+        if reacting is not None:
+            shares |= {elapsed_s / duration for elapsed_s in moments(test)}
+        for fraction, run in _snapshots(library, hypotheses, test, sorted(shares), monitor):
             posterior = task_posterior(run.log_evidence, hypotheses, fraction * duration)
             probabilities = _without_none(posterior, hypotheses)
+            if reacting is not None and fraction * duration in moments(test):
+                reacting.score(collected.reactive, run, probabilities, fraction * duration)
             if fraction in RECOGNITION_FRACTIONS:
                 collected.scores.add(
                     phase,
@@ -181,11 +165,7 @@ class _PredictionCase(NamedTuple):
         self, task_weights: NDArray[np.float64], start: StartPosture | None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and standard deviation (T, Q) of the mixture over tasks (K,) and durations."""
-        likely = np.flatnonzero(task_weights > UNLIKELY)
-        moments = [self.run.prediction(int(k)).mixture_at(self.times, start) for k in likely]
-        share = task_weights[likely] / task_weights[likely].sum()
-        mean, square = (np.tensordot(share, part, axes=1) for part in map(np.array, zip(*moments)))
-        return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+        return self.run.mixture_at(self.times, task_weights, start)
 
     def given_task(
         self, start: StartPosture | None
@@ -204,31 +184,22 @@ def _snapshots(
     library: TaskLibrary,
     hypotheses: Hypotheses,
     test: Demonstration,
-    duration_s: float,
+    fractions: list[float],
     monitor: DecisionMonitor | None,
 ) -> Iterator[tuple[float, MovementFilter]]:
     """The filter after each share of the movement's time, in order."""
-    fractions = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS})
     run = MovementFilter(library, hypotheses, test.start_ns)
     for observation in merge(test.observed):
         elapsed = (observation.stamp_ns - test.start_ns) * 1e-9
         if observation.stamp_ns > test.end_ns:
             break
-        while fractions and elapsed > fractions[0] * duration_s + 1e-9:
+        while fractions and elapsed > fractions[0] * test.duration_s + 1e-9:
             yield fractions.pop(0), run
         run.observe(observation)
         if monitor is not None:
             monitor.observe(run, elapsed)
     for fraction in fractions:
         yield fraction, run
-
-
-def per_unit(library: TaskLibrary, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means over the samples and the DOFs of each controlled unit, (U,), from (T, Q)."""
-    units = np.array(library.controlled_units)
-    if not values.size:
-        return np.full(len(dict.fromkeys(units)), np.nan)
-    return np.array([values[:, units == unit].mean() for unit in dict.fromkeys(units)])
 
 
 def _prediction_scores(

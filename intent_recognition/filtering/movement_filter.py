@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering.filtered_weights import FilterBank
 from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.observation_model import ObservationModel
+from intent_recognition.filtering.observation_model import Measurement, ObservationModel
 from intent_recognition.filtering.pruning import PrunedBank
 from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.filtering.switching import SwitchedBelief, SwitchedHypotheses
@@ -25,6 +25,8 @@ from intent_recognition.promp import (
 )
 from intent_recognition.signals import Observation
 
+UNLIKELY = 1e-3
+"""Tasks so much less probable than the most probable one are left out of a mixture. Convention."""
 PRUNE_FROM = 128
 """Fewer hypotheses are never pruned.
 
@@ -92,6 +94,7 @@ class MovementFilter:
             switched.start(hypotheses)
         self._grids = {} if grids is None else grids
         self.n_used, self._elapsed_s = 0, 0.0
+        self._seen: list[Measurement] = []
         self._predictions: dict[int, TaskPrediction] = {}
         self._last: tuple[tuple[int, int, int], StartPosture | None, Trajectory] | None = None
 
@@ -110,6 +113,8 @@ class MovementFilter:
             self._switched.observe(measurement, self._bank.log_evidence, self.memory)
         self.n_used += 1
         self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
+        if not measurement.derivative:
+            self._seen.append(measurement)
         self._predictions.clear()
 
     @property
@@ -156,6 +161,29 @@ class MovementFilter:
         self._last = asked, start, trajectory
         return trajectory
 
+    def mixture_at(
+        self,
+        times_s: NDArray[np.float64],
+        task_weights: NDArray[np.float64],
+        start: StartPosture | list[StartPosture | None] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean and standard deviation of the controlled agent over all tasks, (T, Q) each.
+
+        Args:
+            times_s: after onset, (T,).
+            task_weights: probabilities of the K tasks, not all zero, (K,).
+            start: measured posture of the controlled agent at onset, one for each task or one for
+                all.
+        """
+        likely = np.flatnonzero(task_weights > UNLIKELY * task_weights.max())
+        starts = start if isinstance(start, list) else [start] * len(task_weights)
+        share = task_weights[likely] / task_weights[likely].sum()
+        moments = [self.prediction(int(k)).mixture_at(times_s, starts[k]) for k in likely]
+        mean, square = (
+            np.tensordot(share, np.array(part), axes=1) for part in zip(*moments, strict=True)
+        )
+        return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+
     def end_std(self, task: int, start: StartPosture | None = None) -> dict[str, float]:
         """Largest standard deviation of the end predicted for a task over the DOFs of each unit."""
         std = self.controlled(task, 1, start).std[-1]
@@ -178,6 +206,7 @@ class MovementFilter:
             *self.hypotheses.durations(task, bank.log_evidence),
             self._bank.history.until_now(first, first + self.hypotheses.n_scales),
             self._elapsed_s,
+            self._seen[:],
         )
 
     def _copy(self, index: NDArray[np.int64]) -> FilterBank:

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """One task's trajectories, from the hypotheses of a movement under way."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering.deviation_history import Deviations
 from intent_recognition.filtering.filtered_weights import CourseWeights, FilterBank
+from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import (
     ControlGrid,
@@ -16,11 +18,11 @@ from intent_recognition.promp import (
     TaskLibrary,
     Trajectory,
     check_points,
-    controlled_weights,
     deviation_prior,
     deviation_transition,
     dof_variance,
     reference_phase,
+    residual_weights,
 )
 
 N_PHASES = 201
@@ -40,6 +42,8 @@ class TaskPrediction:
         duration_weights: their posterior probabilities, (S,).
         deviations: gives what was believed of their phase deviations.
         elapsed_s: time of the last observation after onset.
+        seen: the measurements of positions, whose residuals couple the agents; none where the
+            hypotheses have offsets, which explain them.
     """
 
     def __init__(
@@ -51,8 +55,12 @@ class TaskPrediction:
         duration_weights: NDArray[np.float64],
         deviations: Callable[[], Deviations],
         elapsed_s: float,
+        seen: Sequence[Measurement] = (),
     ):
         self.library, self.task, self.bank, self.elapsed_s = library, task, bank, elapsed_s
+        coupled = library.coupling is not None and task < library.n_tasks
+        coupled = coupled and bool(np.any(library.coupling.gain[task]))
+        self._seen = seen if coupled else ()
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
 
@@ -83,22 +91,7 @@ class TaskPrediction:
 
     def phases_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Probability of each tabulated reference phase of the controlled agent, (S, T, G)."""
-        phase, phase_deviation = self.controlled_phases_at(times_s)
-        durations = self.durations_s
-        place = phase * (N_PHASES - 1)
-        cell = np.minimum(place.astype(np.int64), N_PHASES - 2)
-        share = place - cell
-        n_rows = len(durations) * len(times_s)
-        index = cell.reshape(n_rows, -1) + N_PHASES * np.arange(n_rows)[:, None]
-        table = np.bincount(
-            np.concatenate([index.ravel(), index.ravel() + 1]),
-            np.concatenate(
-                [(phase_deviation * (1.0 - share)).ravel(), (phase_deviation * share).ravel()]
-            ),
-            n_rows * N_PHASES,
-        )
-        shape = len(durations), len(times_s), N_PHASES
-        return np.asarray(table, dtype=np.float64).reshape(shape)
+        return _tabulated(*self.controlled_phases_at(times_s))
 
     def mixture_at(
         self, times_s: NDArray[np.float64], start: StartPosture | None = None
@@ -106,23 +99,48 @@ class TaskPrediction:
         """Mean and mean square of the controlled agent at true times after onset, (T, Q) each.
 
         The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and
-        phase deviations).
+        phase deviations), and the coupling of the residuals (`promp.coupling`).
         """
-        library, weights = self.library, self.duration_weights
-        design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
-        phases = self.phases_at(times_s)
-        mean = np.zeros((len(times_s), library.n_controlled))
+        weights, phases = self.duration_weights, self.phases_at(times_s)
+        shift, unexplained = self._coupled(times_s)
+        mean = np.zeros((len(times_s), self.library.n_controlled))
         square = np.zeros_like(mean)
         for index in np.flatnonzero(weights > NEGLIGIBLE_DURATION):
             observed = Gaussian(self.bank.mean[index], self.bank.covariance[index])
-            controlled = controlled_weights(library, self.task, observed, start)
-            position = design @ controlled.mean.reshape(library.n_controlled, -1).T
-            variance = dof_variance(design, controlled.covariance)
-            variance += library.control_noise_variance()
-            mean += weights[index] * phases[index] @ position
-            square += weights[index] * phases[index] @ (variance + position**2)
+            along, share = self._table.predict(observed, 1.0, start), phases[index]
+            expected = share @ along.positions
+            variance = share @ (along.std**2 + along.positions**2) - expected**2
+            expected = expected + shift[index]
+            mean += weights[index] * expected
+            square += weights[index] * (unexplained * variance + expected**2)
         total = weights[weights > NEGLIGIBLE_DURATION].sum()
         return mean / total, square / total
+
+    @cached_property
+    def _table(self) -> ControlGrid:
+        return ControlGrid(self.library, self.task, N_PHASES)
+
+    def _coupled(
+        self, times_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What the observed residuals add to the controlled agent, and the variance they leave.
+
+        The first under each hypothesis, (S, T, Q); the second a share of the variance, (T, Q).
+        """
+        shape = len(times_s), self.library.n_controlled
+        coupling = self.library.coupling
+        if coupling is None or not self._seen:
+            return np.zeros((len(self.durations_s), *shape)), np.ones(shape)
+        seen_s, values = _values(self._seen, self.library.n_observed)
+        phase = reference_phase(self.library.phase_deviation, seen_s / self.durations_s[:, None])
+        design = self.library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
+        of_dofs = self.bank.mean.reshape(len(self.durations_s), self.library.n_observed, -1)
+        path = design @ np.swapaxes(of_dofs, 1, 2)
+        residuals = values - _tabulated(phase, self.deviations_at(seen_s)) @ path
+        residuals[np.broadcast_to(np.isnan(values), residuals.shape)] = 0.0
+        weights, known = residual_weights(seen_s, times_s, float(coupling.decay_s[self.task]))
+        shift = weights @ residuals @ coupling.gain[self.task].T
+        return shift, 1.0 - known[:, None] * coupling.explained[self.task]
 
     def controlled(
         self, n_points: int, start: StartPosture | None = None, grid: ControlGrid | None = None
@@ -144,8 +162,14 @@ class TaskPrediction:
         times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
         phase, phase_variance, rate = self._path(times_s, controlled=True)
         positions, slope, std = _between(along, phase)
-        variance = std**2 + slope**2 * phase_variance[:, None]
-        return Trajectory(times_s, positions, slope * rate[:, None], np.sqrt(variance))
+        variance, velocities = std**2 + slope**2 * phase_variance[:, None], slope * rate[:, None]
+        if self._seen:
+            shift, unexplained = self._coupled(times_s)
+            shift = np.tensordot(self.duration_weights, shift, axes=1)
+            positions, variance = positions + shift, variance * unexplained
+            if n_points > 1:
+                velocities = velocities + np.gradient(shift, times_s, axis=0)
+        return Trajectory(times_s, positions, velocities, np.sqrt(variance))
 
     def observed(self, n_points: int) -> Trajectory:
         """The rest of the observed agent's movement; its end alone when that is due, or for T = 1.
@@ -204,6 +228,35 @@ class TaskPrediction:
         return mean, np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
 
 
+def _tabulated(phase: NDArray[np.float64], probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probability of each of `N_PHASES` phases from that of some between them, (..., E): (..., G).
+
+    Each is shared by the two next to it, so that their mean stays.
+    """
+    place = phase * (N_PHASES - 1)
+    cell = np.minimum(place.astype(np.int64), N_PHASES - 2)
+    of_next = probability * (place - cell)
+    n_rows = phase[..., 0].size
+    index = cell.reshape(n_rows, -1) + N_PHASES * np.arange(n_rows)[:, None]
+    table = np.bincount(
+        np.concatenate([index.ravel(), index.ravel() + 1]),
+        np.concatenate([(probability - of_next).ravel(), of_next.ravel()]),
+        n_rows * N_PHASES,
+    )
+    return np.asarray(table, dtype=np.float64).reshape(*phase.shape[:-1], N_PHASES)
+
+
+def _values(
+    seen: Sequence[Measurement], n_observed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times of measurements, ascending, (n,), and what was measured, NaN where nothing, (n, P)."""
+    times_s = np.unique([one.elapsed_s for one in seen])
+    values = np.full((len(times_s), n_observed), np.nan)
+    for one in seen:
+        values[np.searchsorted(times_s, one.elapsed_s), one.dofs] = one.values
+    return times_s, values
+
+
 def deviations_at(
     model: PhaseDeviation,
     durations_s: NDArray[np.float64],
@@ -222,7 +275,11 @@ def deviations_at(
     prior = deviation_prior(model)
     if not len(seen_s) or len(prior) == 1:
         return np.tile(prior, (len(durations_s), len(times_s), 1))
-    smoothed = _smoothed(model, durations_s, seen_s, filtered, likelihood)
+    if np.all(times_s >= seen_s[-1]):
+        smoothed = filtered[-1][:, None]
+        seen_s = seen_s[-1:]
+    else:
+        smoothed = _smoothed(model, durations_s, seen_s, filtered, likelihood)
     after = np.clip(np.searchsorted(seen_s, times_s), 0, len(seen_s) - 1)
     before = np.maximum(after - 1, 0)
     gap = np.maximum(seen_s[after] - seen_s[before], 1e-9)

@@ -52,7 +52,7 @@ from intent_recognition.learning.selection import Hyperparameters
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, summarize
 from intent_recognition.learning.switch_margin import learn_switch_margin
-from intent_recognition.learning.timing import Timing
+from intent_recognition.learning.timing import PACES, Timing
 from intent_recognition.learning.training import (
     Trained,
     TrainingReport,
@@ -79,6 +79,7 @@ __all__ = [
     "MAX_COMPONENTS",
     "MIN_MEMBERS",
     "NAMES_KEPT",
+    "PACES",
     "REFERENCE_RECORDINGS",
     "RIDGE",
     "SAMPLED_PHASES",

@@ -2,10 +2,11 @@
 """Hyperparameters chosen by held-out validation, with the filter that runs online.
 
 Demonstrations are left out in turn. From samples of the observed agent the filter recognises the
-task and predicts the controlled agent. What is chosen is whether demonstrations are aligned in time
-before their weights are fitted, and the noise of an observation. The score of a candidate is in
-nats: the log loss of the task, plus that of the controlled agent's Q DOFs under a normal error of
-fitted variance, Q / 2 log(mean squared error).
+task and predicts the controlled agent. What is chosen is the pace of both agents
+(`learning.timing`) and the noise of an observation; the coupling of the residuals is learned beside
+each (`learning.coupling`). The score of a candidate is in nats: the log loss of the task, plus that
+of the controlled agent's Q DOFs under a normal error of fitted variance, Q / 2 log(mean squared
+error).
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,10 +18,8 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering import deviations_at
 from intent_recognition.gaussian import Gaussian, symmetrize
-from intent_recognition.learning.examples import (
-    TrainingExample,
-    scored_phases,
-)
+from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
+from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
 from intent_recognition.learning.held_out import (
     MAX_FLOATS,
     Progress,
@@ -30,6 +29,7 @@ from intent_recognition.learning.held_out import (
 )
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
+    ResidualCoupling,
     Scatter,
     TaskLibrary,
     observed_block,
@@ -60,18 +60,37 @@ class Hyperparameters(NamedTuple):
     """Hyperparameters and their score on demonstrations left out, lower wins.
 
     Attributes:
-        aligned: whether demonstrations are aligned before their weights are fitted.
+        pace: one of `PACES`.
         noise_scale: factor of the observed DOFs' noise variance.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
         score: both together, in nats; NaN where nothing could be left out.
     """
 
-    aligned: bool = False
+    pace: str = "own"
     noise_scale: float = 4.0
     log_loss: float = float("nan")
     error: float = float("nan")
     score: float = float("nan")
+
+    @property
+    def aligned(self) -> bool:
+        """Whether demonstrations are aligned before their weights are fitted."""
+        return self.pace == "aligned"
+
+
+class Choice(NamedTuple):
+    """What was chosen.
+
+    Attributes:
+        best: the hyperparameters.
+        coupling: of the residuals, learned with them; None where there is none in any task.
+        tried: all hyperparameters that were scored.
+    """
+
+    best: Hyperparameters
+    coupling: ResidualCoupling | None
+    tried: tuple[Hyperparameters, ...]
 
 
 class _LeftOut(NamedTuple):
@@ -97,64 +116,89 @@ class _LeftOut(NamedTuple):
 
 
 def choose(
-    candidates: Sequence[tuple[TaskLibrary, Mapping[str, TaskStatistics]]],
+    candidates: Mapping[str, tuple[TaskLibrary, Mapping[str, TaskStatistics]]],
     recorded: Mapping[str, TaskStatistics],
-) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
-    """The best hyperparameters, and all that were tried.
+) -> Choice:
+    """The best hyperparameters, their coupling, and all that were tried.
 
     Args:
-        candidates: a library for each kind of primitives, steady first and aligned second if there
-            are any, with the statistics it was built from.
+        candidates: by pace a library, with the statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
-    tried = []
-    for aligned, (library, tasks) in enumerate(candidates):
+    tried, couplings = list[Hyperparameters](), list[ResidualCoupling]()
+    for pace, (library, tasks) in candidates.items():
         left_out = _leave_out(tasks, recorded, library.units)
         if not left_out:
-            return Hyperparameters(), (Hyperparameters(),)
+            return Choice(Hyperparameters(), None, (Hyperparameters(),))
         for noise_scale in NOISE_SCALES:
-            log_loss, error = validate(replace(library, noise_scale=noise_scale), left_out, tasks)
+            scaled = replace(library, noise_scale=noise_scale)
+            log_loss, error, coupling = validate(scaled, left_out, tasks)
             score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
-            tried.append(Hyperparameters(bool(aligned), noise_scale, log_loss, error, score))
-    return min(tried, key=lambda candidate: candidate.score), tuple(tried)
+            tried.append(Hyperparameters(pace, noise_scale, log_loss, error, score))
+            couplings.append(coupling)
+    best = min(range(len(tried)), key=lambda k: tried[k].score)
+    coupled = bool(np.any(couplings[best].gain))
+    return Choice(tried[best], couplings[best] if coupled else None, tuple(tried))
 
 
 def validate(
     library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
-) -> tuple[float, float]:
-    """Log loss of the task and relative error of the controlled agent, the duration known."""
+) -> tuple[float, float, ResidualCoupling]:
+    """Log loss of the task, relative error of the controlled agent, and the residuals' coupling.
+
+    The duration is known. The error is that which the coupling leaves.
+    """
     truth = np.concatenate([one.truth for one in left_out])
     size = np.where(is_spatial(library.controlled_units), 1.0, np.abs(truth).max(axis=0))
     variance = np.maximum(np.var(truth, axis=0), 1e-12 * np.where(size > 0.0, size, 1.0) ** 2)
     n_hypotheses = 1 + max(len(one.rivals) for one in left_out)
     most = max(1, MAX_FLOATS // (library.n_observed_weights**2 * n_hypotheses))
-    losses, errors = [], []
-    for start in range(0, len(left_out), most):
-        loss, error = _follow(library, left_out[start : start + most], tasks)
-        losses.append(loss)
-        errors.append(np.mean(error / variance, axis=(0, 2)))
-    return float(np.concatenate(losses).mean()), float(np.concatenate(errors).mean())
+    parts = [
+        _follow(library, left_out[start : start + most], tasks)
+        for start in range(0, len(left_out), most)
+    ]
+    loss, observed, controlled = zip(*parts, strict=True)
+    residuals = HeldOutResiduals(
+        np.array([one.task for one in left_out]),
+        scored_phases(),
+        np.array(FRACTIONS),
+        np.concatenate(observed, axis=1),
+        np.concatenate(controlled, axis=1),
+    )
+    coupling, left = learn_coupling(residuals, variance, library.durations_s)
+    return float(np.concatenate(loss).mean()), float(np.mean(left / variance)), coupling
 
 
 def _follow(
     library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Log loss of demonstrations (n,), squared errors after each of `FRACTIONS`, (f, n, Q)."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Log loss of demonstrations (n,), and residuals of both agents after each of `FRACTIONS`.
+
+    These are (f, n, s, P) and (f, n, s, Q).
+    """
     prior, own = _priors(library, left_out, tasks)
     sizes = np.diff(np.append(own, len(prior.mean)))
     samples = np.repeat(np.array([one.observed for one in left_out]), sizes, axis=0)
     samples = np.swapaxes(samples, 0, 1)
     truth = np.array([one.truth for one in left_out])
-    loss, errors, shares = np.zeros(len(left_out)), [], list(FRACTIONS)
+    seen = np.array([_at_scored_phases(one.observed) for one in left_out])
+    loss, observed, controlled, shares = np.zeros(len(left_out)), [], [], list(FRACTIONS)
     for progress in filter_samples(library, prior, np.ones(len(prior.mean)), samples):
         evidence = np.logaddexp.reduceat(progress.log_evidence, own)
         loss += evidence - progress.log_evidence[own]
-        seen = (progress.n_samples + 0.5) / len(samples)
-        while shares and (seen > shares[0] or progress.n_samples == len(samples)):
-            predicted = _predict(library, left_out, progress, own)
-            errors.append(np.mean((predicted - truth) ** 2, axis=1))
+        share = (progress.n_samples + 0.5) / len(samples)
+        while shares and (share > shares[0] or progress.n_samples == len(samples)):
+            human, robot = _predict(library, left_out, progress, own)
+            observed.append(seen - human)
+            controlled.append(truth - robot)
             shares.pop(0)
-    return loss / len(samples), np.array(errors)
+    return loss / len(samples), np.array(observed), np.array(controlled)
+
+
+def _at_scored_phases(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Samples of the observed agent (m, P) at the scored phases, (s, P)."""
+    columns = [np.interp(scored_phases(), sample_phases(), column) for column in samples.T]
+    return np.stack(columns, axis=1)
 
 
 def _priors(
@@ -176,21 +220,24 @@ def _predict(
     left_out: Sequence[_LeftOut],
     progress: Progress,
     own: NDArray[np.int64],
-) -> NDArray[np.float64]:
-    """Mean of the controlled agent at the scored phases, under the own task, (n, s, Q)."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means of both agents at the scored phases, under the own task: (n, s, P) and (n, s, Q)."""
     model, size = library.phase_deviation, library.n_observed_weights
     filtered = progress.weights.mean[own]
     mean = np.array([one.mean for one in left_out])
     change = np.matmul(
         np.array([one.gain for one in left_out]), (filtered - mean[:, :size])[..., None]
     )[..., 0]
-    weights = (mean[:, size:] + change).reshape(len(own), library.n_controlled, -1)
+    observed = filtered.reshape(len(own), library.n_observed, -1)
+    controlled = (mean[:, size:] + change).reshape(len(own), library.n_controlled, -1)
     phases = scored_phases()
-    if not model.controlled_follows:
-        return np.einsum("sk,nqk->nsq", library.basis.design_matrix(phases), weights)
     share = deviations_at(model, np.ones(len(own)), progress.deviations(own), phases)
     design = library.basis.design_matrix(reference_phase(model, phases))
-    return np.einsum("nse,sek,nqk->nsq", share, design, weights, optimize=True)
+    rows = np.einsum("nse,sek->nsk", share, design, optimize=True)
+    human = rows @ np.swapaxes(observed, 1, 2)
+    if not model.controlled_follows:
+        rows = library.basis.design_matrix(phases)
+    return human, rows @ np.swapaxes(controlled, 1, 2)
 
 
 def _leave_out(

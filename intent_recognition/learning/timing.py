@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
-from intent_recognition.promp import PhaseDeviation
+from intent_recognition.promp import STEADY, PhaseDeviation
 from intent_recognition.signals import Demonstration
 
 N_DEVIATION_PHASES = 51
@@ -38,6 +38,10 @@ STEADY_FLOOR = 0.01
 """Smallest scale of the phase deviation of primitives at steady progress, a share of the duration.
 Convention."""
 
+PACES = ("steady", "own", "shared", "aligned")
+"""Whose phase deviates from steady progress: nobody's, the observed agent's alone, or that of both
+together; and both together over a reference phase, with demonstrations aligned to it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Timing:
@@ -61,11 +65,14 @@ class Timing:
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
-    def phase_deviation(self, aligned: bool) -> PhaseDeviation:
-        """The prior of a person's phase deviation, for aligned or steady primitives."""
+    def phase_deviation(self, pace: str) -> PhaseDeviation:
+        """The prior of a person's phase deviation, for one of `PACES`."""
+        if pace == "steady":
+            return STEADY
+        aligned = pace == "aligned"
         share, floor = (1.0, ALIGNED_FLOOR) if aligned else (STEADY_SHARE, STEADY_FLOOR)
         scale = np.maximum(share * self.deviation_std, floor)
-        return PhaseDeviation(scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE, aligned)
+        return PhaseDeviation(scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE, pace != "own")
 
     def warps(self, recordings: Sequence[Demonstration]) -> list[Warp]:
         """From reference phase to the recorded phase of each; the identity without a template."""

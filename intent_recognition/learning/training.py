@@ -20,7 +20,7 @@ from intent_recognition.learning.fitting import (
 )
 from intent_recognition.learning.left_out_odds import learn_left_out_odds
 from intent_recognition.learning.preprocessing import Preprocessing, example_of
-from intent_recognition.learning.selection import Hyperparameters, choose
+from intent_recognition.learning.selection import Choice, Hyperparameters, choose
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import (
     TaskStatistics,
@@ -29,8 +29,9 @@ from intent_recognition.learning.statistics import (
     summarize,
 )
 from intent_recognition.learning.switch_margin import learn_switch_margin
+from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.unknown_task import learn_none_margin
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.promp import ResidualCoupling, TaskLibrary
 from intent_recognition.signals import Demonstration
 
 
@@ -136,8 +137,9 @@ def learn_accumulated(
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
     preprocessing = _check_enough(accumulated)
-    chosen, tried = choose_hyperparameters(accumulated.tasks, preprocessing)
+    chosen, coupling, tried = choose_hyperparameters(accumulated.tasks, preprocessing)
     library = library_from_statistics(accumulated.tasks, preprocessing, chosen, provenance)
+    library = replace(library, coupling=coupling)
     trained = with_margins(Trained(library, preprocessing, accumulated.tasks, chosen))
     return TrainingReport(
         accumulated.used,
@@ -152,16 +154,14 @@ def learn_accumulated(
 
 def choose_hyperparameters(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing
-) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
+) -> Choice:
     """The hyperparameters by held-out validation, and all that were tried."""
-    kinds = (False, True) if aligned_statistics(tasks) is not None else (False,)
-    candidates = [
-        (
-            library_from_statistics(tasks, preprocessing, Hyperparameters(aligned)),
-            statistics_of(tasks, aligned),
-        )
-        for aligned in kinds
-    ]
+    paces = PACES if aligned_statistics(tasks) is not None else PACES[:-1]
+    candidates = {}
+    for pace in paces:
+        parameters = Hyperparameters(pace)
+        library = library_from_statistics(tasks, preprocessing, parameters)
+        candidates[pace] = library, statistics_of(tasks, parameters.aligned)
     return choose(candidates, tasks)
 
 
@@ -198,6 +198,7 @@ def add_statistics(
         labels=tuple(merged),
         **learned_from(merged, trained.preprocessing, trained.chosen),
         **_priors(before, tuple(merged)),
+        coupling=_coupling(before, tuple(merged)),
         provenance={**before.provenance, "bags": [*known_bags, *names][:NAMES_KEPT]},
     )
     return Trained(library, trained.preprocessing, merged, trained.chosen)
@@ -205,12 +206,13 @@ def add_statistics(
 
 def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
     """Choose the hyperparameters again on all demonstrations; also all that were tried."""
-    chosen, tried = choose_hyperparameters(trained.tasks, trained.preprocessing)
+    chosen, coupling, tried = choose_hyperparameters(trained.tasks, trained.preprocessing)
     preprocessing = trained.preprocessing
     library = replace(
         trained.library,
         basis=preprocessing.basis_of(chosen.aligned),
-        phase_deviation=preprocessing.timing.phase_deviation(chosen.aligned),
+        phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
+        coupling=coupling,
         **learned_from(trained.tasks, preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )
@@ -247,6 +249,17 @@ def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> _Priors:
     transition_prior = np.full((n + 1, n), 1.0 / n)
     transition_prior[np.ix_(np.append(known, n), known)] = before.transition_prior * share
     return {"task_prior": task_prior, "transition_prior": transition_prior}
+
+
+def _coupling(before: TaskLibrary, labels: tuple[str, ...]) -> ResidualCoupling | None:
+    """The coupling of more tasks: none in the new ones."""
+    if before.coupling is None:
+        return None
+    known = [labels.index(label) for label in before.labels]
+    found = ResidualCoupling.none(len(labels), before.n_controlled, before.n_observed)
+    for whole, part in zip(found, before.coupling, strict=True):
+        whole[known] = part
+    return found
 
 
 def _check_enough(accumulated: Accumulated) -> Preprocessing:

@@ -36,6 +36,7 @@ from intent_recognition.model.checks import (
     shapes_of,
 )
 from intent_recognition.model.context import CONTEXT, context_arrays, read_context
+from intent_recognition.model.coupling import COUPLING, coupling_arrays, read_coupling
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
 from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary
 from intent_recognition.signals import OnsetSettings
@@ -129,7 +130,7 @@ def save_model(
         DEVIATION_STD: deviation.deviation_std,
     }
     arrays |= {n: np.asarray(getattr(library, n)) for n in NUMBERS if n not in arrays}
-    arrays |= context_arrays(library.context)
+    arrays |= context_arrays(library.context) | coupling_arrays(library.coupling)
     header = {
         "format_version": FORMAT_VERSION,
         "labels": library.labels,
@@ -163,7 +164,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = BEFORE_SWITCHES | _read(path, (*NUMBERS, DEVIATION_STD, *CONTEXT))
+    content = BEFORE_SWITCHES | _read(path, (*NUMBERS, DEVIATION_STD, *CONTEXT, *COUPLING))
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
@@ -180,6 +181,7 @@ def load_model(path: str | Path) -> Model:
     check_values(path, numbers)
     check_plausible(path, numbers)
     deviation = phase_deviation(path, header, content)
+    n_dofs = len(dofs.controlled_names), len(dofs.observed_names)
     check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
     for name in SCALARS:
         numbers[name] = float(numbers[name])
@@ -197,6 +199,7 @@ def load_model(path: str | Path) -> Model:
         left_out_odds=left_out_odds(path, header),
         provenance=provenance,
         context=read_context(path, content, dofs, numbers),
+        coupling=read_coupling(path, content, len(labels), *n_dofs),
         **numbers,
     )
     return Model(library, dofs)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from intent_recognition.alignment import Template
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.learning import (
+    PACES,
     Hyperparameters,
     Preprocessing,
     SignalNames,
@@ -140,12 +141,15 @@ def _hyperparameters(chosen: Mapping) -> Hyperparameters:
         KeyError: one is missing.
         TypeError: one is of another type, or too many.
     """
+    chosen = dict(chosen)
+    if "aligned" in chosen:  # of a model that was written before there were four paces
+        chosen["pace"] = "aligned" if chosen.pop("aligned") else "own"
     if set(chosen) != set(Hyperparameters._fields):
         raise KeyError(f"chosen of {', '.join(Hyperparameters._fields)}")
-    aligned, numbers = chosen["aligned"], [chosen[name] for name in Hyperparameters._fields[1:]]
-    if not isinstance(aligned, bool) or not all(isinstance(n, (int, float)) for n in numbers):
-        raise TypeError(f"chosen {dict(chosen)}")
-    return Hyperparameters(aligned, *(float(number) for number in numbers))
+    pace, numbers = chosen["pace"], [chosen[name] for name in Hyperparameters._fields[1:]]
+    if pace not in PACES or not all(isinstance(n, (int, float)) for n in numbers):
+        raise TypeError(f"chosen {chosen}")
+    return Hyperparameters(pace, *(float(number) for number in numbers))
 
 
 def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, NDArray[Any]]:

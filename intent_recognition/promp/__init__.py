@@ -18,6 +18,7 @@ from intent_recognition.promp.control_points import (
     distance_to,
     through,
 )
+from intent_recognition.promp.coupling import ResidualCoupling, residual_weights
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import (
@@ -68,6 +69,7 @@ __all__ = [
     "LeftOutOdds",
     "NormalizedRBFBasis",
     "PhaseDeviation",
+    "ResidualCoupling",
     "Risk",
     "Scatter",
     "StartPosture",
@@ -94,6 +96,7 @@ __all__ = [
     "least_end_std",
     "observed_block",
     "reference_phase",
+    "residual_weights",
     "risk_of",
     "rollout",
     "shared_covariance",

@@ -124,6 +124,7 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
     """The library whose tasks pass through points; without any, itself.
 
     The distribution of the observed weights stays what it is, so that what is recognised does.
+    Residuals are not coupled: they would move the controlled agent away from the points.
 
     Args:
         library: the learned tasks.
@@ -142,4 +143,4 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
             mean[task], covariance[task, :, size:] = joint.mean, joint.covariance[:, size:]
             covariance[task, size:, :size] = joint.covariance[size:, :size]
             mean[task, :size] = library.weight_mean[task, :size]
-    return replace(library, weight_mean=mean, weight_covariance=covariance)
+    return replace(library, weight_mean=mean, weight_covariance=covariance, coupling=None)

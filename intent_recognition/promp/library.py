@@ -15,6 +15,7 @@ from intent_recognition.gaussian import Gaussian, Regression, regression
 from intent_recognition.plots import Figure, by_unit, draw_bands, new_panels
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.context import ContextModel, as_context
+from intent_recognition.promp.coupling import ResidualCoupling
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
 from intent_recognition.promp.risk import NO_ODDS, LeftOutOdds
@@ -93,6 +94,7 @@ class TaskLibrary:
         left_out_odds: what demonstrations that were left out say about the risk of acting.
         context: how the weights depend on what is known of the scene; None where nothing is, or
             where it has been used (`given`).
+        coupling: of what the weights leave unexplained of both agents; None for none.
     """
 
     labels: tuple[str, ...]
@@ -126,6 +128,7 @@ class TaskLibrary:
     provenance: Mapping[str, object] = field(default_factory=dict)
     left_out_odds: LeftOutOdds = NO_ODDS
     context: ContextModel | None = None
+    coupling: ResidualCoupling | None = None
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""

@@ -13,10 +13,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.composing import BentLibrary, ViaPoint
-from intent_recognition.errors import ArgumentError, check_type
+from intent_recognition.errors import ArgumentError, ShapeError, check_type
 from intent_recognition.filtering import N_SCALES, make_hypotheses
 from intent_recognition.kinematics import Arm
-from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
+from intent_recognition.promp import (
+    NONE,
+    ControlGrid,
+    StartPosture,
+    TaskLibrary,
+    Trajectory,
+    as_context,
+    largest_by_unit,
+)
 from intent_recognition.recognition.after_stop import MovementAfterStop
 from intent_recognition.recognition.arguments import (
     LIBRARY_CURE,
@@ -30,15 +38,23 @@ from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movement, MovementMemory
 from intent_recognition.recognition.posterior import TaskPosterior, answered
-from intent_recognition.recognition.start_posture import POSTURE_UNKNOWN, OnsetPosture
+from intent_recognition.recognition.start_posture import (
+    POSTURE_UNKNOWN,
+    OnsetPosture,
+    rest_posture,
+)
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
-from intent_recognition.signals import Observation
+from intent_recognition.signals import Observation, as_numbers
 
 CLOCK_RESET_AFTER = 50
 """Consecutive late observations of a signal, in order, after which its clock was set back.
 
 Convention: half a second of a motion capture system at 100 Hz.
 """
+HALF_STEP_S = 0.005
+"""Half of the time over which the velocity of a predicted pose is taken [s]. Convention."""
+SMALLEST_SHARE = 1e-12
+"""Probability of a task while `none` is certain. Numerical safeguard."""
 
 
 class IntentEstimator:
@@ -328,6 +344,7 @@ class IntentEstimator:
 
         None at rest, before an onset is found, and while `none` is the most probable: there is no
         task to predict. Ask only where `estimate.moving and estimate.task != "none"`.
+        `predict_controlled_at` always says where the controlled agent is expected.
         """
         if self._movement is None or self._posterior is None:
             return None
@@ -341,6 +358,47 @@ class IntentEstimator:
         names, units = self.library.controlled_names, self.library.controlled_units
         label, onset_ns = self.library.labels[task], self._movement.onset_ns
         return Prediction(label, onset_ns, trajectory, used, names, units)
+
+    def predict_controlled_at(self, times_s: ArrayLike) -> Trajectory:
+        """Where the controlled agent is at some times, task and phase unknown.
+
+        Mean and standard deviation of the mixture over the known tasks, durations and phase
+        deviations, `none` left out. Before the onset, and at rest, it is where the next movement is
+        expected to begin, whatever the time: the mean and the spread of the tasks' first postures.
+
+        Args:
+            times_s: on the clock of `observe`, (T,), or a number for one [s].
+
+        Returns:
+            The poses, with `times_s` as they were asked for.
+
+        Raises:
+            ShapeError: times_s has more than one dimension.
+            ArgumentError: a time is not finite.
+        """
+        times = np.atleast_1d(as_numbers("times_s", times_s))
+        if times.ndim != 1:
+            raise ShapeError.about("times_s", "shape (T,)", times.shape, "Pass one time each.")
+        if not np.all(np.isfinite(times)):
+            raise ArgumentError.about("times_s", "finite numbers", times, "Leave the others out.")
+        movement, posterior = self._movement, self._posterior
+        if movement is None or posterior is None:
+            mean, std = (
+                np.tile(part, (len(times), 1))
+                for part in rest_posture(self.library, self.expectation.prior)
+            )
+            return Trajectory(times, mean, np.zeros_like(mean), std)
+        starts: list[StartPosture | None] = [None] * self.library.n_tasks
+        if self._posture is not None:
+            given, taught = self._posture.given, self.bent.taught
+            starts = [given(taught, k, movement.onset_ns)[0] for k in range(len(starts))]
+        since_s = np.maximum(times - movement.onset_ns * 1e-9, 0.0)
+        around_s = np.concatenate([since_s, since_s + HALF_STEP_S, since_s - HALF_STEP_S])
+        known = np.maximum(posterior.probabilities[:-1], SMALLEST_SHARE)
+        mean, std = movement.filter.mixture_at(around_s, known, starts)
+        mean, after, before = np.split(mean, 3)
+        velocities = (after - before) / (2.0 * HALF_STEP_S)
+        return Trajectory(times, mean, velocities, std[: len(times)])
 
     def predicted_end_std(self) -> dict[str, float] | None:
         """Largest standard deviation at the predicted end over the controlled DOFs of each unit.

@@ -179,3 +179,20 @@ def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.
 def start_mean(library: TaskLibrary, task: int) -> NDArray[np.float64]:
     """Mean posture in which a task begins, (Q,)."""
     return controlled_at(library, task, 0.0).mean
+
+
+def rest_posture(
+    library: TaskLibrary, task_prior: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean and standard deviation of the posture in which the next movement begins, (Q,) each.
+
+    Args:
+        library: the learned tasks.
+        task_prior: their probabilities, (K,).
+    """
+    starts = [controlled_at(library, task, 0.0) for task in range(library.n_tasks)]
+    mean = np.array([one.mean for one in starts])
+    variance = np.array([np.diag(one.covariance) for one in starts])
+    expected = task_prior @ mean
+    square = task_prior @ (variance + (mean - expected) ** 2)
+    return expected, np.sqrt(square + library.control_noise_variance())

@@ -96,6 +96,7 @@ def test_the_json_is_the_contracts(identical):
         "segment",
         "recognition",
         "prediction",
+        "reactive",
         "left_out",
         "doubtful",
         "reliability",
@@ -126,6 +127,12 @@ def test_the_json_is_the_contracts(identical):
         "1.0",
     ]
     assert list(identical["prediction"]["known_phase"]) == ["0.25", "0.5", "0.75", "1.0"]
+    assert set(identical["reactive"]) == {"a", "b"}
+    for table in identical["reactive"].values():
+        assert list(table) == ["0.0", "0.25", "0.5", "1.0"]
+        for row in table.values():
+            assert set(row) == {"mse", "mse_nearest_windows", "mse_last_pose"}
+            assert 0.0 <= row["mse"] < row["mse_last_pose"]
 
 
 def test_only_the_future_of_a_finished_movement_has_no_number(identical):

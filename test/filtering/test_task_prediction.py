@@ -13,6 +13,7 @@ from intent_recognition.filtering.movement_filter import MovementFilter
 from intent_recognition.filtering.task_prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.control_grid import ControlGrid
+from intent_recognition.promp.coupling import ResidualCoupling, residual_weights
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
@@ -297,3 +298,30 @@ def test_who_hesitates_is_predicted_better_with_phase_deviations(seed):
         covered.append(np.mean(np.abs(error) < 2 * np.sqrt(square - mean**2)[:, 0]))
     assert errors[0] < 0.5 * errors[1]
     assert covered[0] > max(covered[1], 0.6)
+
+
+def test_coupled_residuals_are_added_and_take_their_share_of_the_variance(rng):
+    """At one duration and steady progress, against residuals worked out by hand."""
+    library = library_with(rng, STEADY)
+    gain = 20.0 * rng.normal(size=(2, 2, 3))
+    coupling = ResidualCoupling(gain, np.full((2, 2), 0.75), np.full(2, 0.2))
+    observations = seen(library, rng, 12)
+    hypotheses, times = fixed_hypotheses(library, 2.0), np.array([0.3, 1.1, 1.9])
+    run = run_on(replace(library, coupling=coupling), 0, hypotheses, observations)
+    alone = run_on(library, 0, hypotheses, observations)
+    at = np.array([(o.stamp_ns - START_NS) * 1e-9 for o in observations])
+    path = library.basis.design_matrix(at / 2.0) @ alone.bank.mean[0].reshape(3, -1).T
+    weights, known = residual_weights(at, times, 0.2)
+    shift = weights @ (np.array([o.values for o in observations]) - path) @ gain[0].T
+    assert np.abs(shift).max() > 0.01
+    mean, square = run.mixture_at(times)
+    mean_alone, square_alone = alone.mixture_at(times)
+    np.testing.assert_allclose(mean, mean_alone + shift, atol=1e-4)
+    left = (1.0 - 0.75 * known[:, None]) * (square_alone - mean_alone**2)
+    np.testing.assert_allclose(square - mean**2, left, rtol=1e-3)
+    whole, whole_alone = run.controlled(201), alone.controlled(201)
+    moved = whole.positions - whole_alone.positions
+    np.testing.assert_allclose(moved[[30, 110, 190]], shift, atol=2e-3)
+    np.testing.assert_allclose(
+        whole.velocities - whole_alone.velocities, np.gradient(moved, whole.times_s, axis=0)
+    )

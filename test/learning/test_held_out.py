@@ -54,7 +54,7 @@ def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
     for progress in filter_samples(library, prior, pace, np.repeat(values[:, None], 3, axis=1)):
         found.append(progress.log_evidence.copy())
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
-    mean, covariance = progress.weights.current(np.arange(3))
+    mean, covariance = progress.weights.moments()
     np.testing.assert_allclose(mean, run.bank.mean, atol=1e-8)
     np.testing.assert_allclose(covariance, run.bank.covariance, atol=1e-10)
 

@@ -134,7 +134,7 @@ def test_timings_are_equal_where_all_of_them_is(rng):
 def test_aligned_primitives_leave_all_of_the_deviation_to_the_phase(rng):
     """Those at steady progress hold a part of it in their covariance; both have a floor."""
     timing = estimate_timing(some(rng))
-    aligned, steady = timing.phase_deviation(True), timing.phase_deviation(False)
+    aligned, steady = timing.phase_deviation("aligned"), timing.phase_deviation("own")
     wide = timing.deviation_std > ALIGNED_FLOOR
     assert wide.any() and not wide.all()
     np.testing.assert_array_equal(aligned.deviation_std[wide], timing.deviation_std[wide])

@@ -216,9 +216,9 @@ def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
 @pytest.mark.usefixtures("usually_left_out")
 def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
     trained = learn_with_report(recordings(14, 18), CUT).trained
-    everything, _ = choose_hyperparameters(trained.tasks, trained.preprocessing)
+    everything, *_ = choose_hyperparameters(trained.tasks, trained.preprocessing)
     monkeypatch.setattr(selection, "MAX_VALIDATED", 13)
-    some, _ = choose_hyperparameters(trained.tasks, trained.preprocessing)
+    some, *_ = choose_hyperparameters(trained.tasks, trained.preprocessing)
     assert some.score == pytest.approx(everything.score, abs=0.5)
     assert some.score != everything.score
 
@@ -226,7 +226,9 @@ def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeyp
 @pytest.mark.slow
 def test_choosing_again_is_training_on_everything_at_the_same_preprocessing():
     trained = learn_with_report(recordings(15, 9), CUT).trained
-    spoilt = trained.chosen._replace(aligned=not trained.chosen.aligned, noise_scale=64.0)
+    spoilt = trained.chosen._replace(
+        pace="own" if trained.chosen.aligned else "aligned", noise_scale=64.0
+    )
     library = library_from_statistics(trained.tasks, trained.preprocessing, spoilt)
     again, tried = choose_again(replace(trained, library=library, chosen=spoilt))
     assert again.chosen == trained.chosen and again.chosen in tried

@@ -15,6 +15,7 @@ from model_builder import GLOVE, WRIST, make_dofs, true_library
 
 from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.errors import DofError, ModelError
+from intent_recognition.model.coupling import COUPLING
 from intent_recognition.model.file import (
     BEFORE_SWITCHES,
     DEVIATION_STD,
@@ -26,6 +27,13 @@ from intent_recognition.model.file import (
     save_model,
 )
 from intent_recognition.promp import NO_ODDS, LeftOutOdds, PhaseDeviation
+from intent_recognition.promp.coupling import ResidualCoupling
+from intent_recognition.promp.library import TaskLibrary
+
+
+def a_coupling(library: TaskLibrary) -> ResidualCoupling:
+    parts = ResidualCoupling.none(library.n_tasks, library.n_controlled, library.n_observed)
+    return ResidualCoupling(parts.gain + 0.3, parts.explained + 0.2, 0.5 * parts.decay_s)
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +50,7 @@ def model() -> Model:
         evidence_freedom=4.0,
         left_out_odds=LeftOutOdds((0.5, -1.25), ("anna", "")),
         provenance={"bags": ["a", "b"], "package_version": "1"},
+        coupling=a_coupling(library),
     )
     return Model(library, dofs)
 
@@ -94,6 +103,8 @@ def test_what_was_written_is_read_bit_for_bit(model, written):
             assert isinstance(theirs, PhaseDeviation)
             for name in ("correlation", "evidence", "controlled_follows"):
                 assert getattr(theirs, name) == getattr(ours, name)
+        elif field.name == "coupling":
+            assert all(map(np.array_equal, theirs, ours))
         else:
             assert theirs == ours, field.name
 
@@ -104,6 +115,26 @@ def test_reading_and_writing_again_changes_nothing(written, tmp_path):
     assert ours.keys() == theirs.keys()
     for name in ours:
         np.testing.assert_array_equal(theirs[name], ours[name])
+
+
+def test_a_model_may_be_without_a_coupling(written, tmp_path):
+    without = rewritten(tmp_path / "m.npz", written, **dict.fromkeys(COUPLING))
+    assert load_model(without).library.coupling is None
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("coupling_gain", lambda a: a[:, :1]),
+        ("coupling_gain", lambda a: a * np.nan),
+        ("coupling_explained", lambda a: a + 0.8),
+        ("coupling_decay_s", lambda a: 0.0 * a),
+        ("coupling_decay_s", lambda a: None),
+    ],
+)
+def test_a_bad_coupling_is_named(written, tmp_path, name, change):
+    bad = rewritten(tmp_path / "m.npz", written, **{name: change(content(written)[name])})
+    refused(bad, name)
 
 
 def test_a_model_of_before_changes_of_mind_has_no_margin_for_them(written, tmp_path):

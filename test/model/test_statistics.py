@@ -23,11 +23,11 @@ DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["steady", "aligned"])
+@pytest.fixture(scope="module", params=["shared", "aligned"])
 def trained(request):
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
     trained = learn_with_report(recordings, TrainingSettings(n_basis=6, n_aligned_basis=9)).trained
-    chosen = trained.chosen._replace(aligned=request.param)
+    chosen = trained.chosen._replace(pace=request.param)
     library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
     return replace(trained, library=library, chosen=chosen)
 
@@ -123,7 +123,8 @@ def test_what_is_damaged_is_named(written, tmp_path, name, change):
         lambda s: s.update(chosen={}),
         lambda s: s.update(chosen=3),
         lambda s: s["chosen"].update(strength=10.0),
-        lambda s: s["chosen"].update(aligned=not s["chosen"]["aligned"]),
+        lambda s: s["chosen"].update(pace=None),
+        lambda s: s["chosen"].update(pace="own" if s["chosen"]["pace"] == "aligned" else "aligned"),
         lambda s: s["chosen"].update(noise_scale="4"),
         lambda s: s["preprocessing"].pop("templates"),
     ],
@@ -136,6 +137,22 @@ def test_a_damaged_header_is_named(written, tmp_path, change):
     np.savez(tmp_path / "bad.npz", **(arrays | {"header": np.array(json.dumps(header))}))
     with pytest.raises(ModelError, match=r"bad\.npz: statistics"):
         load_trained(tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize("aligned", [False, True])
+def test_a_model_of_before_there_were_four_paces_is_read(trained, tmp_path, aligned):
+    pace = "aligned" if aligned else "own"
+    chosen = trained.chosen._replace(pace=pace)
+    library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
+    path = tmp_path / "model.npz"
+    save_model(path, Model(library, DOFS), replace(trained, library=library, chosen=chosen))
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {key: file[key] for key in file.files}
+    header = json.loads(str(arrays["header"]))
+    del header["statistics"]["chosen"]["pace"]
+    header["statistics"]["chosen"]["aligned"] = aligned
+    np.savez(path, **(arrays | {"header": np.array(json.dumps(header))}))
+    assert load_trained(path)[1].chosen.pace == pace
 
 
 def test_priors_changed_after_learning_are_kept(trained, tmp_path):

@@ -10,9 +10,10 @@ from plain import run_bank
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, minimum_jerk
 
-from intent_recognition.errors import ArgumentError, DofError
+from intent_recognition.errors import ArgumentError, DofError, IntentError
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.control_points import controlled_at
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.promp.trajectory import rollout
@@ -91,6 +92,7 @@ def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, r
         phase_deviation=STEADY,
         evidence_freedom=np.inf,
         observed_weight_covariance=None,
+        coupling=None,
     )
     observations = list(merge(movement(truth, 0, rng).observed))
     estimator = IntentEstimator(library)
@@ -143,6 +145,47 @@ def by_hand(
     covariance = np.tensordot(weight, covariances, axes=1) + (deviation.T * weight) @ deviation
     controlled = slice(library.n_observed_weights, None)
     return Gaussian(mean[controlled], covariance[controlled, controlled]), weight @ durations
+
+
+def test_at_rest_the_controlled_agent_is_where_the_tasks_begin(library):
+    found = IntentEstimator(library).predict_controlled_at([0.0, 5.0, -1.0])
+    prior = library.task_prior
+    starts = [controlled_at(library, k, 0.0) for k in range(library.n_tasks)]
+    mean = sum(p * one.mean for p, one in zip(prior, starts, strict=True))
+    noise = library.control_noise_variance()
+    square = sum(
+        p * (np.diag(one.covariance) + noise + one.mean**2)
+        for p, one in zip(prior, starts, strict=True)
+    )
+    np.testing.assert_allclose(found.positions, np.tile(mean, (3, 1)), atol=1e-9)
+    np.testing.assert_allclose(found.std, np.tile(np.sqrt(square - mean**2), (3, 1)), atol=1e-7)
+    np.testing.assert_array_equal(found.times_s, [0.0, 5.0, -1.0])
+    assert not found.velocities.any()
+
+
+def test_poses_at_stamps_are_those_of_all_tasks_together(library, truth, rng):
+    estimator = IntentEstimator(library)
+    for observation in merge(movement(truth, 1, rng).observed):
+        estimate = estimator.update(observation)
+        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 0.7:
+            break
+    onset_s, known = estimate.onset_ns * 1e-9, estimate.probabilities[:-1]
+    ahead_s = np.array([0.0, 0.4, 0.9])
+    found = estimator.predict_controlled_at(onset_s + ahead_s)
+    moments = [estimator._movement.filter.prediction(k).mixture_at(ahead_s) for k in range(3)]
+    mean = sum(p * one[0] for p, one in zip(known / known.sum(), moments, strict=True))
+    np.testing.assert_allclose(found.positions, mean, atol=1e-3 * np.abs(mean).max())
+    one = estimator.predict_controlled_at(onset_s + 0.4)
+    np.testing.assert_allclose(one.positions, found.positions[1:2], atol=1e-9)
+    grid = estimator.predict_controlled_at(onset_s + 0.4 + np.array([-0.01, 0.01]))
+    slope = (grid.positions[1] - grid.positions[0]) / 0.02
+    np.testing.assert_allclose(found.velocities[1], slope, atol=0.02 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("times", [[[0.0]], [np.nan], ["soon"]])
+def test_times_that_are_none_are_refused(library, times):
+    with pytest.raises(IntentError, match="times_s"):
+        IntentEstimator(library).predict_controlled_at(times)
 
 
 def test_rest_of_the_human_begins_where_the_human_is(library, truth, rng):

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reactive prediction: where the controlled agent is now and shortly after, at every moment.
+
+Task and phase are unknown. What is known is what the observed agent has done so far, and where the
+controlled agent stood at the start, as online (`IntentEstimator.predict_controlled_at`).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from intent_recognition.evaluation.baselines import sample
+from intent_recognition.evaluation.scores import ScoreTable, per_unit
+from intent_recognition.filtering import MovementFilter
+from intent_recognition.promp import StartPosture
+from intent_recognition.signals import Demonstration, Signal
+
+HORIZONS_S = (0.0, 0.25, 0.5, 1.0)
+"""How far ahead the controlled agent is predicted [s]. Convention."""
+N_MOMENTS = 20
+"""Moments of a recording at which it is, evenly spaced. Convention: it bounds the time."""
+WINDOW = 5
+"""Consecutive samples of the observed agent in a window. Convention."""
+N_NEAREST = 20
+"""Windows whose mean is the baseline. Convention."""
+REACTIVE_NAMES = ("mse", "mse_nearest_windows", "mse_last_pose")
+
+
+class NearestWindows:
+    """The baseline: mean of the controlled agent beside the most similar windows of training.
+
+    Args:
+        training: recordings of all tasks.
+    """
+
+    def __init__(self, training: Sequence[Demonstration]):
+        intervals = [np.median(np.diff(one.observed[0].stamps_ns)) for one in training]
+        self._interval_s = float(np.median(intervals)) * 1e-9
+        windows, poses = [], []
+        for one in training:
+            times_s = np.arange(WINDOW - 1, one.duration_s / self._interval_s) * self._interval_s
+            windows.append(self._windows(one.observed, one.start_ns, times_s))
+            ahead_s = (times_s[:, None] + HORIZONS_S).ravel()
+            ahead = sample(one.controlled, one.start_ns, ahead_s)
+            poses.append(ahead.reshape(len(times_s), len(HORIZONS_S), -1))
+        stacked = np.concatenate(windows)
+        self._scale = _scale(stacked, training[0].observed)
+        self._tree, self._poses = cKDTree(stacked / self._scale), np.concatenate(poses)
+
+    def predict(self, seen: Demonstration, elapsed_s: float) -> NDArray[np.float64]:
+        """Poses at `HORIZONS_S` after a moment, (H, Q), from what was seen until then."""
+        window = self._windows(seen.observed, seen.start_ns, np.array([elapsed_s])) / self._scale
+        _, nearest = self._tree.query(window[0], min(N_NEAREST, len(self._poses)))
+        return self._poses[np.atleast_1d(nearest)].mean(axis=0)
+
+    def _windows(
+        self, signals: Sequence[Signal], start_ns: int, times_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Windows that end at times after a stamp, (T, WINDOW P)."""
+        back_s = self._interval_s * np.arange(WINDOW - 1, -1, -1)
+        values = sample(signals, start_ns, (times_s[:, None] - back_s).ravel())
+        return values.reshape(len(times_s), -1)
+
+
+def _scale(windows: NDArray[np.float64], signals: Sequence[Signal]) -> NDArray[np.float64]:
+    """By what each value of a window is divided, so that DOFs in several units can be compared."""
+    units = np.array([signal.unit for signal in signals for _ in signal.names])
+    scale = np.ones(len(units))
+    if len(set(units)) > 1:
+        std = windows.reshape(len(windows), WINDOW, -1).std(axis=(0, 1))
+        for unit in set(units):
+            scale[units == unit] = std[units == unit].max() or 1.0
+    return np.tile(scale, WINDOW)
+
+
+def moments(test: Demonstration) -> list[float]:
+    """When the controlled agent is predicted, after the recording's start [s]."""
+    return list(test.duration_s * np.arange(1, N_MOMENTS + 1) / N_MOMENTS)
+
+
+class ReactiveCase(NamedTuple):
+    """One recording that was left out.
+
+    Attributes:
+        windows: the baseline, of the training recordings.
+        test: the recording.
+        start: posture of the controlled agent when it begins.
+    """
+
+    windows: NearestWindows
+    test: Demonstration
+    start: StartPosture
+
+    def score(
+        self,
+        scores: ScoreTable,
+        run: MovementFilter,
+        task_weights: NDArray[np.float64],
+        elapsed_s: float,
+    ) -> None:
+        """Add the squared errors at one moment.
+
+        Args:
+            scores: by task and horizon.
+            run: filtered until the moment.
+            task_weights: probabilities of the K tasks, (K,).
+            elapsed_s: time of the moment after the start.
+        """
+        times_s = elapsed_s + np.array(HORIZONS_S)
+        times_s = times_s[times_s <= self.test.duration_s + 1e-9]
+        truth = sample(self.test.controlled, self.test.start_ns, times_s)
+        predicted, _ = run.mixture_at(times_s, task_weights, self.start)
+        nearest = self.windows.predict(self.test, elapsed_s)[: len(times_s)]
+        for k, horizon_s in enumerate(HORIZONS_S[: len(times_s)]):
+            guesses = predicted[k], nearest[k], self.start.position
+            errors = [per_unit(run.library, (guess - truth[k])[None] ** 2) for guess in guesses]
+            scores.add(
+                str(self.test.task), horizon_s, **dict(zip(REACTIVE_NAMES, errors, strict=True))
+            )

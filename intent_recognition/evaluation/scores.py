@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers of left-out recordings, and their means."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.promp import TaskLibrary
+
+
+class ScoreTable:
+    """Sums of what is averaged over demonstrations, by phase knowledge, fraction and name."""
+
+    def __init__(self) -> None:
+        self._values: dict[tuple[str, float, str], list] = defaultdict(list)
+
+    def add(self, phase: str, fraction: float, **values: float | NDArray[np.float64]) -> None:
+        """Add one demonstration's numbers (scalars, or (U,) arrays with one number per unit)."""
+        for name, value in values.items():
+            self._values[phase, fraction, name].append(value)
+
+    def table(
+        self, phase: str, fractions: Sequence[float], units: Sequence[str], names: Sequence[str]
+    ) -> dict[str, dict[str, object]]:
+        """Means over demonstrations: {fraction: {name: number}}, one number per unit if several."""
+        return {
+            str(fraction): {
+                name: _number(self._values[phase, fraction, name], units) for name in names
+            }
+            for fraction in fractions
+        }
+
+
+def _number(values: list, units: Sequence[str]) -> float | dict[str, float | None] | None:
+    """Mean over demonstrations; of several units one number each, None where there is none."""
+    if not values:
+        return None
+    mean = np.mean(np.array(values, dtype=np.float64), axis=0)
+    if mean.ndim == 0:
+        return float(mean)
+    numbers = [None if np.isnan(x) else float(x) for x in mean]
+    return numbers[0] if len(units) == 1 else dict(zip(units, numbers, strict=True))
+
+
+def per_unit(library: TaskLibrary, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means over the samples and the DOFs of each controlled unit, (U,), from (T, Q)."""
+    units = np.array(library.controlled_units)
+    if not values.size:
+        return np.full(len(dict.fromkeys(units)), np.nan)
+    return np.array([values[:, units == unit].mean() for unit in dict.fromkeys(units)])

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coupling of both agents' residuals, learned from demonstrations that were left out.
+
+What the filtered weights leave unexplained of a left-out demonstration's controlled agent is
+regressed on what they leave unexplained of its observed agent (`promp.coupling`). The decay and the
+shrinkage are those that predict the residuals of yet another demonstration of the task best; no
+coupling is one of the candidates.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.promp import ResidualCoupling, residual_weights
+
+DECAYS = (0.02, 0.05, 0.15, 0.5)
+"""Decays of the residuals' correlation that are tried, in durations of the movement. Convention."""
+SHRINKAGES = (0.3, 3.0, 30.0)
+"""Equivalent sample sizes of the prior that there is no coupling, in demonstrations, that are
+tried. Convention."""
+MIN_LEFT_OUT = 4
+"""Demonstrations left out of a task from which on its coupling is learned. Convention."""
+
+
+class HeldOutResiduals(NamedTuple):
+    """What the filtered weights leave unexplained of n left-out demonstrations.
+
+    Attributes:
+        task: number of the task of each, (n,).
+        phases: at which residuals are given, (s,).
+        seen: share of the movement that was seen, (f,).
+        observed: residuals of the observed agent, (f, n, s, P); what was not seen is not used.
+        controlled: of the controlled agent, (f, n, s, Q).
+    """
+
+    task: NDArray[np.int64]
+    phases: NDArray[np.float64]
+    seen: NDArray[np.float64]
+    observed: NDArray[np.float64]
+    controlled: NDArray[np.float64]
+
+
+class _Moments(NamedTuple):
+    """Sums over shares and phases of each of n demonstrations, at one decay.
+
+    Attributes:
+        observed: outer products of the expected observed residuals, (n, P, P).
+        cross: of these and the controlled residuals, (n, P, Q).
+        controlled: squares of the controlled residuals, (n, Q).
+    """
+
+    observed: NDArray[np.float64]
+    cross: NDArray[np.float64]
+    controlled: NDArray[np.float64]
+
+    def gain(self, shrinkage: float) -> NDArray[np.float64]:
+        """Ridge regression of the controlled on the observed residuals, (P, Q)."""
+        total = self.observed.sum(axis=0)
+        prior = shrinkage * np.diag(np.diag(total) / len(self.observed) + 1e-300)
+        return np.linalg.solve(total + prior, self.cross.sum(axis=0))
+
+    def left(self, gains: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Squares that are left of each demonstration with its own gain (n, P, Q): (n, Q)."""
+        explained = 2.0 * self.cross - self.observed @ gains
+        return np.maximum(self.controlled - np.sum(gains * explained, axis=1), 0.0)
+
+    def gains_without(self, shrinkage: float) -> NDArray[np.float64]:
+        """`gain` without each of the demonstrations in turn, (n, P, Q)."""
+        others = (np.arange(len(self.observed)) != k for k in range(len(self.observed)))
+        return np.array([_Moments(*(part[o] for part in self)).gain(shrinkage) for o in others])
+
+
+def learn_coupling(
+    residuals: HeldOutResiduals, variance: NDArray[np.float64], durations_s: NDArray[np.float64]
+) -> tuple[ResidualCoupling, NDArray[np.float64]]:
+    """The coupling of each task, and the squared errors that it leaves, each left out: (n, Q).
+
+    Args:
+        residuals: of left-out demonstrations.
+        variance: by which the squares of the controlled DOFs are divided to be added up, (Q,).
+        durations_s: usual duration of each task, (K,).
+    """
+    n_tasks, n_values = len(durations_s), residuals.controlled[:, 0, :, 0].size
+    found = ResidualCoupling.none(
+        n_tasks, residuals.controlled.shape[-1], residuals.observed.shape[-1]
+    )
+    left = np.sum(residuals.controlled**2, axis=(0, 2))
+    for task in np.unique(residuals.task):
+        own = residuals.task == task
+        if np.count_nonzero(own) < MIN_LEFT_OUT:
+            continue
+        best = np.sum(left[own] / variance)
+        for decay in DECAYS:
+            moments = _moments(residuals, own, decay)
+            for shrinkage in SHRINKAGES:
+                gains = moments.gains_without(shrinkage)
+                remaining = moments.left(gains)
+                gained = np.sum((moments.controlled - remaining) / variance, axis=1)
+                error = np.sum(remaining / variance)
+                if error >= best or gained.mean() < gained.std(ddof=1) / np.sqrt(len(gained)):
+                    continue
+                best, left[own] = error, remaining
+                at = _moments(residuals, own, decay, seen_only=True)
+                share = 1.0 - at.left(gains).sum(axis=0) / np.maximum(
+                    at.controlled.sum(axis=0), 1e-300
+                )
+                found.gain[task] = moments.gain(shrinkage).T
+                found.explained[task] = np.clip(share, 0.0, 1.0 - 1e-9)
+                found.decay_s[task] = decay * durations_s[task]
+    return found, left / n_values
+
+
+def _moments(
+    residuals: HeldOutResiduals, own: NDArray[np.bool_], decay: float, *, seen_only: bool = False
+) -> _Moments:
+    parts = []
+    for k, share in enumerate(residuals.seen):
+        seen = residuals.phases <= share + 1e-9
+        weights, _ = residual_weights(residuals.phases[seen], residuals.phases, decay)
+        observed = weights @ residuals.observed[k, own][:, seen]
+        controlled = residuals.controlled[k, own]
+        if seen_only:
+            observed, controlled = observed[:, seen], controlled[:, seen]
+        turned = np.swapaxes(observed, 1, 2)
+        parts.append(_Moments(turned @ observed, turned @ controlled, np.sum(controlled**2, 1)))
+    return _Moments(*(np.sum(part, axis=0) for part in zip(*parts, strict=True)))

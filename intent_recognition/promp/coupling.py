@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Coupling of what the weights leave unexplained of both agents, local in time.
+
+The residuals of the observed and the controlled agent, r_o and r_c, are jointly Gaussian and
+stationary, with the covariance B exp(-|t - t'| / tau) between two times (a separable
+Ornstein-Uhlenbeck process). The observed residual is known at the measurements. The controlled one
+follows by the regression
+
+    E[r_c(t)] = G E[r_o(t)],    G = B_co B_oo^-1,
+
+in which E[r_o(t)] interpolates the observed residuals between the measurements and decays after the
+last one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class ResidualCoupling(NamedTuple):
+    """How the residual of the controlled agent follows that of the observed one, in each task.
+
+    Attributes:
+        gain: regression of the controlled on the observed residual, (K, Q, P); zero where
+            demonstrations that were left out do not speak for one.
+        explained: share of the controlled agent's variance that it explains at a measurement,
+            (K, Q), at least 0 and below 1.
+        decay_s: time after which the residuals' correlation has fallen to 1/e [s], (K,).
+    """
+
+    gain: NDArray[np.float64]
+    explained: NDArray[np.float64]
+    decay_s: NDArray[np.float64]
+
+    @classmethod
+    def none(cls, n_tasks: int, n_controlled: int, n_observed: int) -> "ResidualCoupling":
+        """No coupling in any task."""
+        gain = np.zeros((n_tasks, n_controlled, n_observed))
+        return cls(gain, np.zeros((n_tasks, n_controlled)), np.ones(n_tasks))
+
+
+def residual_weights(
+    seen_s: NDArray[np.float64], times_s: NDArray[np.float64], decay_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Expected residual at some times from those at the measurements.
+
+    The conditional mean of an Ornstein-Uhlenbeck process, which is Markov: only the measurements
+    before and after a time count.
+
+    Args:
+        seen_s: of the n measurements, ascending, at least one.
+        times_s: (T,).
+        decay_s: time after which the correlation has fallen to 1/e.
+
+    Returns:
+        What each measurement counts, (T, n), and the share of the variance that is known, (T,).
+    """
+    n, rows = len(seen_s), np.arange(len(times_s))
+    after = np.searchsorted(seen_s, times_s)
+    before = np.maximum(after - 1, 0)
+    has_before, has_after = after > 0, after < n
+    after = np.minimum(after, n - 1)
+    past = np.where(has_before, np.exp(-np.abs(times_s - seen_s[before]) / decay_s), 0.0)
+    future = np.where(has_after, np.exp(-np.abs(seen_s[after] - times_s) / decay_s), 0.0)
+    both = np.maximum(1.0 - (past * future) ** 2, 1e-12)
+    of_before, of_after = past * (1.0 - future**2) / both, future * (1.0 - past**2) / both
+    weights = np.zeros((len(times_s), n))
+    weights[rows, before] += of_before
+    weights[rows, after] += of_after
+    return weights, np.clip(of_before * past + of_after * future, 0.0, 1.0)
