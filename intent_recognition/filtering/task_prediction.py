@@ -58,8 +58,8 @@ class TaskPrediction:
         seen: Sequence[Measurement] = (),
     ):
         self.library, self.task, self.bank, self.elapsed_s = library, task, bank, elapsed_s
-        coupled = library.coupling is not None and task < library.n_tasks
-        coupled = coupled and bool(np.any(library.coupling.gain[task]))
+        coupling = library.coupling if task < library.n_tasks else None
+        coupled = coupling is not None and bool(np.any(coupling.gain[task]))
         self._seen = seen if coupled else ()
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
