@@ -33,6 +33,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx_gallery.gen_gallery",
+    "sphinx_copybutton",
     "formulae",
 ]
 root_doc = "docs/index"
@@ -110,6 +111,9 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "abort_on_example_error": True,
 }
+
+copybutton_selector = "div.highlight-bash pre, div.highlight-python pre, div.highlight-yaml pre"
+"""What can be run or written; what is printed cannot."""
 
 highlight_language = "text"
 smartquotes_action = "qe"  # but not dashes: `--json` is an option

@@ -34,12 +34,12 @@ def commands_page() -> str:
 
 
 def _overview(helps: dict[str, str]) -> str:
-    rows = [
-        f"| {title} | [`{command}`](#intent-{command}) | {helps[command]} |"
-        for title, commands in GROUPS.items()
-        for command in commands
-    ]
-    return "\n".join(["| to | command | does |", "|---|---|---|", *rows]) + "\n"
+    lines = []
+    for title, commands in GROUPS.items():
+        lines.append(f"{title[0].upper()}{title[1:]}:\n")
+        lines += [f"- [`{command}`](#intent-{command}): {helps[command]}" for command in commands]
+        lines.append("")
+    return "\n".join(lines)
 
 
 def _command(name: str, parser: argparse.ArgumentParser) -> str:
@@ -57,7 +57,7 @@ def _usage(parser: argparse.ArgumentParser) -> str:
         if action.option_strings and action.required:
             words += [action.option_strings[0], str(action.metavar)]
         elif not action.option_strings:
-            words.append(MANY[action.nargs].format(_name(action).replace("\\|", "|")))
+            words.append(MANY[action.nargs].format(_name(action)))
     return " ".join([*words, "[OPTION ...]"])
 
 
@@ -65,15 +65,15 @@ def _table(parser: argparse.ArgumentParser) -> str:
     rows = []
     for action in _shown(parser):
         help_text = parser._get_formatter()._expand_help(action)
-        rows.append(f"| `{_name(action)}` | {help_text} |")
-    return "\n".join(["| argument | meaning |", "|---|---|", *rows]) + "\n"
+        rows.append(f"- `{_name(action)}`: {help_text}")
+    return "\n".join(rows) + "\n"
 
 
 def _name(action: argparse.Action) -> str:
     """The argument with what is to be given; a bar would end the cell of a table."""
     takes_value = action.nargs != 0
     value = action.metavar or "|".join(map(str, action.choices or ()))
-    value = str(value or (action.dest.upper() if takes_value else "")).replace("|", "\\|")
+    value = str(value or (action.dest.upper() if takes_value else ""))
     if not action.option_strings:
         return value
     if action.nargs == "+":
