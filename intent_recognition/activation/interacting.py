@@ -72,7 +72,7 @@ class Interacting:
         inbox, arm, current = self._inbox, self._arm, self._arm.current
         label, prediction = state.interaction.prediction.label, inbox.prediction
         if not (arm.is_update_due(now_ns) and inbox.unused) or state.interaction.over:
-            return Transition(state)
+            return Transition(state, self._motions.keep_pace(now_ns))
         if prediction is None or current is None or prediction.label != label:
             return Transition(state)
         if self._inbox.decision.active != label or not arm.follows(now_ns):

@@ -30,16 +30,18 @@ from intent_recognition.motion import (
     stop_plan,
 )
 
-_N_SLOWED = 3
+_N_SLOWED = 6
 """Further plans tried until one keeps the speeds permitted near the person. Convention."""
-_SLIGHTLY = 1.05
-"""Ratio by which a speed may exceed the one permitted: a grid and blending do. Convention."""
+_HEADROOM = 0.93
+"""Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
+Convention: the first or second further plan mostly keeps it."""
 _GOING_BACK = ("home", "retreat")
 _OFF_THE_PATH = (*_GOING_BACK, "yield")
 """Kinds of plans."""
 
-_Planner = Callable[[NDArray[np.float64] | None], JointPlan | None]
-"""From ceilings of the phase rate (G + 1,) [1/s], or none, to a plan; None where there is none."""
+_Planner = Callable[[NDArray[np.float64] | None, float], JointPlan | None]
+"""From ceilings of the phase rate (G + 1,) [1/s], or none, and how many times longer an offset
+takes than it must, to a plan; None where there is none."""
 
 
 class _Followed(NamedTuple):
@@ -51,19 +53,21 @@ class _Followed(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """A way home, back or ahead.
+    """A motion along a path, which can be planned again at another speed.
 
     Attributes:
         kind: of its plan as it is sent.
         plan: with the phases on the path.
         path: that it keeps to at any speed; None where it has but one.
+        onset_ns: when the motion is to begin; None: as soon as it may.
         slowed: whether it is slower than it would be without the person.
-        command: that was sent.
+        command: that was sent: the plan, or a brake along the path.
     """
 
     kind: str
     plan: JointPlan
     path: JointPath | None = None
+    onset_ns: int | None = None
     slowed: bool = False
     command: Command | None = None
 
@@ -124,11 +128,13 @@ class Motions:
         followed = self._clear_of_things(prediction, progress.phase)
         if followed is None:
             return None
-        onset_s = (prediction.onset_ns - start_ns) * 1e-9
-        plan, _ = self._along(followed.path, onset_s, start_ns, start, progress)
-        if plan is None:
+        way = self._way_along(
+            "interaction", followed.path, prediction.onset_ns, start_ns, start, progress
+        )
+        if way is None:
             self._reject("infeasible", f"no plan for {prediction.label} keeps the limits")
             return None
+        plan = way.plan
         if self._touches(plan, prediction.label):
             return None
         self._followed = followed
@@ -137,21 +143,7 @@ class Motions:
         self._counts["slowed"] += plan.slowed
         self._counts["clamped"] += bool(plan.clamped)
         self._counts["bent"] += followed.weights is not None
-        return self._arm.put_in_force(now_ns, Command(start_ns, plan))
-
-    def _along(
-        self,
-        path: JointPath,
-        onset_s: float,
-        start_ns: int,
-        start: JointReference,
-        progress: PhaseState,
-    ) -> tuple[JointPlan | None, bool]:
-        """A plan along a path that is to begin at a time, and whether the person slows it."""
-        again = self._planner(path, NominalTiming(onset_s, path.duration_s), start, progress)
-        free = again(None)
-        plan = self._slowed(free, path, start_ns, again)
-        return plan, plan is not free
+        return self._send_way(now_ns, start_ns, way)
 
     def _planner(
         self,
@@ -166,20 +158,20 @@ class Motions:
         """
         limits = self.settings.limits
 
-        def plan(rate_ceiling: NDArray[np.float64] | None) -> JointPlan | None:
+        def plan(rate_ceiling: NDArray[np.float64] | None, stretch: float) -> JointPlan | None:
             if rate_ceiling is not None and progress.rate > 0.0:
                 brake = stop_plan(path, start, limits, progress)
                 grid = np.linspace(0.0, 1.0, len(rate_ceiling))
                 braking = np.interp(grid, brake.phase, brake.phase_rate, left=progress.rate)
                 rate_ceiling = np.maximum(rate_ceiling, braking)
-            return plan_interaction(path, timing, start, limits, progress, rate_ceiling)
+            return plan_interaction(path, timing, start, limits, progress, rate_ceiling, stretch)
 
         return plan
 
     def _slowed(
         self, plan: JointPlan | None, path: JointPath, start_ns: int, again: _Planner
     ) -> JointPlan | None:
-        """A plan along a path, planned again until it keeps the speeds permitted near the person.
+        """A plan along a path that keeps the speeds permitted near the person; None without one.
 
         Where the arm is at a time depends on how much it is slowed, and so does the distance: the
         ceiling on the rate falls from round to round, by where the plan before was when.
@@ -187,14 +179,16 @@ class Motions:
         separation, person, ceiling = self.settings.separation, self.person, None
         if separation is None or person is None:
             return plan
-        for _ in range(_N_SLOWED):
-            if plan is None or separation.excess(plan, start_ns, person) <= _SLIGHTLY:
-                break
-            newer = separation.rate_ceiling(path, phase_times_ns(plan, start_ns), person)
-            ceiling = newer if ceiling is None else np.minimum(ceiling, newer)
-            plan = again(ceiling)
-        self._counts["slowed by person"] += ceiling is not None
-        return plan
+        for k in range(_N_SLOWED + 1):
+            if plan is None or separation.excess(plan, start_ns, person) <= 1.0:
+                self._counts["slowed by person"] += k > 0 and plan is not None
+                return plan
+            newer = _HEADROOM * separation.rate_ceiling(
+                path, phase_times_ns(plan, start_ns), person
+            )
+            ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
+            plan = again(ceiling, 2.0**k)
+        return None
 
     def _clear_of_things(self, prediction: PredictedInteraction, phase: float) -> _Followed | None:
         """The predicted path, bent where it must be; None where nothing makes it clear."""
@@ -278,53 +272,67 @@ class Motions:
         slowed = self._slowed(free, path, start_ns, again)
         if slowed is None:
             return None
-        return _Way(kind, replace(slowed, clamped=plan.clamped), path, slowed is not free)
+        plan = replace(slowed, clamped=plan.clamped)
+        return _Way(kind, plan, path, slowed=slowed is not free)
 
     def _way_along(
         self,
         kind: str,
         path: JointPath,
+        onset_ns: int | None,
         start_ns: int,
         start: JointReference,
         progress: PhaseState,
     ) -> _Way | None:
-        """Along a path from a phase on; None where no plan keeps the limits."""
+        """Along a path from a phase on; None where no plan keeps limits and permitted speeds."""
         onset_s = -progress.phase * path.duration_s
-        plan, slowed = self._along(path, onset_s, start_ns, start, progress)
-        return None if plan is None else _Way(kind, plan, path, slowed)
+        if onset_ns is not None:
+            onset_s = (onset_ns - start_ns) * 1e-9
+        again = self._planner(path, NominalTiming(onset_s, path.duration_s), start, progress)
+        free = again(None, 1.0)
+        plan = self._slowed(free, path, start_ns, again)
+        return None if plan is None else _Way(kind, plan, path, onset_ns, plan is not free)
 
     def _send_way(self, now_ns: int, start_ns: int, way: _Way) -> Command:
-        standing = np.zeros_like(way.plan.phase)
-        plan = replace(way.plan, kind=way.kind, phase=standing, phase_rate=standing)
+        plan = way.plan
+        if way.kind != "interaction":
+            standing = np.zeros_like(plan.phase)
+            plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan))
         self._way, self._paced_by = way._replace(command=command), self.person
         return command
 
     def keep_pace(self, now_ns: int) -> Command | None:
-        """The way home, back or ahead that is under way, at another speed.
+        """The motion under way at another speed, or a brake along its path; None to go on as it is.
 
-        None where the person is not predicted elsewhere than when it was planned, or its speed
-        still serves.
+        Looked at where the person is predicted elsewhere than when it was planned. Where no plan
+        keeps the speeds permitted now, the arm brakes, and goes on as soon as one does.
         """
         way, person, separation = self._way, self.person, self.settings.separation
-        current = self._arm.current
+        current, start_ns = self._arm.current, self._arm.switch_ns(now_ns)
         if way is None or way.path is None or current is None or way.command is not current:
             return None
-        due = self._arm.is_update_due(now_ns)
-        if person is None or person is self._paced_by or separation is None or not due:
+        if person is None or separation is None or not self._arm.is_update_due(now_ns):
             return None
-        start_ns = self._arm.switch_ns(now_ns)
-        if start_ns >= current.end_ns:
+        brakes = way.plan.kind == "stop"
+        if not brakes and (person is self._paced_by or start_ns >= current.end_ns):
             return None
         self._paced_by = person
-        too_fast = separation.excess(current.plan, current.start_ns, person, start_ns) > _SLIGHTLY
-        if not (too_fast or way.slowed):
+        too_fast = separation.excess(current.plan, current.start_ns, person, start_ns) > 1.0
+        if not (too_fast or way.slowed or brakes):
             return None
         progress = way.plan.phase_at((start_ns - current.start_ns) * 1e-9)
-        newer = self._way_along(way.kind, way.path, start_ns, current.at(start_ns), progress)
-        if newer is None or self._touches(newer.plan, f"the way {way.kind}"):
+        start = current.at(start_ns)
+        newer = self._way_along(way.kind, way.path, way.onset_ns, start_ns, start, progress)
+        if newer is not None and not self._touches(newer.plan, f"the way {way.kind}"):
+            return self._send_way(now_ns, start_ns, newer)
+        if brakes or not too_fast:
             return None
-        return self._send_way(now_ns, start_ns, newer)
+        self._counts["braked for person"] += 1
+        brake = stop_plan(way.path, start, self.settings.limits, progress)
+        command = self._arm.put_in_force(now_ns, Command(start_ns, brake))
+        self._way = way._replace(plan=brake, slowed=True, command=command)
+        return command
 
     def _retreat(
         self, current: Command | None, start_ns: int, start: JointReference
@@ -340,7 +348,9 @@ class Motions:
             self._refuse("the way back", found)
             return None
         phase = 1.0 - current.phase_at(start_ns).phase
-        way = self._way_along("retreat", found[0].reversed(), start_ns, start, PhaseState(phase))
+        way = self._way_along(
+            "retreat", found[0].reversed(), None, start_ns, start, PhaseState(phase)
+        )
         if way is None or self._touches(way.plan, "the way back"):
             return None
         return way

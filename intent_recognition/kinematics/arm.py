@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe, optional
 from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
+from intent_recognition.kinematics.links import Links
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, Target
 from intent_recognition.kinematics.reduced_model import ReducedModel
@@ -100,16 +101,45 @@ class Arm:
         Raises:
             ShapeError: q does not fit the arm.
         """
-        points = []
-        for row in self._vector(q, "q").reshape(-1, self.n_joints):
-            tip = self._pose(row)[:3, 3]
-            placed = (
-                self._data.oMi
-                if self._from_base is None
-                else [self._from_base * pose for pose in self._data.oMi]
-            )
-            points.append([pose.translation.copy() for pose in list(placed)[1:]] + [tip])
-        return np.array(points)
+        return self.moving_skeleton(q, np.zeros(np.shape(q)))[0]
+
+    def moving_skeleton(
+        self, q: ArrayLike, velocity: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Likewise, and how fast the fastest of them moves (T,) [m/s].
+
+        No point of the lines between them is faster.
+
+        Args:
+            q: (T, n).
+            velocity: of the joints (T, n) [rad/s, or m/s].
+
+        Raises:
+            ShapeError: an argument does not fit the arm.
+        """
+        q, rates = (self._vector(a, "q").reshape(-1, self.n_joints) for a in (q, velocity))
+        values = q @ self._reduced.drive.T + self._reduced.offset
+        return self._links.moving_points(values, rates @ self._reduced.drive.T)
+
+    def most_motion(
+        self, velocity: NDArray[np.float64], acceleration: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What no point of the skeleton exceeds in any posture: (T,) [m/s] and (T,) [m/s^2].
+
+        The derivative of a point by joint j is at most its lever, the length of the chain beyond
+        it; that by two joints at most the lever of the one nearer to the tip.
+
+        Args:
+            velocity: that no joint exceeds (T, n).
+            acceleration: that no joint exceeds (T, n).
+        """
+        drive = np.abs(self._reduced.drive)
+        rates, changes = np.abs(velocity) @ drive.T, np.abs(acceleration) @ drive.T
+        links = self._links
+        swept, turned = rates * links.levers, rates * links.turns
+        nearer = np.cumsum(turned, axis=1) - turned
+        curved = np.sum((turned + 2.0 * nearer) * swept, axis=1)
+        return swept.sum(axis=1), changes @ links.levers + curved
 
     def jacobian(self, q: ArrayLike) -> NDArray[np.float64]:
         """Geometric Jacobian (6, n) of the tip in base axes at q (n,): linear rows, then angular.
@@ -219,6 +249,7 @@ class Arm:
         pin.framesForwardKinematics(self._model, self._data, self._reduced.offset)
         at = self._data.oMf[self._model.getFrameId(LINK + chain.base)]
         self._from_base = None if at.isIdentity() else at.inverse()
+        self._links = Links.of(self._model, self._tip_frame, self._from_base)
 
     def _pose(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         values = self._reduced.values(q)

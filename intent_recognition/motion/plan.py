@@ -154,6 +154,18 @@ class JointPlan:
         part_s = np.repeat(h[:, 0] / n, n, axis=0)
         return q, part_s * _fastest(part_s, q[:-1], v[:-1], q[1:], v[1:])
 
+    def sampled(self, times_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Positions, velocities and accelerations, each (S, n), at times (S,) from 0 to the end.
+
+        At a sample, where two cubics meet, those of the later one.
+        """
+        i = np.searchsorted(self.times_s, times_s, side="right") - 1
+        i = np.clip(i, 0, len(self.times_s) - 2)
+        h = (self.times_s[i + 1] - self.times_s[i])[:, None]
+        tau = (times_s - self.times_s[i])[:, None] / h
+        q, v = self.positions, self.velocities
+        return _hermite(h, tau, q[i], v[i], q[i + 1], v[i + 1])
+
     def phase_at(self, time_s: float) -> PhaseState:
         """How much is done `time_s` after the start."""
         if time_s >= self.duration_s:

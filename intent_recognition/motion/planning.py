@@ -12,7 +12,7 @@ difference between the running reference and the path, which decays to zero (`bl
 Path and offset share the limits: what the offset needs is taken off what the path may use.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,7 @@ def plan_interaction(
     limits: JointLimits,
     progress: PhaseState = BEGINNING,
     rate_ceiling: NDArray[np.float64] | None = None,
+    stretch: float = 1.0,
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
 
@@ -91,12 +92,14 @@ def plan_interaction(
         progress: of the plan before; what it explains of the start's motion is not left to the
             offset.
         rate_ceiling: largest phase rate at each point of the path's grid (G + 1,) [1/s].
+        stretch: factor on the time in which the start's offset from the path decays.
 
     Returns:
         The plan, or None if none keeps the limits from this start: the plan before it ends at
         rest and is safe to go on with.
     """
-    budget = _Budget() if nominal is None else _Budget(np.full(N_GRID, _FIRST_SHARE))
+    share = 1.0 if nominal is None else _FIRST_SHARE
+    budget = _Budget(np.full(N_GRID, share), stretch)
     for attempt in range(_N_ATTEMPTS):
         tried = _attempt(path, nominal, start, progress, limits, budget, rate_ceiling)
         if tried is None:
@@ -126,8 +129,8 @@ class _Budget:
         stretch: how many times longer the offset takes than its own bounds ask for.
     """
 
-    share: NDArray[np.float64] = field(default_factory=lambda: np.ones(N_GRID))
-    stretch: float = 1.0
+    share: NDArray[np.float64]
+    stretch: float
 
     def tightened(
         self, plan: JointPlan, offset: Offset, limits: JointLimits, everywhere: float

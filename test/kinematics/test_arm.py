@@ -87,6 +87,22 @@ def test_every_kind_of_joint_is_a_product_of_exponentials():
         np.testing.assert_allclose(arm.forward_kinematics([turn, lift, bend]), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("source", [MIXED, ROBOTS["lwr"]], ids=["mixed", "lwr"])
+def test_points_and_their_speeds_are_within_what_any_posture_allows(source):
+    """Speeds are differences of positions; neither they nor accelerations exceed the bounds."""
+    arm, rng, h = Arm.from_urdf(source), np.random.default_rng(0), 1e-4
+    q = rng.uniform(-0.5, 0.5, (50, arm.n_joints))
+    v, a = rng.normal(size=(2, *q.shape))
+    before, after = (arm.skeleton(q + s * h * v + 0.5 * h * h * a) for s in (-1, 1))
+    now = arm.skeleton(q)
+    np.testing.assert_allclose(now[:, -1], arm.forward_kinematics(q)[:, :3, 3], atol=1e-12)
+    speed = np.linalg.norm(after - before, axis=2).max(axis=1) / (2.0 * h)
+    np.testing.assert_allclose(arm.moving_skeleton(q, v)[1], speed, rtol=1e-5)
+    bent = np.linalg.norm(after - 2.0 * now + before, axis=2).max(axis=1) / h**2
+    most_speed, most_acceleration = arm.most_motion(v, a)
+    assert np.all(speed <= most_speed * (1 + 1e-6)) and np.all(bent <= most_acceleration)
+
+
 def test_base_and_tip_by_name():
     part = Arm.from_urdf(MIXED, base="c", tip="e")
     assert part.joint_names == ("bend",)
