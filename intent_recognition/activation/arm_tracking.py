@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.activation.arm_clock import ArmClock
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import Command
 from intent_recognition.motion import JointReference
@@ -29,17 +30,12 @@ Convention: ten joint states at 100 Hz."""
 
 
 class Measured(NamedTuple):
-    """A joint state: when it was measured and when it came; no velocity where none was sent."""
+    """A joint state: its stamp, when it was measured by our clock; None for no velocity."""
 
     stamp_ns: int
-    arrival_ns: int
+    time_ns: int
     position: NDArray[np.float64]
     velocity: NDArray[np.float64] | None
-
-    @property
-    def time_ns(self) -> int:
-        """When it was measured; the sender's clock may be ahead, the measurement is not."""
-        return min(self.stamp_ns, self.arrival_ns)
 
 
 class ArmTracking:
@@ -52,6 +48,7 @@ class ArmTracking:
     Attributes:
         current: the newest command, which takes over at its start; None before the first.
         last_command_ns: when it was sent.
+        clock: how the stamps of joint states relate to ours.
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
@@ -63,12 +60,13 @@ class ArmTracking:
     def forget_commands(self) -> None:
         """No command is in force any more."""
         self.current: Command | None = None
-        self._previous: Command | None = None
+        self._history: deque[Command] = deque()
         self.last_command_ns = 0
         self._reported: tuple | None = None
 
     def forget_joints(self) -> None:
         """Nothing has been measured yet."""
+        self.clock = ArmClock()
         self._measured: Measured | None = None
         self._recent_positions: deque[tuple[int, NDArray[np.float64]]] = deque()
 
@@ -81,8 +79,8 @@ class ArmTracking:
     ) -> None:
         """Take what the arm measured, (n,) each [rad, rad/s].
 
-        Freshness counts from the arrival. A stamp far from it is dropped, and so is one that is
-        not after the last; a last one that was ahead of the clock rules out none.
+        A stamp far from its arrival is dropped, and so is one that is not after the last; a last
+        one that was ahead of the clock rules out none.
         """
         last = self._measured
         if last is not None and stamp_ns <= last.stamp_ns <= now_ns:
@@ -94,8 +92,23 @@ class ArmTracking:
             seconds = abs(stamp_ns - now_ns) * 1e-9
             self._reject(reason, f"joint_states stamped {seconds:.1f} s {where} the clock")
         else:
-            self._measured = measured = Measured(stamp_ns, now_ns, position, velocity)
+            self.clock.hear(now_ns, stamp_ns)
+            asked = self._reference(stamp_ns), self._reference(stamp_ns + self.clock.offset_ns)
+            if asked[0] is not None and asked[1] is not None:
+                self.clock.compare(position, asked[0].position, asked[1].position)
+            age_ns = self.settings.max_joint_state_age_s * 1e9
+            time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
+            self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
+
+    @property
+    def clocks(self) -> dict[str, str]:
+        """For diagnostics: how far stamps are behind, and what ages count by."""
+        by_stamp = self.clock.by_stamp(self.settings.max_joint_state_age_s * 1e9)
+        return {
+            "joint states behind": f"{self.clock.offset_ns * 1e-9:.3f} s",
+            "joint states' age by": "stamp" if by_stamp else "arrival",
+        }
 
     def _remember(self, measured: Measured) -> None:
         """Keep the positions of the last while, the first of them older than the window."""
@@ -121,7 +134,10 @@ class ArmTracking:
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
         """Note that a command holds from its start on; returns it."""
-        self._previous, self.current = self.current, command
+        self.current = command
+        self._history.append(command)
+        while len(self._history) > 1 and self._history[1].start_ns < now_ns - 2 * LARGEST_SKEW_NS:
+            self._history.popleft()
         self.last_command_ns = now_ns
         return command
 
@@ -199,24 +215,27 @@ class ArmTracking:
         if not self.at_rest(measured):
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
-        self._previous = self.current = None
+        self.current = None
+        self._history.clear()
         return JointReference.at_rest(measured.position)
 
     def _recent(self, now_ns: int) -> Measured | None:
         """The measured arm, None where it is stale."""
         measured = self._measured
         age_ns = self.settings.max_joint_state_age_s * 1e9
-        if measured is not None and now_ns - measured.arrival_ns <= age_ns:
+        if measured is not None and now_ns - measured.time_ns <= age_ns:
             return measured
+        old = f" for {(now_ns - measured.time_ns) * 1e-9:.2f} s" if measured else ""
         stamp_ns = None if measured is None else measured.stamp_ns
-        self._report_once("stale_joint_states", stamp_ns, "no recent joint_states")
+        self._report_once("stale_joint_states", stamp_ns, f"no joint state was measured{old}")
         return None
 
     def _reference(self, time_ns: int) -> JointReference | None:
         """What the arm is asked for at a time, by the command in force then."""
-        late = self.current is None or time_ns >= self.current.start_ns
-        command = self.current if late else self._previous
-        return None if command is None else command.at(time_ns)
+        for command in reversed(self._history):
+            if time_ns >= command.start_ns or command is self._history[0]:
+                return command.at(time_ns)
+        return None
 
     def _error(self, measured: Measured) -> float:
         """Largest difference between the measured arm and its reference then [rad]."""

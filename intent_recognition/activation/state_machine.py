@@ -138,6 +138,11 @@ class Activation:
         return self._inbox.question
 
     @property
+    def clocks(self) -> dict[str, str]:
+        """For diagnostics: how the stamps of joint states relate to the clock of `step`."""
+        return self._arm.clocks
+
+    @property
     def corrected(self) -> PredictedInteraction | None:
         """What the arm follows, if a person has corrected it by hand."""
         return self._motions.corrected

@@ -29,7 +29,7 @@ from intent_recognition.motion.hand_path import (
     is_hand,
     joints_along,
 )
-from intent_recognition.motion.path import JointPath, make_path
+from intent_recognition.motion.path import JointPath, check_range, make_path
 from intent_recognition.motion.plan import (
     BEGINNING,
     JointPlan,
@@ -71,6 +71,7 @@ __all__ = [
     "Via",
     "brake_plan",
     "calibrate_detector",
+    "check_range",
     "corrected_by",
     "feedback_policy",
     "hand_targets",

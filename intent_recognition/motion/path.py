@@ -88,13 +88,11 @@ def make_path(
             path is natural (no curvature) at its ends.
 
     Raises:
-        TrajectoryError: fewer than two samples, wrong sizes, times that do not increase, a value
-            that is not finite, or a joint that is never inside its limits, or farther outside them
-            than they are apart.
+        TrajectoryError: fewer than two samples, wrong sizes, times that do not increase, or a
+            value that is not finite.
     """
     times_s, positions = np.asarray(times_s, float), np.asarray(positions, float)
     _check(times_s, positions, velocities, limits.lower.size)
-    _check_range(positions, limits)
     duration_s = float(times_s[-1] - times_s[0])
     phase = (times_s - times_s[0]) / duration_s
     phase[-1] = 1.0
@@ -107,6 +105,27 @@ def make_path(
             slopes[:, list(clamped)] = 0.0
         spline = _spline(dense, bent, slopes)
     return JointPath(spline, spline.derivative(), duration_s, clamped)
+
+
+def check_range(positions: NDArray[np.float64], limits: JointLimits) -> None:
+    """Check that a prediction can be of an arm, in radians.
+
+    Args:
+        positions: (T, n) [rad].
+        limits: of the arm.
+
+    Raises:
+        TrajectoryError: a joint is never inside its limits, or farther outside than they are apart.
+    """
+    outside = position_violation(positions, limits)
+    far = np.any(outside > limits.upper - limits.lower, axis=0) | np.all(outside > 0.0, axis=0)
+    if not far.any():
+        return
+    joint = int(np.flatnonzero(far)[0])
+    expected = f"joint {joint + 1} in [{limits.lower[joint]:.3g}, {limits.upper[joint]:.3g}] rad"
+    low, high = positions[:, joint].min(), positions[:, joint].max()
+    cure = "Train with this arm's recordings, in radians (`intent inspect` names others)."
+    raise TrajectoryError(describe("positions", expected, f"{low:.3g} to {high:.3g} rad", cure))
 
 
 def _spline(
@@ -152,19 +171,6 @@ def _check(
         _refuse("velocities", "finite values", "NaN or infinity")
     if np.min(np.diff(times_s)) <= 0.0:
         _refuse("times_s", "strictly increasing times", "a step backwards or a repeated time")
-
-
-def _check_range(positions: NDArray[np.float64], limits: JointLimits) -> None:
-    """Raise TrajectoryError where a joint's motion is another arm's, or in another unit."""
-    outside = position_violation(positions, limits)
-    far = np.any(outside > limits.upper - limits.lower, axis=0) | np.all(outside > 0.0, axis=0)
-    if not far.any():
-        return
-    joint = int(np.flatnonzero(far)[0])
-    expected = f"joint {joint + 1} in [{limits.lower[joint]:.3g}, {limits.upper[joint]:.3g}] rad"
-    low, high = positions[:, joint].min(), positions[:, joint].max()
-    cure = "Train with this arm's recordings, in radians (`intent inspect` names others)."
-    raise TrajectoryError(describe("positions", expected, f"{low:.3g} to {high:.3g} rad", cure))
 
 
 def _refuse(argument: str, expected: str, got: object) -> None:

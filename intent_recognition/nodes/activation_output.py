@@ -103,6 +103,8 @@ class ActivationOutput:
         value("active task", activation.active_task or "none")
         for name, count in activation.counts.items():
             value(f"count {name}", count)
+        for name, text in activation.clocks.items():
+            value(name, text)
         value("expected task", activation.pretrigger.expected or "none")
         if activation.held_back:
             value("last held back", activation.held_back)

@@ -22,7 +22,14 @@ from intent_recognition.errors import (
     TrajectoryError,
 )
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import JointPath, hand_targets, is_hand, joints_along, make_path
+from intent_recognition.motion import (
+    JointPath,
+    check_range,
+    hand_targets,
+    is_hand,
+    joints_along,
+    make_path,
+)
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import (
@@ -210,6 +217,10 @@ class PrimitiveActivation(ManagedNode):
                 times_s, positions = joints_along(arm, times_s, positions, self._rest(arm))
             except TrajectoryError as error:
                 raise RejectionError("unreachable", str(error)) from error
+        try:
+            check_range(positions, self._limits)
+        except TrajectoryError as error:
+            raise RejectionError("outside_range", str(error)) from error
         return make_path(times_s, positions, self._limits, velocities)
 
     def _path_of(self, trajectory: Trajectory) -> JointPath:

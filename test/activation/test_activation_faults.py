@@ -308,6 +308,46 @@ def test_an_arm_whose_clock_is_off_is_not_stale(skew_s):
     assert world.activation.mode is Mode.EXECUTING
 
 
+@pytest.mark.parametrize(
+    ("late_s", "stopped"), [(0.2, "arm_off_reference"), (0.9, "stale_joint_states")]
+)
+def test_a_push_is_noticed_though_joint_states_are_late(late_s, stopped):
+    """Late ones show the arm where its reference was; so it is told from a clock that is behind."""
+    world, queue = World(), []
+    world.measures = False
+
+    def step(measured):
+        queue.append((world.now_ns, measured))
+        while queue and queue[0][0] <= world.now_ns - late_s * 1e9:
+            stamp_ns, position = queue.pop(0)
+            world.activation.take_joint_state(stamp_ns, position, np.zeros(7), now_ns=world.now_ns)
+        world.step()
+
+    for _ in range(150):
+        step(world.arm())
+    world.begin("plate", already_s=0.0)
+    for k in range(70):
+        step(world.arm() + (0.9 if k > 30 else 0.0))
+    assert world.activation.stop_reason == stopped
+    assert world.activation.clocks["joint states' age by"] == "stamp"
+
+
+@pytest.mark.parametrize("behind_s", [0.1, 0.9])
+def test_an_arm_whose_clock_is_behind_is_followed_while_it_moves(behind_s):
+    world = World()
+    world.measures = False
+    world.begin("plate", already_s=0.2)
+    for _ in range(200):
+        stamp_ns = world.now_ns - round(behind_s * 1e9)
+        world.activation.take_joint_state(stamp_ns, world.arm(), np.zeros(7), now_ns=world.now_ns)
+        world.step()
+    assert world.activation.clocks == {
+        "joint states behind": f"{behind_s:.3f} s",
+        "joint states' age by": "arrival",
+    }
+    assert world.activation.mode is Mode.EXECUTING and world.rejected == []
+
+
 def test_late_joint_states_are_counted_and_change_nothing():
     world = World()
     world.run(0.1)

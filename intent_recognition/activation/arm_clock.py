@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When a joint state was measured, by a clock that may not be ours.
+
+A stamp that is behind its arrival may come from a message that is late or from a clock that is
+behind; one direction of messages does not tell which. The arm's own motion does: a late message
+shows the arm where its reference was at the stamp, a clock that is behind where it is now.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+_WINDOW_NS = 2_000_000_000
+"""The offset is the least of two windows of this length [ns]. Convention: at 10 Hz 20 messages,
+the quickest of which is not late."""
+_TELLING_RAD = 0.02
+"""Difference of two references that tells which of both an arm follows [rad]. Convention: several
+times the noise of encoders, less than what an arm lags behind."""
+
+
+class ArmClock:
+    """Estimates how far the stamps of joint states are behind their arrivals, and why.
+
+    Attributes:
+        offset_ns: least time from stamp to arrival lately [ns]; below zero where the sender's clock
+            is ahead.
+        late: whether the arm's motion has shown the messages to be late (True) or the sender's
+            clock to be behind (False); None where it has not moved yet.
+    """
+
+    def __init__(self) -> None:
+        self.offset_ns = 0
+        self.late: bool | None = None
+        self._since_ns: int | None = None
+        self._least_ns = self._before_ns = 0
+
+    def hear(self, arrival_ns: int, stamp_ns: int) -> None:
+        """Take the times of a message."""
+        behind_ns = arrival_ns - stamp_ns
+        if self._since_ns is None:
+            self._since_ns, self._least_ns, self._before_ns = arrival_ns, behind_ns, behind_ns
+        elif arrival_ns - self._since_ns > _WINDOW_NS:
+            self._since_ns, self._before_ns, self._least_ns = arrival_ns, self._least_ns, behind_ns
+        self._least_ns = min(self._least_ns, behind_ns)
+        self.offset_ns = min(self._least_ns, self._before_ns)
+
+    def compare(
+        self,
+        position: NDArray[np.float64],
+        at_stamp: NDArray[np.float64],
+        at_arrival: NDArray[np.float64],
+    ) -> None:
+        """Take where the arm was measured, and its references at the stamp and less the offset."""
+        if np.abs(at_stamp - at_arrival).max() < _TELLING_RAD:
+            return
+        by_stamp, by_arrival = (np.abs(position - q).max() for q in (at_stamp, at_arrival))
+        if min(by_stamp, by_arrival) < 0.5 * max(by_stamp, by_arrival):
+            self.late = bool(by_stamp < by_arrival)
+
+    def by_stamp(self, max_age_ns: float) -> bool:
+        """Whether stamps say when a joint state was measured, and not how they come in.
+
+        Where the motion has not shown it, an offset that makes every joint state stale counts as
+        that of a clock.
+        """
+        if self.late is None:
+            return 0 <= self.offset_ns <= max_age_ns
+        return self.late and self.offset_ns >= 0
+
+    def measured_ns(self, arrival_ns: int, stamp_ns: int, max_age_ns: float) -> int:
+        """When it was measured by our clock [ns], at the latest when it came."""
+        offset_ns = 0 if self.by_stamp(max_age_ns) else max(self.offset_ns, 0)
+        return min(stamp_ns + offset_ns, arrival_ns)
