@@ -9,6 +9,7 @@ import pytest
 from docs.shown import ROOT, commands, inline_commands, nodes
 
 from intent_recognition.cli import main as cli
+from intent_recognition.extras import requirements
 from intent_recognition.nodes.graph import GRAPHS
 
 REPOSITORY = ("bags", "config", "docs", "launch", "test", "benchmarks")
@@ -96,10 +97,9 @@ def check_make(words):
 
 def check_pip(words):
     assert words[1] == "install"
-    setup = (ROOT / "setup.py").read_text(encoding="utf-8")
     for word in words[2:]:
         for extra in re.findall(r"\.\[([\w,]+)\]", word):
-            assert all(f'"{name}": [' in setup for name in extra.split(","))
+            assert set(extra.split(",")) <= set(requirements())
 
 
 def check_python(words):
