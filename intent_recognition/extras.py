@@ -39,7 +39,7 @@ EXTRAS: Mapping[str, Mapping[str, str]] = {
     "motion": MOTION,
     "plots": {"matplotlib": "matplotlib>=3.8"},
     "practice": {"cma": "cma>=3.2"},
-    "files": {"pyarrow": "pyarrow>=14", "c3d": "c3d>=0.5"},
+    "files": {"pyarrow": "pyarrow>=14", "ezc3d": "ezc3d>=1.5", "h5py": "h5py>=3.9"},
     "dask": {"distributed": "distributed>=2024.1"},
 }
 """Of each extra, the modules that are imported and what pip calls them."""

@@ -46,6 +46,7 @@ from intent_recognition.signals.units import (
     commensurate,
     is_spatial,
     misfit,
+    time_misfit,
 )
 
 __all__ = [
@@ -99,6 +100,7 @@ __all__ = [
     "rotation_matrix",
     "stream_defect",
     "stream_doubts",
+    "time_misfit",
     "to_tangent",
     "to_tangent_covariance",
 ]

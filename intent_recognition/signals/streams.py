@@ -9,7 +9,7 @@ import numpy as np
 from intent_recognition.signals.onset import earliest_onset
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, onset_settings
 from intent_recognition.signals.signal import Signal
-from intent_recognition.signals.units import Known, in_words, misfit
+from intent_recognition.signals.units import Known, in_words, misfit, time_misfit
 
 LARGEST_MISSING_SHARE = 0.1
 """Share of the observed recording that a controlled stream may miss after the human's onset, or at
@@ -86,6 +86,9 @@ def recording_doubts(recorded: Recorded) -> list[str]:
 def _misfits(recorded: Recorded) -> Iterator[tuple[bool, str]]:
     """Of signals that are hardly in their unit, whether that is certain, and why."""
     signals = (*recorded.observed, *recorded.controlled)
+    for late in filter(None, map(time_misfit, signals)):
+        if late.certain:  # of others `_sparse` tells
+            yield late.certain, late.reason
     of_arms = recorded.known or (None,) * len(recorded.controlled)
     for signal, known in zip(signals, (*[None] * len(recorded.observed), *of_arms), strict=True):
         if (found := misfit(signal, known)) is not None:

@@ -45,6 +45,17 @@ SAME_SCALE = 3.0
 """Ratio by which recordings in one unit differ at most in level and extent. Convention: half of
 the step between any two units, on a scale of logarithms, is more."""
 
+OFTEN_TIMES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+"""Units of time that are recorded in place of seconds, with how many of them make one."""
+SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 2e-4, 4.0
+"""Steps between samples beyond which times are in another unit [s]. Convention: no tracker is
+faster than 5 kHz; a movement with a sample in four seconds cannot be learned from."""
+USUAL_PERIODS_S = 1e-3, 0.5
+"""Steps of trackers and encoders [s]. Convention; their ratio is less than a thousand, so that one
+unit at most explains other steps."""
+FEWEST_STEPS = 4
+"""Samples from which the step is taken. Convention: as many as weights are fitted to."""
+
 
 class Known(NamedTuple):
     """What the description of an arm says of a signal.
@@ -128,6 +139,23 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     certain = unit == "m"  # a joint without limits may turn as far, a toy's as fast
     text = f"{reason}: the unit cannot be {NAMES[unit]}. {_taken(unit, name, factor)}"
     return Misfit(text, factor, certain)
+
+
+def time_misfit(signal: Signal) -> Misfit | None:
+    """Why times are hardly in seconds; None where they may be."""
+    if len(signal.stamps_ns) < FEWEST_STEPS:
+        return None
+    period_s = float(np.median(np.diff(signal.stamps_ns))) * 1e-9
+    if SHORTEST_PERIOD_S <= period_s <= LONGEST_PERIOD_S:
+        return None
+    length_s = float(signal.stamps_ns[-1] - signal.stamps_ns[0]) * 1e-9
+    reason = f"{in_words(signal)} has a sample every {period_s:.3g} s, over {length_s:.3g} s"
+    for name, factor in OFTEN_TIMES.items():
+        for scale, text in ((factor, f"{name} for seconds"), (1.0 / factor, f"seconds for {name}")):
+            if USUAL_PERIODS_S[0] <= period_s / scale <= USUAL_PERIODS_S[1]:
+                said = f"{reason}. Likely {text} (a factor of {scale:.4g}): correct the times."
+                return Misfit(said, scale, certain=True)
+    return Misfit(f"{reason}. Record it at 10 Hz or more.", np.nan, certain=False)
 
 
 def in_words(signal: Signal) -> str:

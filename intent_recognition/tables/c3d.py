@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Markers of a C3D file."""
 
-import warnings
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.errors import one_line, optional
-from intent_recognition.tables.table import Table, Values, unusable
+from intent_recognition.errors import MissingPackageError, optional
+from intent_recognition.tables.c3d_reading import MOST_STATED
+from intent_recognition.tables.isolated import read_isolated
+from intent_recognition.tables.table import Table, marker_table
 
 
 def open_c3d(path: Path) -> Table:
@@ -16,34 +18,24 @@ def open_c3d(path: Path) -> Table:
     Rate and unit are those of the file. Analog channels are not read.
 
     Raises:
-        BagError: it is no C3D file.
-        MissingPackageError: c3d is not installed.
+        BagError: it cannot be read.
+        MissingPackageError: neither ezc3d nor c3d is installed.
     """
-    c3d = optional("c3d")
     try:
-        with path.open("rb") as stream, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that there is no analog channel
-            reader = c3d.Reader(stream)
-            rate = float(reader.point_rate)
-            labels = [str(label).strip() for label in reader.point_labels]
-            units = reader.get("POINT:UNITS")
-            unit = str(units.string_array.ravel()[0]).strip() if units is not None else ""
-            frames = [points for _, points, _ in reader.read_frames()]
-            if len(frames) != reader.frame_count:
-                raise EOFError(f"{len(frames)} of {reader.frame_count} frames")
-        points = np.array(frames, np.float64).reshape(len(frames), -1, 5)
-    except Exception as error:  # the library raises what it meets
-        cure = "Export it again from the capture software."
-        raise unusable(path, "a C3D file", one_line(error), cure) from error
-    columns: dict[str, Values] = {}
-    for k, label in enumerate(labels[: points.shape[1]]):
-        seen = points[:, k, 3] >= 0.0  # a residual of -1 says that there is no point
-        for axis, values in zip("xyz", points[:, k].T, strict=False):
-            columns.setdefault(f"{label}.{axis}", np.where(seen, values, np.nan))
-    return Table(
-        path,
-        tuple(columns),
-        lambda wanted: {name: columns[name] for name in wanted},
-        unit=unit,
-        defaults={"time": {"rate": rate}} if rate > 0.0 else {},
-    )
+        optional("ezc3d")
+    except MissingPackageError:
+        if find_spec("c3d") is None:
+            raise
+    found = read_isolated("c3d_reading.py", path, "a C3D file")
+    points, read = found["points"], len(found["points"])
+    if len(points) > MOST_STATED:  # read to the end of the last block, which zeros fill up
+        points = points[: 1 + int(np.flatnonzero(np.any(points != 0.0, axis=(1, 2)))[-1:].sum())]
+    count, rate, said = points.shape[1], float(found["rate"]), int(found["said"])
+    labels = [label or f"unlabelled_{k}" for k, label in enumerate(found["labels"].tolist())]
+    labels = [*labels, *(f"unlabelled_{k}" for k in range(len(labels), count))][:count]
+    notes = []
+    if 0 < read < said:
+        why = "it states no more" if read == MOST_STATED else "the file ends after them"
+        notes.append(f"{read} of {said} frames: {why}")
+    time = {"time": {"rate": rate}} if rate > 0.0 and np.isfinite(rate) else {}
+    return marker_table(path, labels, points, str(found["unit"]).strip(), time, notes)

@@ -18,9 +18,6 @@ ENTRY_KEYS = ("columns", "columns_unit", "file", "time")
 """What an entry has beyond that of a DOF file."""
 KEYS = (*SIDES, "files", "time", "segments", "every", "task", "labels", "metadata", "frame",
         "skip_rows")  # fmt: skip
-SINCE_S = 946_684_800
-"""From what times count that do not say [s]: 2000-01-01 UTC. Convention; a stamp of zero counts as
-none."""
 LARGEST = 1e12
 """Of seconds and rates. Convention: seconds since 1970 are 2e9."""
 SLOWEST = 1e-6
@@ -36,13 +33,20 @@ class TimeSource(NamedTuple):
         column: of times; None where samples come at a rate.
         unit: of the column, a key of `PER_UNIT`.
         rate_hz: of samples, the first of which is at zero.
-        since_ns: what zero is [ns since 1970].
+        since_ns: what zero is [ns since 1970]; None where the map does not say.
+        nanoseconds: column of what is added to `column` [ns], "" for none.
     """
 
     column: str | None
     unit: str
     rate_hz: float
-    since_ns: int
+    since_ns: int | None
+    nanoseconds: str = ""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that times are made of."""
+        return tuple(filter(None, (self.column, self.nanoseconds)))
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class ColumnsOf:
 
     Attributes:
         entry: the entry.
-        columns: one for each DOF, in its order.
+        columns: one for each DOF, in its order; none where bags are imported.
         unit: of the columns, "" for what the file says, or else that of the entry.
         file: which file of a recording, "" where it has one.
         time: of its own, None for the map's.
@@ -209,10 +213,12 @@ def _mapping(value: object, place: str, keys: Sequence[str] = ()) -> Mapping:
 
 def _columns(item: Mapping, entry: DofEntry, files: Mapping[str, str], place: str) -> ColumnsOf:
     names = item.get("columns")
-    if isinstance(names, str):
+    if isinstance(names, str | int):
         names = [names]
     count = len(entry.names)
-    if not isinstance(names, list) or len(names) != count or not all(names):
+    if names is not None and (
+        not isinstance(names, list) or len(names) != count or any(n in ("", None) for n in names)
+    ):
         raise _error(f"{place}: columns", f"{count} names, one for each DOF", names)
     unit, file = str(item.get("columns_unit", "")), str(item.get("file", ""))
     if unit:
@@ -222,7 +228,7 @@ def _columns(item: Mapping, entry: DofEntry, files: Mapping[str, str], place: st
     if file and file not in files:
         raise _error(f"{place}: file", "a name under files", file)
     time = _time(item["time"], f"{place}: time") if "time" in item else None
-    return ColumnsOf(entry, tuple(map(str, names)), unit, file, time)
+    return ColumnsOf(entry, tuple(map(str, names or ())), unit, file, time)
 
 
 def _is_context(item: object) -> bool:
@@ -244,7 +250,7 @@ def _files(value: object, place: str) -> dict[str, str]:
 
 
 def _time(value: object, place: str) -> TimeSource:
-    items = _mapping(value, place, ("column", "unit", "rate", "since"))
+    items = _mapping(value, place, ("column", "unit", "rate", "since", "nanoseconds"))
     if ("column" in items) == ("rate" in items):
         raise _error(place, "either column or rate", "both" if "rate" in items else "neither")
     unit = str(items.get("unit", "s"))
@@ -253,12 +259,14 @@ def _time(value: object, place: str) -> TimeSource:
     rate = _number(items.get("rate", 1.0), f"{place}: rate")
     if rate < SLOWEST:
         raise _error(f"{place}: rate", f"samples a second, at least {SLOWEST:g}", rate)
-    since = items.get("since", SINCE_S)
-    since_ns = round(_number(since, f"{place}: since") * NANOSECONDS)
-    if isinstance(since, int):  # a float has no nanoseconds left
-        since_ns = since * NANOSECONDS
+    since = items.get("since")
+    since_ns = None
+    if since is not None:
+        since_ns = round(_number(since, f"{place}: since") * NANOSECONDS)
+        if isinstance(since, int):  # a float has no nanoseconds left
+            since_ns = since * NANOSECONDS
     column = str(items["column"]) if "column" in items else None
-    return TimeSource(column, unit, rate, since_ns)
+    return TimeSource(column, unit, rate, since_ns, str(items.get("nanoseconds", "")))
 
 
 def _segments(value: object, place: str) -> str | tuple[Cut, ...] | None:

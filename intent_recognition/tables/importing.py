@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError, MissingPackageError
-from intent_recognition.signals import Rejection
+from intent_recognition.signals import Rejection, Signal, misfit, time_misfit
 from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import (
     PLACEHOLDER,
@@ -57,20 +57,20 @@ class _Rows:
     stamps_ns: NDArray[np.int64]
     known: NDArray[np.bool_]
     values: NDArray[np.float64]
-    since_ns: int
+    zero_ns: int
 
 
 def import_demonstrations(
     source: Path, mapping: ImportMap
 ) -> Iterator[ImportedDemonstration | Rejection]:
-    """All demonstrations of a file, a folder of files, or a LeRobot data set.
+    """All demonstrations of a file, a folder of files, or a data set.
 
     Args:
         source: its path.
         mapping: what its columns mean.
 
     Yields:
-        Demonstrations, and reasons why a file, or a part of one, is left out.
+        Demonstrations, and reasons why a file, or a part of one, is left out or is odd.
 
     Raises:
         BagError: there is nothing to read.
@@ -144,12 +144,15 @@ def _demonstrations(
     tables = {name: open_table(path, mapping.skip_rows) for name, path in recording.paths.items()}
     for table in tables.values():
         mapping = mapping.over(table.defaults)
+        for note in table.notes:
+            yield Rejection(table.source.name, "", 0, note)
     data = _load(tables, mapping)
     rows = [_rows(source, tables[source.file], data[source.file], mapping.time)
             for source in mapping.columns]  # fmt: skip
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
-    for name, picks, first, cut in _parts(recording, mapping, rows, data):
+    parts_ = _parts(recording, mapping, rows, data)
+    for name, picks, first, cut in _cut_at_tasks(parts_, mapping, data[main]):
         task = _task(mapping, cut, data[main], first, recording.named.get("task", ""))
         texts_ = {key: _text_at(t, data[main], first) for key, t in mapping.metadata.items()}
         origin = {"imported_from": ", ".join(p.name for p in recording.paths.values())}
@@ -162,6 +165,9 @@ def _demonstrations(
         if empty:
             yield Rejection(name, f"/{empty[0]}", 0, "empty: no sample in it")
             continue
+        if (reason := _misfit([s for s, _ in parts])) is not None:
+            yield Rejection(name, "", 0, reason)
+            continue
         yield ImportedDemonstration(
             name, custom, tuple(s for s, _ in parts), mapping.frame, sum(n for _, n in parts)
         )
@@ -173,8 +179,7 @@ def _load(tables: Mapping[str, Table], mapping: ImportMap) -> dict[str, dict[str
     for source in mapping.columns:
         wanted[source.file] += source.columns
         time = source.time or mapping.time
-        if time is not None and time.column is not None:
-            wanted[source.file].append(time.column)
+        wanted[source.file] += time.columns if time is not None else ()
     main = mapping.columns[0].file
     spoken = [mapping.task, *mapping.metadata.values()]
     wanted[main] += [text.column for text in spoken if text is not None and text.column]
@@ -192,22 +197,37 @@ def _rows(
     time = source.time or time
     if time is None:
         raise BagError.about(str(table.source), "times, or a rate", "neither", NO_TIME)
-    columns = [numbers(data[name], table.source, name) for name in source.columns]
+    if not source.columns:
+        cure = "Name its columns in the map: columns."
+        raise BagError.about(f"{table.source}: {source.entry.topic}", "columns", "none", cure)
+    columns = [_column(source, table, name, data[name]) for name in source.columns]
     sizes = {name: column.size for name, column in zip(source.columns, columns, strict=True)}
-    if time.column is not None:
-        sizes[time.column] = data[time.column].size
+    sizes |= {name: data[name].size for name in time.columns}
     if len(set(sizes.values())) > 1:
         got = ", ".join(f"{name} {size}" for name, size in sizes.items())
         cure = "Name a time column of the same length, under time of the entry."
         raise BagError.about(str(table.source), "columns of one length", got, cure)
-    values = convert(np.column_stack(columns), source.unit or table.unit, source.entry.unit)
+    values = np.column_stack(columns)
     if time.column is None:
-        ticks = ticks_ns(len(values), time.rate_hz, time.since_ns, table.source)
-        return _Rows(source, ticks, np.ones(len(values), bool), values, time.since_ns)
-    stamps, known = stamps_ns(
-        data[time.column], time.unit, time.since_ns, table.source, time.column
-    )
-    return _Rows(source, stamps, known, values, time.since_ns)
+        stamps = ticks_ns(len(values), time.rate_hz, time.since_ns, table.source)
+    else:
+        place = (table.source, time.column)
+        stamps = stamps_ns(data[time.column], time.unit, time.since_ns, *place)
+    ns, known = stamps.ns, stamps.known
+    if time.nanoseconds:
+        more = numbers(data[time.nanoseconds], table.source, time.nanoseconds)
+        known = known & np.isfinite(more)
+        ns = ns + np.where(known, more, 0.0).astype(np.int64)
+    return _Rows(source, ns, known, values, stamps.zero_ns)
+
+
+def _column(source: ColumnsOf, table: Table, name: str, cells: Values) -> NDArray[np.float64]:
+    """A column in the unit of its entry."""
+    values = numbers(cells, table.source, name)
+    if source.entry.orientation:  # a quaternion has no unit
+        return values
+    unit = source.unit or table.unit_of(name, source.entry.unit)
+    return convert(values, unit, source.entry.unit)
 
 
 def _parts(
@@ -238,8 +258,44 @@ def _parts(
             yield name, picks, first, cut
 
 
+def _cut_at_tasks(
+    parts: Iterator[tuple[str, list[NDArray[np.int64]], int, Cut | None]],
+    mapping: ImportMap,
+    data: Mapping[str, Values],
+) -> Iterator[tuple[str, list[NDArray[np.int64]], int, Cut | None]]:
+    """Parts cut where the column of their task changes; an empty cell goes on with the last."""
+    column = mapping.task.column if mapping.task is not None else ""
+    for name, picks, first, cut in parts:
+        labels = texts(data[column]) if column and data[column].size > 1 else []
+        rows = [k for k in picks[0].tolist() if labels and labels[k]]
+        starts = [b for a, b in pairwise(rows) if labels[a] != labels[b]]
+        if (cut is not None and cut.task) or not starts:
+            yield name, picks, rows[0] if rows else first, cut
+            continue
+        edges = [int(picks[0][0]), *starts, int(picks[0][-1]) + 1]
+        for k, (start, stop) in enumerate(pairwise(edges)):
+            inside = [pick[(pick >= start) & (pick < stop)] for pick in picks]
+            own = next(row for row in rows if start <= row < stop)
+            yield f"{name}_task_{k}", inside, own, cut
+
+
+def _misfit(samples: Sequence[Samples]) -> str | None:
+    """Why times or values are certainly in another unit than the map says; None if not."""
+    for part in samples:
+        seen = np.all(np.isfinite(part.values), axis=1)
+        values = part.values[seen]
+        signal = Signal(part.entry.names, part.stamps_ns[seen], values, part.entry.unit)
+        found = time_misfit(signal)
+        if found is not None and found.certain:
+            return f"{found.reason} Say under time in the map: unit, or rate."
+        found = None if part.entry.orientation else misfit(signal)
+        if found is not None and found.certain:
+            return f"{found.reason} Say in the map: columns_unit."
+    return None
+
+
 def _between(rows: _Rows, cut: Cut) -> NDArray[np.int64]:
-    start_ns, end_ns = (rows.since_ns + round(s * NANOSECONDS) for s in (cut.start_s, cut.end_s))
+    start_ns, end_ns = (rows.zero_ns + round(s * NANOSECONDS) for s in (cut.start_s, cut.end_s))
     return np.flatnonzero(rows.known & (rows.stamps_ns >= start_ns) & (rows.stamps_ns <= end_ns))
 
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of Parquet files and of LeRobot data sets, by pyarrow."""
+"""Columns of Parquet files, by pyarrow."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,21 +12,13 @@ from intent_recognition.tables.table import (
     Table,
     Values,
     check_columns,
-    numbers,
     unusable,
 )
 from intent_recognition.untrusted import (
     MOST_ARRAYS,
     UntrustedError,
     check_regular,
-    load_json,
-    read_text,
 )
-
-MOST_LINES = 2**26
-"""Bytes of a `.jsonl` file. Convention: a million tasks take 60 MB."""
-VERSIONS = ("v2.", "v3.")
-"""LeRobot's `codebase_version` that can be read."""
 
 
 def open_parquet(path: Path) -> Table:
@@ -37,110 +28,40 @@ def open_parquet(path: Path) -> Table:
         BagError: it is no Parquet file.
         MissingPackageError: pyarrow is not installed.
     """
-    return _table(path, [path], {})
+    return parquet_table(path, [path], {})
 
 
-def open_lerobot(folder: Path) -> Table:
-    """All episodes of a LeRobot data set of version 2 or 3, as its `meta` describes them.
+def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str]]) -> Table:
+    """Files of one schema as one table.
 
-    Elements of a feature have the names that `info.json` gives them, and `FEATURE.0`, `FEATURE.1`,
-    ... The column `task` holds the text of each row's task.
+    Args:
+        source: the file, or the folder of a data set.
+        files: in their order.
+        names: of the elements of list columns, where they have any.
 
     Raises:
-        BagError: metadata are missing or of another version.
+        BagError: one is no Parquet file.
+        MissingPackageError: pyarrow is not installed.
     """
-    path = folder / "meta" / "info.json"
-    try:
-        info = load_json(read_text(path))
-        version, features = str(info["codebase_version"]), dict(info["features"])
-        pattern = re.sub(r"\{[^}]*\}", "*", str(info["data_path"]))
-        names = {key: _feature_names(feature) for key, feature in features.items()}
-    except (OSError, UntrustedError, KeyError, TypeError, ValueError, AttributeError) as error:
-        expected = "codebase_version, features and data_path of a LeRobot data set"
-        raise unusable(path, expected, one_line(error), "Download it again.") from error
-    if not version.startswith(VERSIONS):
-        raise unusable(path, "version 2 or 3", version, "Convert it with LeRobot's own script.")
-    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
-        raise unusable(path, "a data_path inside of the folder", pattern, "Correct it.")
-    try:
-        files = sorted(folder.glob(pattern))
-    except (ValueError, IndexError):  # no pattern at all
-        files = []
-    if not files:
-        raise unusable(folder, f"files {pattern}", "none", "Download the folder data as well.")
-    table = _table(folder, files, names)
-
-    def read(wanted: Sequence[str]) -> dict[str, Values]:
-        stored = [name for name in wanted if name != "task"]
-        if "task" not in wanted:
-            return table.read(stored)
-        found = table.read([*stored, "task_index"])
-        tasks = _tasks(folder)
-        indices = numbers(found["task_index"], folder, "task_index").tolist()
-        found["task"] = np.array([tasks.get(k, "") for k in indices], object)
-        return found
-
-    return Table(
-        folder,
-        (*table.names, "task"),
-        read,
-        aliases=table.aliases,
-        defaults={
-            "time": {"column": "timestamp", "unit": "s"},
-            "segments": {"column": "episode_index"},
-            "task": {"column": "task"},
-        },
-    )
-
-
-def _feature_names(feature: Mapping) -> list[str]:
-    """What `info.json` calls the elements of a feature; [] where it does not, or not all."""
-    names = feature.get("names")
-    if isinstance(names, Mapping):  # {"motors": [...]}, or {"x": 0, "y": 1}
-        inner = list(names.values())
-        names = inner[0] if len(inner) == 1 and isinstance(inner[0], list) else list(names)
-    shape = list(feature.get("shape") or [])
-    named = [str(name) for name in names] if isinstance(names, list) else []
-    return named if shape == [len(named)] and len(set(named)) == len(named) else []
-
-
-def _tasks(folder: Path) -> dict[float, str]:
-    """Text of each task by its index: `tasks.jsonl` of version 2, `tasks.parquet` of version 3."""
-    lines, table = folder / "meta" / "tasks.jsonl", folder / "meta" / "tasks.parquet"
-    try:
-        if lines.is_file():
-            rows = [load_json(line) for line in read_text(lines, MOST_LINES).splitlines() if line]
-            return {float(row["task_index"]): str(row["task"]) for row in rows}
-        columns = open_parquet(table)  # the text is an index of pandas, under several names
-        texts = next(name for name in columns.names if name != "task_index")
-        found = columns.columns(["task_index", texts])
-        indices = numbers(found["task_index"], table, "task_index").tolist()
-        return {k: str(text) for k, text in zip(indices, found[texts], strict=True)}
-    except (OSError, UntrustedError, KeyError, TypeError, ValueError, StopIteration) as error:
-        cure = "Name the tasks in the map: task."
-        raise unusable(folder, "meta/tasks.jsonl or .parquet", one_line(error), cure) from error
-
-
-def _table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str]]) -> Table:
-    """Files of one schema as one table."""
     parquet = optional("pyarrow.parquet")
     places = _places(parquet, files[0], names)
     own = [name for name, (_, element, alias) in places.items() if not alias]
+    numbers = {places[name][:2]: k for k, name in enumerate(own)}
+    aliases = {name: numbers[place[:2]] for name, place in places.items() if place[2]}
 
-    def read(wanted: Sequence[str]) -> dict[str, Values]:
-        stored = list(dict.fromkeys(places[name][0] for name in wanted))
+    def read(wanted: Sequence[int]) -> list[Values]:
+        chosen = [places[own[k]] for k in wanted]
+        stored = list(dict.fromkeys(column for column, _, _ in chosen))
         _check_size(parquet, files, stored)
-        single = [name for name in stored if name in places and places[name][1] is None]
+        single = [column for column, element, _ in chosen if element is None]
         parts = [_read(parquet, file, stored, single) for file in files]
         columns = {name: np.concatenate([part[name] for part in parts]) for name in stored}
-        found: dict[str, Values] = {}
-        for name in wanted:
-            column, element, _ = places[name]
-            values = columns[column]
-            found[name] = values if element is None else values[:, element]
-        return found
+        return [
+            columns[column] if element is None else columns[column][:, element]
+            for column, element, _ in chosen
+        ]
 
-    return Table(source, tuple(own), read, aliases=frozenset(places))
+    return Table(source, tuple(own), read, aliases=aliases)
 
 
 def _places(

@@ -16,7 +16,7 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, DofError
 from intent_recognition.signals import LABEL
 from intent_recognition.tables import ImportMap, import_demonstrations, load_map
-from intent_recognition.tables.import_map import SINCE_S
+from intent_recognition.tables.table import SINCE_NS
 
 WRIST = {
     "topic": "/mocap/wrist/pose",
@@ -33,7 +33,6 @@ ARM = {
     "columns": ["q0", "q1"],
 }
 MAP = {"observed": [WRIST], "controlled": [ARM], "time": {"column": "t"}, "task": "give"}
-SINCE_NS = SINCE_S * 10**9
 
 
 @pytest.fixture
@@ -187,8 +186,8 @@ def test_units_are_converted_with_one_rounding(values, tmp_path):
     seen = np.isfinite(table["y"])
     assert np.array_equal(found.observed[0].values[:, 0], table["x"][seen] / 1000)
     assert np.allclose(found.controlled[0].values[:, 0], np.pi / 2, rtol=1e-15)
-    with pytest.raises(DofError, match="inch"):
-        ImportMap.from_dict(MAP | {"observed": [WRIST | {"columns_unit": "inch"}]})
+    with pytest.raises(DofError, match="parsec"):
+        ImportMap.from_dict(MAP | {"observed": [WRIST | {"columns_unit": "parsec"}]})
 
 
 @pytest.mark.parametrize(
@@ -293,10 +292,14 @@ def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
     assert "which is there" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("module, package", [("pyarrow.parquet", "pyarrow"), ("c3d", "c3d")])
+@pytest.mark.parametrize(
+    "module, package", [("pyarrow.parquet", "pyarrow"), ("ezc3d", "ezc3d"), ("h5py", "h5py")]
+)
 def test_a_missing_library_is_one_line_with_its_cure(module, package, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, module, None)
-    suffix = {"pyarrow": "parquet"}.get(package, package)
+    if module == "ezc3d":
+        monkeypatch.setattr("intent_recognition.tables.c3d.find_spec", lambda name: None)
+    suffix = {"pyarrow": "parquet", "ezc3d": "c3d", "h5py": "h5"}[package]
     (tmp_path / f"a.{suffix}").write_bytes(b"PAR1")
     (left_out,) = import_demonstrations(tmp_path / f"a.{suffix}", ImportMap.from_dict(MAP))
     assert str(left_out).endswith(
@@ -305,7 +308,7 @@ def test_a_missing_library_is_one_line_with_its_cure(module, package, tmp_path, 
 
 
 def test_c3d_markers_with_rate_unit_and_gaps_of_the_file(rng, tmp_path):
-    c3d = pytest.importorskip("c3d")
+    c3d = pytest.importorskip("c3d")  # it writes here, and ezc3d reads
     points = (rng.normal(size=(20, 2, 3)) * 5 + 800).astype(np.float32)
     seen = np.ones((20, 2), bool)
     seen[6:9, 0] = False
@@ -327,8 +330,11 @@ def test_c3d_markers_with_rate_unit_and_gaps_of_the_file(rng, tmp_path):
     assert np.array_equal(signal.stamps_ns, SINCE_NS + ticks)
     data = (tmp_path / "reach.c3d").read_bytes()
     (tmp_path / "cut.c3d").write_bytes(data[:-600])
-    (left_out,) = import_demonstrations(tmp_path / "cut.c3d", ImportMap.from_dict(content))
-    assert "a C3D file" in left_out.reason
+    said, _ = import_demonstrations(tmp_path / "cut.c3d", ImportMap.from_dict(content))
+    assert said.reason == "13 of 20 frames: the file ends after them"
+    (tmp_path / "other.c3d").write_bytes(b"another kind of file")
+    (left_out,) = import_demonstrations(tmp_path / "other.c3d", ImportMap.from_dict(content))
+    assert "expected a C3D file, got ezc3d says: File must be a valid c3d" in left_out.reason
 
 
 @pytest.fixture(params=["v2.1", "v3.0"])

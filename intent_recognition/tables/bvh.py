@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Skeletons in BVH: the channels as they are, and where the joints are."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.tables.table import Table, check_columns, unusable
+from intent_recognition.untrusted import MOST_MESH, UntrustedError, check_regular
+
+DEEPEST = 200
+"""Joints on the way from the root. Convention: a hand has 10."""
+
+
+class _Joint(NamedTuple):
+    """One joint: name, number of its parent (-1 for a root), offset, channels from a column on."""
+
+    name: str
+    parent: int
+    offset: NDArray[np.float64]
+    channels: tuple[str, ...]
+    column: int
+
+
+def open_bvh(path: Path) -> Table:
+    """Channels as `JOINT.Xrotation` [deg], places of the joints as `JOINT.x`, `JOINT.y`, `JOINT.z`.
+
+    BVH does not say its unit of length: the map does.
+
+    Raises:
+        BagError: it is no BVH.
+    """
+    try:
+        check_regular(path, MOST_MESH)
+        text = path.read_text(encoding="utf-8", errors="replace")
+        hierarchy, motion = re.split(r"^\s*MOTION\s*$", text, maxsplit=1, flags=re.MULTILINE)
+        joints = _joints(hierarchy)
+        count = int(re.search(r"Frames:\s*(\d+)", motion)[1])  # type: ignore[index]
+        period, rows = re.split(r"Frame Time:\s*", motion, maxsplit=1)[1].split("\n", 1)
+        values = np.array(rows.split(), np.float64).reshape(
+            -1, sum(len(j.channels) for j in joints)
+        )
+        if len(values) != count:
+            raise ValueError(f"{len(values)} of {count} frames")
+        rate = 1.0 / float(period)
+    except (OSError, UntrustedError, ValueError, TypeError, IndexError, ZeroDivisionError) as error:
+        raise unusable(path, "a BVH file", error, "Export it again as BVH.") from error
+    check_columns(path, values.shape[1] + 3 * len(joints))
+    channels = [f"{joint.name}.{channel}" for joint in joints for channel in joint.channels]
+    places = [f"{joint.name}.{axis}" for joint in joints for axis in "xyz"]
+    columns = np.hstack([values, *_places(joints, values)])
+    degrees = {k: "deg" for k, name in enumerate(channels) if name.endswith("rotation")}
+    return Table(
+        path,
+        (*channels, *places),
+        lambda wanted: [columns[:, k] for k in wanted],
+        units=degrees,
+        must_say=True,
+        defaults={"time": {"rate": rate}},
+    )
+
+
+def _joints(hierarchy: str) -> list[_Joint]:
+    words = iter(hierarchy.split())
+    joints: list[_Joint] = []
+    above: list[int] = []  # the joints that are open; -1 for the end of a limb
+    column, name = 0, ""
+    for word in words:
+        if word in ("ROOT", "JOINT"):
+            name = next(words)
+        elif word == "End":
+            name = ""
+        elif word == "{":
+            if len(above) > DEEPEST:
+                raise ValueError(f"more than {DEEPEST} joints within one another")
+            if name:
+                parent = above[-1] if above else -1
+                joints.append(_Joint(name, parent, np.zeros(3), (), column))
+            above.append(len(joints) - 1 if name else -1)
+        elif word == "}":
+            above.pop()
+        elif word == "OFFSET":
+            offset = np.array([float(next(words)) for _ in range(3)])
+            if above[-1] >= 0:
+                joints[above[-1]] = joints[above[-1]]._replace(offset=offset)
+        elif word == "CHANNELS":
+            channels = tuple(next(words) for _ in range(int(next(words))))
+            joints[above[-1]] = joints[above[-1]]._replace(channels=channels, column=column)
+            column += len(channels)
+    if not joints or not column:
+        raise ValueError("no joints with channels")
+    return joints
+
+
+def _places(joints: list[_Joint], values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Where each joint is, (T, 3) in the frame of the root: rotations in the order of channels."""
+    found: list[tuple[NDArray[np.float64], Rotation]] = []
+    for joint in joints:
+        own = values[:, joint.column : joint.column + len(joint.channels)]
+        place = np.tile(joint.offset, (len(values), 1))
+        turns = []
+        for channel, column in zip(joint.channels, own.T, strict=True):
+            axis = "XYZ".index(channel[0])
+            if channel.endswith("position"):
+                place[:, axis] = column  # the file's own convention: in place of the offset
+            else:
+                turns.append((channel[0], column))
+        order = "".join(axis for axis, _ in turns)
+        angles = np.column_stack([turn for _, turn in turns]) if turns else None
+        turn = (
+            Rotation.from_euler(order, angles, degrees=True)
+            if angles is not None
+            else Rotation.identity(len(values))
+        )
+        if joint.parent >= 0:
+            origin, before = found[joint.parent]
+            place, turn = origin + before.apply(place), before * turn
+        found.append((place, turn))
+    return [place for place, _ in found]

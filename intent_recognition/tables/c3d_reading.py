@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Points of a C3D file by ezc3d, or by c3d where it cannot: run by `isolated`."""
+
+import importlib
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_STATED = 2**16 - 1
+"""Frames that a header can state."""
+INTEL = b"\x54"
+"""Processor type of little endian."""
+Arrays = dict[str, NDArray[Any]]
+
+
+def read(path: str) -> Arrays:
+    """`points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, `said`: how
+    many frames the file says it has.
+
+    Raises:
+        Exception: no library can read it; with what each of them said.
+    """
+    reasons = []
+    for name, reader in (("ezc3d", _by_ezc3d), ("c3d", _by_c3d)):
+        try:
+            library = importlib.import_module(name)
+        except ImportError:
+            continue
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that there is no analog channel
+                return reader(library, path)
+        except Exception as error:  # they raise what they meet
+            reasons.append(f"{name} says: {error}")
+    raise ValueError("; ".join(reasons))
+
+
+def _by_ezc3d(library: Any, path: str) -> Arrays:
+    file = library.c3d(path)
+    point = file["parameters"]["POINT"]
+    points = file["data"]["points"][:3].transpose(2, 1, 0)
+    residuals = file["data"]["meta_points"]["residuals"][0].T
+    header = file["header"]["points"]
+    return {
+        "points": np.where((residuals < 0.0)[:, :, None], np.nan, points),
+        "labels": np.array(
+            _all_labels({key: point[key]["value"] for key in point if "LABELS" in key})
+        ),
+        "unit": np.array("".join(point["UNITS"]["value"][:1]) if "UNITS" in point else ""),
+        "rate": np.array(float(header["frame_rate"]) or float(point["RATE"]["value"][0])),
+        "said": np.array(_stated(path)),
+    }
+
+
+def _by_c3d(library: Any, path: str) -> Arrays:
+    with Path(path).open("rb") as stream:
+        reader = library.Reader(stream)
+        units = reader.get("POINT:UNITS")
+        named = [key for key in ("LABELS", "LABELS2", "LABELS3") if reader.get(f"POINT:{key}")]
+        labels = {key: reader.get(f"POINT:{key}").string_array.ravel() for key in named}
+        frames = [points for _, points, _ in reader.read_frames()]
+        points = np.array(frames, np.float64).reshape(len(frames), -1, 5)
+        return {
+            "points": np.where((points[:, :, 3] < 0.0)[:, :, None], np.nan, points[:, :, :3]),
+            "labels": np.array(_all_labels(labels)),
+            "unit": np.array(str(units.string_array.ravel()[0]) if units is not None else ""),
+            "rate": np.array(float(reader.point_rate)),
+            "said": np.array(_stated(path)),
+        }
+
+
+def _all_labels(parts: dict[str, Any]) -> list[str]:
+    """Labels of LABELS, LABELS2, ... in this order."""
+    order = sorted(parts, key=lambda key: int(key.removeprefix("LABELS") or 1))
+    return [str(label).strip() for key in order for label in parts[key]]
+
+
+def _stated(path: str) -> int:
+    """Frames that the header states or the file has room for, 0 where neither is known.
+
+    Words of the header, from 1 on: 2 points, 3 analog values of a frame, 4 and 5 first and last
+    frame, 7 and 8 scale, 9 block where the data begin.
+    """
+    with Path(path).open("rb") as stream:
+        words = np.frombuffer(stream.read(18), "<u2").astype(int)
+        stream.seek((words[0] & 0xFF) * 512 - 509)
+        is_intel = stream.read(1) == INTEL
+        size = stream.seek(0, 2) - (words[8] - 1) * 512
+    last = words[4] if words[4] < 2**16 - 1 else 0
+    stated = int(last - words[3] + 1) if 0 < words[3] <= last else 0
+    width = 4 if words[7] >= 2**15 else 2  # bytes: a scale below zero says that values are floats
+    frame = (4 * words[1] + words[2]) * width
+    if not is_intel or not frame or size < 0:
+        return stated
+    held = int(size // frame)  # the last block may be filled up: by frames that nobody stated
+    return max(stated, held if (held - max(stated, MOST_STATED)) * frame >= 512 else 0)

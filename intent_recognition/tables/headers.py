@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Headers of several lines that motion capture and simulators write above a table of text."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+Rows = Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Header:
+    """What is above the numbers.
+
+    Attributes:
+        names: of the columns.
+        skip: rows before the numbers.
+        aliases: numbers of columns by further names.
+        unit: of all columns, "" where the file does not say.
+        units: of single columns, by number.
+        must_say: whether a unit that is not said must be asked for.
+        defaults: what the file says of itself, under the keys of a map.
+        ends_blank: whether a blank line ends the table.
+    """
+
+    names: tuple[str, ...]
+    skip: int
+    aliases: Mapping[str, int] = field(default_factory=dict)
+    unit: str = ""
+    units: Mapping[int, str] = field(default_factory=dict)
+    must_say: bool = False
+    defaults: Mapping[str, object] = field(default_factory=dict)
+    ends_blank: bool = False
+
+
+def known_header(path: Path, rows: Rows) -> Header | None:
+    """The header of a file that Motive, Nexus, QTM or OpenSim exported; None of any other."""
+    for read in READERS:
+        try:
+            if header := read(rows):
+                return header
+        except (IndexError, ValueError):  # it only begins like one
+            continue
+    return None
+
+
+def motive(rows: Rows) -> Header | None:
+    """OptiTrack Motive: `BODY.Position.X`, `BODY.Rotation.W`, `BODY:MARKER.Position.X`."""
+    if rows[0][0].strip() != "Format Version":
+        return None
+    said = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
+    at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame")
+    above = {row[1].strip(): row for row in rows[1:at] if len(row) > 1}
+    bodies, sorts, kinds, axes = above["Name"], above.get("Type"), rows[at - 1], rows[at]
+    names = [*axes[:2]]
+    aliases: dict[str, int] = {}
+    units: dict[int, str] = {}
+    for k in range(2, len(axes)):
+        body, kind, axis = (row[k].strip() for row in (bodies, kinds, axes))
+        names.append(".".join(filter(None, (body, kind, axis))))
+        if sorts:
+            aliases[f"{sorts[k].strip()}/{names[-1]}"] = k
+        angles = kind == "Rotation" and said.get("Rotation Type", "").strip() != "Quaternion"
+        if kind.startswith("Position") or angles:
+            units[k] = "deg" if angles else said.get("Length Units", "").strip()
+    return Header(
+        tuple(names), at + 1, aliases, units=units, must_say=not all(units.values()),
+        defaults={"time": {"column": axes[1]}},
+    )  # fmt: skip
+
+
+def nexus(rows: Rows) -> Header | None:
+    """Vicon Nexus: `SUBJECT:MARKER.X` or `MARKER.X`, of its first table, at its rate."""
+    title = next((k for k, row in enumerate(rows) if row and row[0].strip()), 0)
+    if rows[title][0].strip() not in ("Trajectories", "Model Outputs", "Joints", "Segments"):
+        return None
+    at = next(k for k, row in enumerate(rows) if row[:2] == ["Frame", "Sub Frame"])
+    owner, names = "", ["Frame", "Sub Frame"]
+    aliases: dict[str, int] = {}
+    for k in range(2, len(rows[at])):
+        owner = (rows[at - 1][k].strip() if k < len(rows[at - 1]) else "") or owner
+        names.append(f"{owner}.{rows[at][k].strip()}")
+        aliases.setdefault(names[-1].rpartition(":")[2], k)
+    units = {k: unit.strip() for k, unit in enumerate(rows[at + 1]) if unit.strip()}
+    rate = {"time": {"rate": float(rows[title + 1][0])}}
+    return Header(
+        tuple(names), at + 2, aliases, units=units, must_say=True, defaults=rate, ends_blank=True
+    )
+
+
+def trc(rows: Rows) -> Header | None:
+    """TRC of OpenSim and Cortex: `MARKER.x`, with the rate and unit of its third line."""
+    if rows[0][0].strip() != "PathFileType":
+        return None
+    said = dict(zip(rows[1], rows[2], strict=False))
+    at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame#")
+    names = [name.strip() for name in rows[at][:2]]
+    for label in filter(None, (cell.strip() for cell in rows[at][2:])):
+        names += [f"{label}.{axis}" for axis in "xyz"]
+    time: dict[str, object] = {"column": names[1]}
+    skip = at + 2
+    while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
+        skip += 1
+    units = dict.fromkeys(range(2, len(names)), said.get("Units", "").strip())
+    return Header(tuple(names), skip, units=units, must_say=True, defaults={"time": time})
+
+
+def qtm(rows: Rows) -> Header | None:
+    """TSV of Qualisys: `MARKER.x`; its lengths are millimetres."""
+    if rows[0][0].strip() != "NO_OF_FRAMES":
+        return None
+    said = {row[0].strip(): row for row in rows if row}
+    at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "MARKER_NAMES")
+    labels = [
+        f"{label.strip()}.{axis}" for label in rows[at][1:] if label.strip() for axis in "xyz"
+    ]
+    skip = at + 1
+    first = [cell.strip() for cell in rows[skip]]
+    if first[0] == "Frame" or first[-1].endswith((" X", " Y", " Z")):
+        skip += 1
+    before = ["Frame", "Time"] if len(rows[skip]) >= len(labels) + 2 else []
+    rate = {"time": {"rate": float(said["FREQUENCY"][1])}}
+    units = dict.fromkeys(range(len(before), len(before) + len(labels)), "mm")
+    return Header((*before, *labels), skip, units=units, must_say=True, defaults=rate)
+
+
+def opensim(rows: Rows) -> Header | None:
+    """MOT and STO of OpenSim: angles in degrees where it says so, translations in metres."""
+    at = next((k for k, row in enumerate(rows) if row and row[0].strip() == "endheader"), None)
+    if at is None:
+        return None
+    said = dict(row[0].strip().lower().split("=", 1) for row in rows[:at] if row and "=" in row[0])
+    names = tuple(name.strip() for name in rows[at + 1])
+    angle = "deg" if said.get("indegrees", "").strip() == "yes" else "rad"
+    units = {
+        k: "m" if name.endswith(("_tx", "_ty", "_tz")) else angle
+        for k, name in enumerate(names)
+        if name != "time" and "indegrees" in said
+    }
+    return Header(names, at + 2, units=units, defaults={"time": {"column": "time"}})
+
+
+READERS: tuple[Callable[[Rows], Header | None], ...] = (motive, nexus, trc, qtm, opensim)

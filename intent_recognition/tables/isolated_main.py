@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `isolated` runs in another process: it imports nothing of ours, to begin at once."""
+
+import runpy
+import sys
+
+import numpy as np
+
+MOST_MEMORY = 2**32
+"""Bytes of address space that a library may take. Convention: ezc3d holds four copies of values of
+which 0.5 GB are read."""
+
+
+def main(script: str, path: str, result: str) -> int:
+    """Write what the function `read` of a script returns as `.npz`; on failure, say why.
+
+    Args:
+        script: file of Python.
+        path: of the file that it reads.
+        result: file to write.
+    """
+    try:
+        import resource  # not on every system
+    except ImportError:
+        pass
+    else:
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    try:
+        arrays = runpy.run_path(script)["read"](path)
+    except Exception as error:  # the libraries raise what they meet
+        sys.stdout.write(str(error) or type(error).__name__)
+        return 1
+    np.savez(result, **arrays)
+    return 0

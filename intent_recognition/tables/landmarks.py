@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Landmarks of people in JSON: OpenPose's, a file for each frame, and MediaPipe's."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import one_line
+from intent_recognition.tables.table import Table, table_of, unusable
+from intent_recognition.untrusted import UntrustedError, check_regular
+
+FRAMES = "_keypoints.json"
+"""How OpenPose's files end."""
+MOST_JSON = 2**28
+"""Bytes of a file, or of the files of a folder. Convention: an hour of MediaPipe at 30 Hz takes
+0.3 GB."""
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(text.split())
+
+
+COCO_18 = _names(
+    "Nose Neck RShoulder RElbow RWrist LShoulder LElbow LWrist RHip RKnee RAnkle LHip LKnee LAnkle"
+    " REye LEye REar LEar"
+)
+BODY_25 = (
+    *COCO_18[:8],
+    "MidHip",
+    *COCO_18[8:],
+    *_names("LBigToe LSmallToe LHeel RBigToe RSmallToe RHeel"),
+)
+POSE_33 = _names(
+    "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer left_ear"
+    " right_ear mouth_left mouth_right left_shoulder right_shoulder left_elbow right_elbow"
+    " left_wrist right_wrist left_pinky right_pinky left_index right_index left_thumb right_thumb"
+    " left_hip right_hip left_knee right_knee left_ankle right_ankle left_heel right_heel"
+    " left_foot_index right_foot_index"
+)
+HAND_21 = (
+    "wrist",
+    *(
+        f"{finger}_{joint}"
+        for finger in _names("thumb index middle ring pinky")
+        for joint in _names("cmc mcp ip tip" if finger == "thumb" else "mcp pip dip tip")
+    ),
+)
+NAMED = {len(names): names for names in (BODY_25, COCO_18, POSE_33, HAND_21)}
+"""Landmarks by their count."""
+OPENPOSE = {
+    "pose_keypoints_2d": ("", 2), "pose_keypoints_3d": ("", 3),
+    "hand_left_keypoints_2d": ("LHand.", 2), "hand_right_keypoints_2d": ("RHand.", 2),
+}  # fmt: skip
+"""Groups of a person: what is before the names of their landmarks, and their dimensions."""
+WORLD = ("world_landmarks", "pose_world_landmarks", "poseWorldLandmarks", "worldLandmarks")
+IMAGE = ("landmarks", "pose_landmarks", "poseLandmarks", "keypoints")
+"""Keys of MediaPipe's landmarks: those in metres come first."""
+Points = dict[str, Sequence[float]]
+
+
+def open_frames(folder: Path) -> Table:
+    """OpenPose's folder, a file for each frame: `RWrist.x`, `RWrist.y`, [pixels], of one person.
+
+    What has confidence 0 was not seen. A frame without a file is a gap.
+
+    Raises:
+        BagError: a file is none of OpenPose's, or there is more than one person in it.
+    """
+    files = sorted(folder.glob(f"*{FRAMES}"))
+    numbers = [re.search(r"(\d+)" + re.escape(FRAMES), path.name) for path in files]
+    frames, groups = [], set()
+    for path in files:
+        people = _load(path).get("people")
+        if not isinstance(people, list) or len(people) > 1:
+            got = "none" if not isinstance(people, list) else f"{len(people)} people"
+            raise unusable(path, "one person of OpenPose", got, "Keep one person in the files.")
+        frames.append(_openpose(people[0]) if people else {})
+        groups |= set(frames[-1])
+    rows = [int(number[1]) if number else k for k, number in enumerate(numbers)]
+    return _table(folder, frames, np.array(rows) - min(rows, default=0))
+
+
+def open_landmarks(path: Path) -> Table:
+    """Frames of MediaPipe: `right_wrist.x`, ...; those in metres where the file has them.
+
+    Raises:
+        BagError: there are no frames of landmarks in it.
+    """
+    content = _load(path)
+    frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
+    if not isinstance(frames, list) or not frames:
+        raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
+    found = [_mediapipe(frame) for frame in frames]
+    if not any(found):
+        kinds = ", ".join((*WORLD, *IMAGE))
+        raise unusable(path, f"landmarks under {kinds}", "none", "Check the file.")
+    table = _table(path, found, np.arange(len(frames)))
+    key = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
+    rate = content.get("fps", content.get("frame_rate")) if isinstance(content, dict) else None
+    time: dict[str, object] | None = {"rate": float(rate)} if rate else None
+    if key is None:
+        return _with(table, {}, time)
+    times = np.array([frame.get(key, np.nan) for frame in frames], np.float64)
+    unit = "ms" if key.endswith("_ms") else "s"
+    return _with(table, {"time": times}, {"column": "time", "unit": unit})
+
+
+def _with(table: Table, more: Mapping[str, NDArray], time: object) -> Table:
+    columns = dict(zip(table.names, table.read(range(len(table.names))), strict=True))
+    return table_of(table.source, {**columns, **more}, defaults={"time": time} if time else {})
+
+
+def _has(frames: Sequence[Any], key: str) -> bool:
+    return any(isinstance(frame, dict) and key in frame for frame in frames)
+
+
+def _table(source: Path, frames: Sequence[Points], rows: NDArray[np.int64]) -> Table:
+    """One column for each axis of each landmark, NaN where a frame has none of it."""
+    columns: dict[str, NDArray[np.float64]] = {}
+    count = int(rows.max(initial=-1)) + 1
+    for row, frame in zip(rows.tolist(), frames, strict=True):
+        for name, point in frame.items():
+            for axis, value in zip("xyz", point, strict=False):
+                column = columns.setdefault(f"{name}.{axis}", np.full(count, np.nan))
+                column[row] = value
+    return table_of(source, {"frame": np.arange(count), **columns})
+
+
+def _openpose(person: Mapping[str, Any]) -> Points:
+    points: Points = {}
+    for key, (before, size) in OPENPOSE.items():
+        values = np.array(person.get(key) or [], np.float64).reshape(-1, size + 1)
+        names = NAMED.get(len(values), [str(k) for k in range(len(values))])
+        for name, (*place, seen) in zip(names, values.tolist(), strict=True):
+            if seen > 0.0:
+                points[before + name] = place
+    return points
+
+
+def _mediapipe(frame: Any) -> Points:
+    """Landmarks of one frame, of the first person."""
+    listed = frame
+    if isinstance(frame, dict):
+        keys = (key for key in (*WORLD, *IMAGE) if frame.get(key))
+        listed = frame.get(next(keys, ""), [])
+    while isinstance(listed, list) and listed and isinstance(listed[0], list):
+        if len(listed[0]) and isinstance(listed[0][0], int | float):
+            break
+        listed = listed[0]
+    if isinstance(listed, dict):
+        listed = listed.get("landmark", listed.get("landmarks", []))
+    if not isinstance(listed, list) or not listed:
+        return {}
+    names = NAMED.get(len(listed), [str(k) for k in range(len(listed))])
+    found: Points = {}
+    for name, point in zip(names, listed, strict=True):
+        own = str(point.get("name") or name) if isinstance(point, dict) else name
+        values = [point[a] for a in "xyz" if a in point] if isinstance(point, dict) else point
+        found[own] = [float(value) for value in values]
+    return found
+
+
+def _load(path: Path) -> Any:
+    try:
+        check_regular(path, MOST_JSON)
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UntrustedError, ValueError, RecursionError) as error:
+        raise unusable(path, "landmarks in JSON", one_line(error), "Write it again.") from error

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of text: CSV, and what motion capture exports as text.
+
+A reader of headers (`headers.py`) says what the columns of a known exporter are called; everything
+else is a CSV with a line of names, or without one.
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.tables.headers import Header, known_header
+from intent_recognition.tables.table import (
+    MISSING,
+    Table,
+    Values,
+    check_columns,
+    unusable,
+    with_point,
+)
+
+DELIMITERS = ",;\t "
+"""What may separate the cells of a CSV, in order of preference where a header has none of them."""
+MOST_CSV = 2**28
+"""Bytes of a CSV. Convention: an hour of fifty columns at 100 Hz takes 0.2 GB."""
+MOST_CELLS = 10_000_000
+"""Cells that are taken from a CSV, or its rows. Convention: they take 0.7 GB while they are read;
+an hour of twenty columns at 100 Hz has 7 million."""
+LONGEST_LINE = 2**16
+"""Characters of a line that are looked at for what separates its cells. Convention."""
+HEAD_ROWS = 60
+"""Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
+TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
+
+
+def open_text(path: Path, skip_rows: int) -> Table:
+    """A CSV, TSV, TRC, MOT or STO file, or a CSV of Motive, Nexus or QTM.
+
+    Args:
+        path: of the file.
+        skip_rows: lines before its header.
+
+    Raises:
+        BagError: it cannot be read.
+    """
+    header = known_header(path, list(islice(_rows(path, skip_rows), HEAD_ROWS)))
+    if header is None:
+        header = _plain_header(path, next(_rows(path, skip_rows), []))
+    check_columns(path, len(header.names))
+
+    def read(wanted: Sequence[int]) -> list[Values]:
+        cells: list[list[str]] = [[] for _ in wanted]
+        most = MOST_CELLS // max(1, len(wanted))
+        last = max(wanted, default=0)
+        for number, row in enumerate(islice(_rows(path, skip_rows), header.skip, None)):
+            if number >= most:
+                cure = "Split it, or name fewer of its columns in the map."
+                got = f"more than {most} rows of {len(wanted)} columns"
+                raise unusable(path, f"at most {MOST_CELLS} cells", got, cure)
+            if not any(cell.strip() for cell in row):
+                if header.ends_blank and number:
+                    break
+                continue
+            if len(row) <= last:
+                got = f"{len(row)} in row {number + 1}"
+                raise unusable(path, f"{len(header.names)} cells", got, "Correct the file.")
+            for column, place in zip(cells, wanted, strict=True):
+                column.append(row[place])
+        return [np.array(column, object) for column in cells]
+
+    return Table(
+        path,
+        header.names,
+        read,
+        aliases=header.aliases,
+        unit=header.unit,
+        units=header.units,
+        must_say=header.must_say,
+        defaults=header.defaults,
+    )
+
+
+def _plain_header(path: Path, first: Sequence[str]) -> Header:
+    """The line of names; where it holds numbers alone, columns have numbers."""
+    if not first:
+        raise unusable(path, "a line of column names", "an empty file", "Check the path.")
+    names = tuple(name.strip().lstrip("#").strip() for name in first)
+    if all(_is_number(name) for name in names):
+        return Header(tuple(map(str, range(len(names)))), 0)
+    return Header(names, 1)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return text.lower() in MISSING or float(with_point(text)) is not None
+    except ValueError:
+        return False
+
+
+def _rows(path: Path, skip_rows: int) -> Iterator[list[str]]:
+    """The lines of a CSV as cells, from the header on."""
+    try:
+        with path.open(encoding=_encoding(path), newline="") as stream:
+            while skip_rows and stream.readline(LONGEST_LINE):
+                skip_rows -= 1
+            at = stream.tell()
+            head = [stream.readline(LONGEST_LINE) for _ in range(HEAD_ROWS)]
+            stream.seek(at)
+            yield from csv.reader(stream, delimiter=_delimiter(path, head), skipinitialspace=True)
+    except (UnicodeError, csv.Error, OSError) as error:
+        raise unusable(path, "a table of text", error, "Save it as CSV in UTF-8.") from error
+
+
+def _delimiter(path: Path, head: Sequence[str]) -> str:
+    """What separates the cells: tabs in formats that have them, else the most frequent one."""
+    if path.suffix.lower() in (".trc", ".mot", ".sto", ".tsv"):
+        return "\t"
+    counts = [head[0].count(delimiter) for delimiter in DELIMITERS]
+    if (counts[0] and counts[1]) or not any(counts):  # decimal commas, or a title
+        counts = [sum(line.count(delimiter) for line in head) for delimiter in DELIMITERS]
+        if counts[1] >= len([line for line in head if line.strip()]) // 2 > 0:
+            return ";"
+    return DELIMITERS[counts.index(max(counts[:3]) or max(counts))]
+
+
+def _encoding(path: Path) -> str:
+    """UTF-8, UTF-16 by its mark, or Latin-1 where it is none of them."""
+    with path.open("rb") as stream:
+        start = stream.read(2)
+        if start in (b"\xff\xfe", b"\xfe\xff"):
+            return "utf-16"
+        stream.seek(0)
+        try:
+            for piece in iter(lambda: stream.read(2**20 + 1), b""):
+                piece.decode("ascii")
+            return "utf-8-sig"
+        except UnicodeDecodeError:
+            stream.seek(0)
+    try:
+        with path.open(encoding="utf-8-sig") as text:
+            while text.read(2**20):
+                pass
+        return "utf-8-sig"
+    except UnicodeDecodeError:
+        return "latin-1"

@@ -1,0 +1,419 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files as programs export them: columns by name, units, rates; never silently wrong.
+
+`EXAMPLES` has one of each kind; docs/import.md lists them, and `test_the_page_lists_them` compares.
+"""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c3d_builder import c3d_file
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.errors import BagError
+from intent_recognition.tables import ImportMap, import_demonstrations
+from intent_recognition.tables.files import open_table
+from intent_recognition.tables.table import SINCE_NS
+
+ROWS = 30
+PLACE = np.column_stack([300.0 + np.arange(ROWS), np.full(ROWS, 20.5), np.full(ROWS, 900.0)])
+"""Of a wrist in millimetres, over time."""
+
+
+def entry(columns, **more):
+    return {
+        "topic": "/mocap/wrist/pose",
+        "type": "geometry_msgs/msg/PoseStamped",
+        "fields": [f"pose.position.{axis}" for axis in "xyz"],
+        "unit": "m",
+        "columns": columns,
+        **more,
+    }
+
+
+def rows(before, separator=",", decimals=".", scale=1.0):
+    """Lines of a table: what `before` says of a row, then the wrist."""
+    cells = ([*before(k), *(f"{v:.6f}" for v in place * scale)] for k, place in enumerate(PLACE))
+    return "".join(separator.join(row).replace(".", decimals) + "\n" for row in cells)
+
+
+def motive(folder):
+    kinds = ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"]
+    head = [
+        "Format Version,1.23,Take Name,a,Export Frame Rate,120.0,Rotation Type,Quaternion,"
+        "Length Units,Millimeters,Coordinate Space,Global",
+        "",
+        ",Type" + ",Rigid Body" * 8,
+        ",Name" + ",wrist" * 8,
+        ",ID" + ",A1" * 8,
+        ",," + ",".join(kinds),
+        "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,",
+    ]
+    body = [f"{k},{k / 120:.6f},0,0,0,1,{x},{y},{z},0.1" for k, (x, y, z) in enumerate(PLACE)]
+    (folder / "motive.csv").write_text("\n".join([*head, *body]) + "\n")
+    return folder / "motive.csv"
+
+
+def nexus(folder):
+    head = "Trajectories\n100\n,,Ann:RWRA,,,Ann:LWRA,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n"
+    head += ",,mm,mm,mm,mm,mm,mm\n"
+    body = "".join(f"{k + 1},0,{x},{y},{z},,,\n" for k, (x, y, z) in enumerate(PLACE))
+    (folder / "nexus.csv").write_text(f"{head}{body}\nDevices\n1000\n,,Force\nFrame,Sub Frame,Fx\n")
+    return folder / "nexus.csv"
+
+
+def trc(folder):
+    head = (
+        "PathFileType\t4\t(X/Y/Z)\ta.trc\n"
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
+        f"100\t100\t{ROWS}\t2\tmm\nFrame#\tTime\tLWR\t\t\tRWR\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
+    )
+    path = folder / "a.trc"
+    path.write_text(head + rows(lambda k: [str(k + 1), f"{k / 100:.3f}", "", "", ""], "\t"))
+    return path
+
+
+def qtm(folder):
+    head = (
+        f"NO_OF_FRAMES\t{ROWS}\nNO_OF_CAMERAS\t8\nNO_OF_MARKERS\t1\nFREQUENCY\t100\n"
+        "DATA_INCLUDED\t3D\nMARKER_NAMES\twrist\n"
+    )
+    (folder / "qtm.tsv").write_text(head + rows(lambda k: [], "\t"))
+    return folder / "qtm.tsv"
+
+
+def opensim(folder):
+    head = f"model\nversion=1\nnRows={ROWS}\nnColumns=5\ninDegrees=yes\nendheader\n"
+    head += "time\telbow\twrist_tx\twrist_ty\twrist_tz\n"
+    path = folder / "a.mot"
+    path.write_text(head + rows(lambda k: [f"{k / 100:.3f}", "90"], "\t", scale=0.001))
+    return path
+
+
+def german_excel(folder):
+    head = "Zeit [s];Größe;x;y;z\n"
+    text = head + rows(lambda k: [f"{k / 100:.3f}", "groß"], ";", ",")
+    (folder / "excel.csv").write_bytes(text.encode("latin-1"))
+    return folder / "excel.csv"
+
+
+def utf16(folder):
+    text = "t\tx\ty\tz\n" + rows(lambda k: [f"{k / 100:.3f}"], "\t")
+    (folder / "unicode.txt").write_text(text, encoding="utf-16")
+    return folder / "unicode.txt"
+
+
+def without_names(folder):
+    (folder / "plain.csv").write_text(rows(lambda k: [f"{k / 100:.3f}"]))
+    return folder / "plain.csv"
+
+
+def c3d(folder):
+    points = np.stack([PLACE, PLACE + 100.0], axis=1)
+    (folder / "a.c3d").write_bytes(c3d_file(points, labels=["RWRA", "LWRA"]))
+    return folder / "a.c3d"
+
+
+def bvh(folder):
+    text = f"""HIERARCHY
+ROOT Hips
+{{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Wrist
+  {{
+    OFFSET 0 10 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {{
+      OFFSET 0 1 0
+    }}
+  }}
+}}
+MOTION
+Frames: {ROWS}
+Frame Time: 0.01
+"""  # the hips turn by 90 degrees about z: the wrist is 10 to their left
+    body = "".join(f"{x + 10} {y} {z} 90 0 0 0 0 0\n" for x, y, z in PLACE)
+    (folder / "a.bvh").write_text(text + body)
+    return folder / "a.bvh"
+
+
+def mvnx(folder):
+    frames = "".join(
+        f'<frame time="{10 * k}" type="normal"><position>{x / 1000} {y / 1000} {z / 1000}'
+        "</position><orientation>1 0 0 0</orientation></frame>"
+        for k, (x, y, z) in enumerate(PLACE)
+    )
+    (folder / "a.mvnx").write_text(
+        '<mvnx xmlns="http://www.xsens.com/mvn/mvnx"><subject frameRate="100"><segments>'
+        '<segment label="RightHand" id="1"/></segments><frames>'
+        '<frame time="0" type="identity"><position>0 0 0</position></frame>'
+        f"{frames}</frames></subject></mvnx>"
+    )
+    return folder / "a.mvnx"
+
+
+def robomimic(folder):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(folder / "demos.hdf5", "w") as file:
+        data = file.create_group("data")
+        data.attrs["env_args"] = json.dumps({"env_kwargs": {"control_freq": 100}})
+        for k in range(2):
+            demo = data.create_group(f"demo_{k}")
+            demo["obs/robot0_eef_pos"] = PLACE / 1000
+            demo["actions"] = np.zeros((ROWS, 7))
+            demo["obs/image"] = np.zeros((ROWS, 4, 4, 3), np.uint8)
+    return folder / "demos.hdf5"
+
+
+def aloha(folder):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(folder / "episode_0.hdf5", "w") as file:
+        file["observations/qpos"] = np.hstack([np.zeros((ROWS, 2)), PLACE / 1000])
+        file["action"] = np.zeros((ROWS, 14))
+    return folder / "episode_0.hdf5"
+
+
+def openpose(folder):
+    (folder / "video").mkdir()
+    for k, (x, y, z) in enumerate(PLACE):
+        points = np.zeros((25, 4))
+        points[4] = x / 1000, y / 1000, z / 1000, 0.9
+        content = {"people": [{"pose_keypoints_3d": points.ravel().tolist()}]}
+        (folder / f"video/a_{k:012d}_keypoints.json").write_text(json.dumps(content))
+    return folder / "video"
+
+
+def mediapipe(folder):
+    def landmarks(k, scale):
+        points = [{"x": 0.0, "y": 0.0, "z": 0.0} for _ in range(33)]
+        points[16] = dict(zip("xyz", (PLACE[k] * scale).tolist(), strict=True))
+        return points
+
+    frames = [
+        {"timestamp_ms": 10 * k, "pose_landmarks": landmarks(k, 1e-4),
+         "pose_world_landmarks": landmarks(k, 1e-3)}
+        for k in range(ROWS)
+    ]  # fmt: skip
+    (folder / "a.json").write_text(json.dumps({"frames": frames}))
+    return folder / "a.json"
+
+
+def three(start):
+    return [f"{start}.{axis}" for axis in "xyz"]
+
+
+EXAMPLES = {
+    "Motive, CSV": (motive, [f"wrist.Position.{axis}" for axis in "XYZ"], {}),
+    "Nexus, CSV": (nexus, [f"RWRA.{axis}" for axis in "XYZ"], {}),
+    "OpenSim, TRC": (trc, three("RWR"), {}),
+    "QTM, TSV": (qtm, three("wrist"), {}),
+    "OpenSim, MOT": (opensim, [f"wrist_t{axis}" for axis in "xyz"], {}),
+    "Excel, CSV": (german_excel, ["x", "y", "z"], {"time": {"column": "Zeit [s]"}}),
+    "Excel, text in UTF-16": (utf16, ["x", "y", "z"], {"time": {"column": "t"}}),
+    "CSV without names": (without_names, [1, 2, 3], {"time": {"column": 0}}),
+    "C3D": (c3d, three("RWRA"), {}),
+    "BVH": (bvh, three("Wrist"), {}),
+    "Xsens, MVNX": (mvnx, three("RightHand.position"), {}),
+    "robomimic, HDF5": (robomimic, [f"obs.robot0_eef_pos.{k}" for k in range(3)], {}),
+    "ALOHA, HDF5": (
+        aloha, [f"observations.qpos.{k}" for k in (2, 3, 4)], {"time": {"rate": 100}}
+    ),
+    "OpenPose, JSON": (openpose, three("RWrist"), {"time": {"rate": 100}}),
+    "MediaPipe, JSON": (mediapipe, three("right_wrist"), {}),
+}  # fmt: skip
+"""By exporter and format: its file, the columns of the wrist, and what else the map must say."""
+SAY_MM = ("Excel, CSV", "Excel, text in UTF-16", "CSV without names", "BVH")
+"""Those whose files do not say the unit."""
+
+
+def imported(path, columns, more=None, **keys):
+    mapping = ImportMap.from_dict(
+        {"observed": [entry(columns, **keys)], "task": "t", **(more or {})}
+    )
+    return list(import_demonstrations(path, mapping))
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_a_file_as_it_is_exported(kind, tmp_path):
+    make, columns, more = EXAMPLES[kind]
+    unit = {"columns_unit": "mm"} if kind in SAY_MM else {}
+    found, *others = imported(make(tmp_path), columns, more, **unit)
+    (samples,) = found.samples
+    np.testing.assert_allclose(samples.values, PLACE / 1000, rtol=0.0, atol=1e-9)
+    steps = np.round(np.diff(samples.stamps_ns) * 1e-9, 4)
+    assert set(steps.tolist()) <= {0.01, round(1 / 120, 4)}
+    assert len(others) == (kind == "robomimic, HDF5")  # it has two demonstrations
+
+
+def test_the_page_lists_them(repository):
+    page = (repository / "docs/import.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^\| ([^|]+?) \|", page, re.MULTILINE))
+    assert set(EXAMPLES) <= listed
+
+
+UNITS = {"mm": 1e-3, "MM": 1e-3, "millimeters": 1e-3, "Millimetres": 1e-3, "in": 0.0254, "cm": 1e-2,
+         "m": 1.0, "Meters": 1.0, "ft": 0.3048}  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_unit_of_c3d_in_any_spelling(unit, tmp_path):
+    points = (PLACE / 1000 / UNITS[unit])[:, None]
+    (tmp_path / "a.c3d").write_bytes(c3d_file(points, units=unit, labels=["W"]))
+    (found,) = imported(tmp_path / "a.c3d", three("W"))
+    np.testing.assert_allclose(found.samples[0].values, PLACE / 1000, rtol=1e-6)
+
+
+@pytest.mark.parametrize("unit", [None, "", "parsec"])
+def test_an_unknown_unit_of_c3d_is_asked_for(unit, tmp_path):
+    (tmp_path / "a.c3d").write_bytes(c3d_file(PLACE[:, None], units=unit, labels=["W"]))
+    (left_out,) = imported(tmp_path / "a.c3d", three("W"))
+    assert "columns_unit" in left_out.cure and (unit or "none") in left_out.reason
+    (found,) = imported(tmp_path / "a.c3d", three("W"), columns_unit="mm")
+    assert np.allclose(found.samples[0].values, PLACE / 1000)
+
+
+def test_labels_that_occur_twice_are_refused_by_name_and_taken_by_number(tmp_path):
+    points = np.stack([PLACE, PLACE + 100.0], axis=1)
+    (tmp_path / "a.c3d").write_bytes(c3d_file(points, labels=["W", "W"]))
+    (left_out,) = imported(tmp_path / "a.c3d", three("W"))
+    assert "twice 'W.x', the columns 0 and 3" in left_out.reason
+    (found,) = imported(tmp_path / "a.c3d", [3, 4, 5])
+    assert np.allclose(found.samples[0].values, (PLACE + 100.0) / 1000)
+
+
+def test_zeros_of_an_occluded_marker_are_gaps_and_named(tmp_path):
+    hidden = PLACE[:, None].copy()
+    hidden[10:14] = 0.0
+    (tmp_path / "a.c3d").write_bytes(c3d_file(hidden, labels=["W"]))
+    said, found = imported(tmp_path / "a.c3d", three("W"))
+    assert said.reason == "frames at exactly (0, 0, 0) are taken for occlusion: W 4"
+    assert np.sum(np.isnan(found.samples[0].values[:, 0])) == 4
+
+
+@pytest.mark.parametrize("way", ["FRAMES", "TRIAL", "LONG_FRAMES"])
+def test_more_frames_than_a_header_can_state(way, tmp_path):
+    points = np.broadcast_to(
+        np.float32(300.0) + np.arange(66_000)[:, None, None] % 7, (66_000, 1, 3)
+    )
+    (tmp_path / "a.c3d").write_bytes(c3d_file(points, labels=["W"], frames_by=way))
+    (found,) = imported(tmp_path / "a.c3d", three("W"))
+    assert np.sum(np.isfinite(found.samples[0].values[:, 0])) == 66_000
+
+
+def test_more_than_255_markers_and_lax_headers(tmp_path):
+    points = np.repeat(PLACE[:, None], 300, axis=1)
+    points[:, 280] += 100.0
+    names = [f"M{k}" for k in range(300)]
+    (tmp_path / "a.c3d").write_bytes(c3d_file(points, labels=names))
+    (found,) = imported(tmp_path / "a.c3d", three("M280"))
+    assert np.allclose(found.samples[0].values, (PLACE + 100.0) / 1000)
+    for options in ({"repeat": True}, {"analog_stated": 9}):
+        (tmp_path / "b.c3d").write_bytes(c3d_file(PLACE[:, None], labels=["W"], **options))
+        (found,) = imported(tmp_path / "b.c3d", three("W"))
+        assert np.allclose(found.samples[0].values, PLACE / 1000)
+
+
+def csv(folder: Path, header: str, lines) -> Path:
+    (folder / "a.csv").write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return folder / "a.csv"
+
+
+TIMES = {
+    "dates": ("t", [f"2024-01-31 10:00:0{k}.123456789" for k in range(5)], {"column": "t"}),
+    "zones": ("t", [f"2024-01-31T12:00:0{k}.123456789+02:00" for k in range(5)], {"column": "t"}),
+    "two columns": (
+        "sec,nanosec",
+        [f"{1_706_695_200 + k},123456789" for k in range(5)],
+        {"column": "sec", "nanoseconds": "nanosec"},
+    ),
+    "nanoseconds": (
+        "t", [f"{1_706_695_200 + k}123456789" for k in range(5)], {"column": "t", "unit": "ns"}
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_times_of_a_clock_in_every_form(kind, tmp_path):
+    name, cells, time = TIMES[kind]
+    path = csv(tmp_path, f"{name},x,y,z", [f"{cell},0,0,0.{k}" for k, cell in enumerate(cells)])
+    (found,) = imported(path, ["x", "y", "z"], {"time": time})
+    first = 1_706_695_200_123_456_789
+    assert found.samples[0].stamps_ns.tolist() == [first + k * 10**9 for k in range(5)]
+
+
+def test_a_time_of_day(tmp_path):
+    lines = [f"10:00:0{k}.5,0,0,0.{k}" for k in range(5)]
+    (found,) = imported(csv(tmp_path, "t,x,y,z", lines), ["x", "y", "z"], {"time": {"column": "t"}})
+    assert found.samples[0].stamps_ns[0] == SINCE_NS + 36_000_500_000_000
+
+
+@pytest.mark.parametrize("factor, unit", [(1e3, "millisec"), (1e6, "microsec"), (1e9, "nanosec")])
+def test_times_in_another_unit_are_named(factor, unit, tmp_path):
+    lines = [f"{0.01 * k * factor:.0f},0,0,0.{k:02d}" for k in range(10)]
+    path = csv(tmp_path, "t,x,y,z", lines)
+    (left_out,) = imported(path, ["x", "y", "z"], {"time": {"column": "t"}})
+    assert unit in left_out.reason or "say unit" in left_out.cure
+
+
+def test_a_clock_in_nanoseconds_is_named(tmp_path):
+    lines = [f"{1_706_695_200_000_000_000 + k * 10**7},0,0,0" for k in range(5)]
+    path = csv(tmp_path, "t,x,y,z", lines)
+    (left_out,) = imported(path, ["x", "y", "z"], {"time": {"column": "t"}})
+    assert left_out.cure == "Likely they are ns: say unit: ns."
+
+
+def test_positions_in_millimetres_are_named(tmp_path):
+    lines = [f"{k / 100},{10 * k},20.5,900" for k in range(30)]
+    path = csv(tmp_path, "t,x,y,z", lines)
+    (left_out,) = imported(path, ["x", "y", "z"], {"time": {"column": "t"}})
+    assert "Likely millimetres for metres (a factor of 1000)" in left_out.reason
+
+
+def test_columns_that_are_not_used_never_matter(tmp_path):
+    lines = [f"{k / 100},{k},0,0.{k:02d},oops,{'a' * k}" for k in range(10)]
+    lines[3] += ",more,than,the,header"
+    path = csv(tmp_path, "t,a,a,x,note,note", lines)
+    (found,) = imported(path, ["x", "x", 2], {"time": {"column": "t"}})
+    assert found.samples[0].values[9].tolist() == [0.09, 0.09, 0.0]
+
+
+def test_a_task_that_changes_is_cut(tmp_path):
+    lines = [
+        f"{k / 10},0,0,0.{k},{'give' if k < 5 else 'take' if k == 5 else ''}" for k in range(9)
+    ]
+    path = csv(tmp_path, "t,x,y,z,what", lines)
+    more = {"time": {"column": "t"}, "task": {"column": "what"}}
+    parts = imported(path, ["x", "y", "z"], more)
+    assert [(p.custom_data["task"], len(p.samples[0].values)) for p in parts] == [
+        ("give", 5),
+        ("take", 4),
+    ]
+
+
+@given(
+    values=st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=6),
+    separator=st.sampled_from([";", "\t"]),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1"]),
+    comma=st.booleans(),
+)
+def test_any_number_is_read_as_it_is_written(values, separator, encoding, comma, tmp_path_factory):
+    path = tmp_path_factory.mktemp("any") / "a.csv"
+    text = f"ä{separator}b\n" + "".join(f"{v!r}{separator}1\n" for v in values)
+    path.write_text(text.replace(".", ",") if comma else text, encoding=encoding)
+    from intent_recognition.tables.table import numbers
+
+    (cells,) = open_table(path).columns(["ä"]).values()
+    assert numbers(cells, path, "ä").tolist() == values
+
+
+def test_what_a_library_says_is_said(tmp_path):
+    for name in ("a.c3d", "a.h5"):
+        (tmp_path / name).write_bytes(b"\0" * 600)
+        with pytest.raises(BagError, match=r"says|signature|Unable"):
+            open_table(tmp_path / name)
