@@ -42,7 +42,11 @@ def draw_bands(
         band = (mean[:, k] - half, mean[:, k] + half)
         axes.fill_between(times_s, *band, color=line.get_color(), alpha=0.2, linewidth=0)
     axes.set_xlabel("time since onset [s]")
-    axes.legend(fontsize="small")
+
+
+def name_lines(axes: Axes) -> None:
+    """Say beside a panel what its lines are."""
+    axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
 def draw_shares(axes: Axes, labels: Sequence[str], shares: NDArray[np.float64]) -> None:

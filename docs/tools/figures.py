@@ -35,10 +35,10 @@ EXPERIMENTS = {
 
 
 class Source(NamedTuple):
-    """A command, the JSON file that it writes, and what to keep of it."""
+    """Commands, the JSON file that the last one writes (None: its output), and what to keep."""
 
     command: str
-    result: Path
+    result: Path | None
     keep: Callable[[Any], dict]
 
 
@@ -63,6 +63,12 @@ def _benchmarks(results: Any) -> dict:
     return {"rows": [["what", "required", "measured"], *rows]}
 
 
+def _printed(text: Any) -> dict:
+    """What a command printed at its end, without lines of progress."""
+    kept = [line for line in text.strip().splitlines() if not line.endswith(" s")]
+    return {"text": "\n".join(kept).replace(f"{OUT}/", "")}
+
+
 def _demo(numbers: Any) -> dict:
     line = textwrap.fill(numbers["summary"]["line"], 100, subsequent_indent="  ")
     return {"text": line, "values": {"recognised": line.split()[2].rstrip(",")}}
@@ -79,6 +85,16 @@ SOURCES = {
     },
     "speed": Source(
         f"python -m benchmarks --json {OUT / 'speed.json'}", OUT / "speed.json", _benchmarks
+    ),
+    "practice": Source(
+        f"intent improve pouring --short 0.9 --output {OUT / 'practice'}", None, _printed
+    ),
+    "practice_task": Source(
+        f"intent train bags/toolbox/train --output {OUT / 'toolbox.npz'} &&"
+        f" intent improve screw_handover --library {OUT / 'tasks'}"
+        f" --model {OUT / 'toolbox.npz'} --cost time",
+        None,
+        _printed,
     ),
     "demo": Source(
         f"intent demo --headless --seed 1 --output {OUT / 'demo'} --json {OUT / 'demo.json'}",
@@ -97,14 +113,18 @@ def measured(name: str) -> dict:
     """Run the command of a figure; what is to be kept of it."""
     from intent_recognition import __version__
 
-    source = SOURCES[name]
+    source, printed = SOURCES[name], ""
     (ROOT / OUT).mkdir(parents=True, exist_ok=True)
-    words = shlex.split(source.command)
-    words[:1] = (
-        [sys.executable] if words[0] == "python" else [str(Path(sys.executable).parent / words[0])]
-    )
-    subprocess.run(words, cwd=ROOT, check=False)  # 1 where a figure is missed
-    found = json.loads((ROOT / source.result).read_text(encoding="utf-8"))
+    programs = Path(sys.executable).parent
+    for command in source.command.split(" && "):
+        words = shlex.split(command)
+        words[0] = sys.executable if words[0] == "python" else str(programs / words[0])
+        kept = subprocess.PIPE if source.result is None else None
+        done = subprocess.run(words, cwd=ROOT, check=False, stdout=kept, text=True)
+        printed = done.stdout  # the exit code is 1 where a figure is missed
+    found = printed
+    if source.result is not None:
+        found = json.loads((ROOT / source.result).read_text(encoding="utf-8"))
     return {"command": source.command, "version": __version__, **source.keep(found)}
 
 
@@ -132,11 +152,12 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SOURCES))
     parser.add_argument("--write", action="store_true", help="only write the pages")
     args = parser.parse_args()
-    figures = load()
     for name in () if args.write else args.names or SOURCES:
-        figures[name] = measured(name)
+        found = measured(name)
+        figures = {**load(), name: found}  # another run may have written meanwhile
         text = json.dumps(dict(sorted(figures.items())), indent=1, ensure_ascii=False)
         FILE.write_text(text + "\n", encoding="utf-8")
+    figures = load()
     for path in PAGES:
         page = path.read_text(encoding="utf-8")
         path.write_text(with_figures(page, figures), encoding="utf-8")

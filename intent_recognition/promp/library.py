@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.gaussian import Gaussian, Regression, regression
-from intent_recognition.plots import Figure, by_unit, draw_bands, new_panels
+from intent_recognition.plots import Figure, by_unit, draw_bands, name_lines, new_panels
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.context import ContextModel, as_context
 from intent_recognition.promp.coupling import ResidualCoupling
@@ -232,6 +232,8 @@ class TaskLibrary:
                     panel, course.times_s, course.positions[:, dofs], course.std[:, dofs], shown
                 )
                 panel.set_ylabel(f"{agent} [{unit}]" if task == 0 else "")
+        for panel in axes[:, -1]:
+            name_lines(panel)
         return figure
 
     @cached_property

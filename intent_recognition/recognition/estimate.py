@@ -8,7 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.plots import Axes, Figure, by_unit, draw_bands, draw_shares, new_panels
+from intent_recognition.plots import (
+    Axes,
+    Figure,
+    by_unit,
+    draw_bands,
+    draw_shares,
+    name_lines,
+    new_panels,
+)
 from intent_recognition.promp import Trajectory
 from intent_recognition.recognition.posterior import TaskPosterior
 
@@ -112,6 +120,7 @@ class Prediction(NamedTuple):
         for panel, (unit, dofs) in zip(axes[:, 0], panels, strict=True):
             shown = [names[k] for k in dofs]
             draw_bands(panel, self.trajectory.times_s, mean[:, dofs], std[:, dofs], shown)
+            name_lines(panel)
             panel.set_ylabel(f"[{unit}]" if unit else "")
         figure.suptitle(self.task)
         return figure
