@@ -3,7 +3,9 @@
 
 import argparse
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -148,7 +150,7 @@ def run(args: argparse.Namespace) -> int:
     except ArgumentError as error:
         raise ArgumentError(f"{args.target}: {error}") from error
     taken_s = time.perf_counter() - start_s
-    content = as_json(args, warped, parameters)
+    content = as_json(args, warped, parameters, target.wall_m)
     if grasp is not None:
         content["grasp"] = {
             "position": grasp.centre.tolist(),
@@ -159,7 +161,7 @@ def run(args: argparse.Namespace) -> int:
         }
     write_json(args.json, content)
     if args.json != PRINTED:
-        make_console().print(_table(args, warped, parameters, grasp, taken_s))
+        make_console().print(_table(args, warped, content, parameters, grasp, taken_s))
     if args.report:
         from intent_recognition.report import write_warp_report
 
@@ -171,7 +173,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def as_json(
-    args: argparse.Namespace, warped: WarpedObject, parameters: PouringParameters
+    args: argparse.Namespace,
+    warped: WarpedObject,
+    parameters: PouringParameters,
+    wall_m: float,
 ) -> dict[str, object]:
     """All results as plain values: metres, cubic metres, radians."""
     values = {
@@ -186,6 +191,7 @@ def as_json(
         **values,
         "up": warped.rim.up.tolist(),
         "has_handle": warped.frame.has_handle,
+        "wall_m": wall_m if np.isfinite(wall_m) else None,
         "points": {part.name.lower(): int(counts[part]) for part in Part},
     }
 
@@ -193,6 +199,7 @@ def as_json(
 def _table(
     args: argparse.Namespace,
     warped: WarpedObject,
+    content: Mapping[str, Any],
     parameters: PouringParameters,
     grasp: Grasp | None,
     taken_s: float,
@@ -207,6 +214,8 @@ def _table(
     table.add_column("value", justify="right")
     table.add_column("unit")
     rows = [(title, getattr(parameters, name), factor, unit) for title, name, factor, unit in ROWS]
+    if content["wall_m"] is not None:
+        rows.append(("thickness of the wall", content["wall_m"], 1e3, "mm"))
     if grasp is not None:
         rows += [
             ("grasp: middle of the pads", grasp.centre, 1e3, "mm"),

@@ -4,12 +4,14 @@
 import re
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from intent_recognition.bags import NANOSECONDS
 
 FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+|\[[^\[\]]+\])*")
-"""Such as pose.position.x, poses[7].position.x, data.0, transforms[wrist].transform.rotation.w."""
+"""Such as pose.position.x, poses[7].position.x, data.0, transforms[wrist].transform.rotation.w,
+rigidbodies[rigid_body_name=wrist].pose.position.x."""
 MOST_ELEMENTS = 10_000
 """Element of an array from which on none is read or written. Convention."""
 PART = re.compile(r"\.?(?P<attribute>[A-Za-z_]\w*)|\.(?P<number>\d+)|\[(?P<element>[^\[\]]+)\]")
@@ -23,9 +25,16 @@ class ElementAbsentError(LookupError):
 
 
 class ElementName(NamedTuple):
-    """The element of an array that has this name: a frame, or namespace/id of a marker."""
+    """The element of an array that has this name.
+
+    Attributes:
+        name: a frame, a name, or namespace/id of a marker; a number as text.
+        key: attribute of the element that is the name, such as `rigid_body_name` or
+            `header.frame_id`; empty for the usual one of its type.
+    """
 
     name: str
+    key: str = ""
 
 
 Part = str | int | ElementName
@@ -42,7 +51,8 @@ def parse_path(field: str) -> tuple[Part, ...]:
         elif number is not None or element.isdecimal():
             parts.append(int(number or element))
         else:
-            parts.append(ElementName(element.lstrip("/")))
+            key, _, name = element.rpartition("=")
+            parts.append(ElementName(name.strip().lstrip("/"), key.strip()))
     return tuple(parts)
 
 
@@ -78,7 +88,7 @@ def follow(message: Any, parts: Sequence[Part]) -> Any:
                 raise ElementAbsentError(f"element {part} of {len(value)}")
             value = value[part]
         else:
-            value = _named(value, part.name)
+            value = _named(value, part)
     return value
 
 
@@ -97,17 +107,23 @@ def element_stamps_ns(message: Any, fields: Sequence[str]) -> list[int]:
 def element_names(message: Any, fields: Sequence[str]) -> Iterator[str]:
     """Names of all elements in the arrays that some fields are of."""
     for parts in dict.fromkeys(map(element_of, fields)):
-        yield from map(_name, follow(message, parts[:-1]))
+        last = parts[-1]
+        key = last.key if isinstance(last, ElementName) else ""
+        yield from (_name(element, key) for element in follow(message, parts[:-1]))
 
 
-def _named(elements: Sequence[Any], name: str) -> Any:
+def _named(elements: Sequence[Any], wanted: ElementName) -> Any:
     for element in elements:
-        if _name(element) == name:
+        if _name(element, wanted.key) == wanted.name:
             return element
-    raise ElementAbsentError(f"element {name}")
+    raise ElementAbsentError(f"element {wanted.name}")
 
 
-def _name(element: Any) -> str:
-    """Child frame of a transform, namespace/id of a marker."""
-    frame: str | None = getattr(element, "child_frame_id", None)
-    return f"{element.ns}/{element.id}" if frame is None else frame.lstrip("/")
+def _name(element: Any, key: str) -> str:
+    """What a key of an element says; else child frame of a transform, name, namespace/id."""
+    if key:
+        return str(attrgetter(key)(element)).lstrip("/")
+    for usual in ("child_frame_id", "name"):
+        if (name := getattr(element, usual, None)) is not None:
+            return str(name).lstrip("/")
+    return f"{element.ns}/{element.id}"

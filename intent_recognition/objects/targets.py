@@ -24,6 +24,13 @@ N_SURFACE_POINTS = 100_000
 MOSTLY_SOLID = 0.8
 """Share of its convex hull above which a mesh counts as closed on top. Convention: a container
 with walls fills less."""
+SHORTEST_RIM = 0.5
+"""Length of the open edges of a single surface, in diagonals of its box, from which they are a rim.
+Convention: a round rim as wide as its cup is high has 1.8; holes of scans are shorter."""
+N_WALL_POINTS = 1000
+"""Points below which the thickness of the wall is measured. Convention."""
+CLEAR_OF_SURFACE = 1e-6
+"""Where a ray begins below the surface, in diagonals of the box. Convention: above rounding."""
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".xyz")
 """Kinds that are read. Others of trimesh are archives and XML, which may unpack without end."""
 NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .xyz)"
@@ -37,10 +44,13 @@ class Target:
         cloud: points of its surface.
         surface: many points on all of its surface; None if the file is a cloud, which never
             shows all sides.
+        wall_m: thickness of its wall, measured below the surface [m]: 0 of one surface without a
+            wall, NaN of a cloud.
     """
 
     cloud: ObjectCloud
     surface: ObjectCloud | None
+    wall_m: float = float("nan")
 
 
 def load_target(
@@ -113,13 +123,14 @@ def mesh_target(
     """Sample a mesh evenly over its surface.
 
     Args:
-        mesh: wound outward if it is not closed; a closed one is turned if need be.
+        mesh: its triangles are turned outward if need be. One surface without a wall has two sides.
         n_points: of the cloud.
         scale: factor to metres.
         seed: of the random choice of points.
 
     Raises:
-        ArgumentError: no area, vertices that are not finite, or a body that is closed.
+        ArgumentError: no area, vertices that are not finite, a body that is closed, or triangles
+            that cannot be wound to one side.
     """
     trimesh = optional("trimesh")
 
@@ -134,14 +145,71 @@ def mesh_target(
         solid.merge_vertices(merge_tex=True, merge_norm=True)
     if not solid.area > 0.0:
         raise ArgumentError(describe("mesh", "an area above 0", solid.area, "Export it again."))
-    if solid.is_winding_consistent and solid.volume < 0.0:
-        solid.invert()
+    _wind(solid)
+    share = _hull_share(solid)
+    is_sheet = share > MOSTLY_SOLID and _is_sheet(solid)
+    if share > MOSTLY_SOLID and not is_sheet:
+        got = f"a body that fills {100.0 * share:.0f} % of its convex hull"
+        cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
+        raise ArgumentError(describe("mesh", "a container with an open top", got, cure))
+    if is_sheet:  # its wall has two sides and no thickness
+        both = np.concatenate([solid.faces, solid.faces[:, ::-1]])
+        solid = trimesh.Trimesh(solid.vertices, both, process=False)
     points, face = trimesh.sample.sample_surface(solid, N_SURFACE_POINTS, seed=seed)
     surface = ObjectCloud(points, solid.face_normals[face])
-    _check_hollow(solid, points)
+    wall_m = 0.0 if is_sheet else _wall_m(solid, points[:N_WALL_POINTS], face[:N_WALL_POINTS])
     kept = slice(None, None, max(1, N_SURFACE_POINTS // n_points))
     cloud = ObjectCloud(surface.points[kept][:n_points], surface.normals[kept][:n_points])
-    return Target(cloud, surface)
+    return Target(cloud, surface, wall_m)
+
+
+def _wind(solid: "trimesh.Trimesh") -> None:
+    """Turn the triangles of a mesh outward.
+
+    Raises:
+        ArgumentError: they cannot be, since its surface has one side only.
+    """
+    trimesh = optional("trimesh")
+
+    if not solid.is_winding_consistent:
+        trimesh.repair.fix_winding(solid)
+        if not solid.is_winding_consistent:
+            cure = "Make its normals consistent in a mesh editor, all outward."
+            got = "some that cannot be turned so"
+            raise ArgumentError(describe("mesh", "triangles wound to one side", got, cure))
+    if solid.is_watertight and solid.body_count > 1:
+        trimesh.repair.fix_inversion(solid, multibody=True)
+    elif solid.volume < 0.0:
+        solid.invert()
+
+
+def _hull_share(solid: "trimesh.Trimesh") -> float:
+    """Volume as a share of that of the convex hull; 0 where there is none."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(solid.vertices).volume
+    except QhullError:
+        return 0.0
+    return float(solid.volume / hull) if hull > 0.0 else 0.0
+
+
+def _is_sheet(solid: "trimesh.Trimesh") -> bool:
+    """Whether a mesh is one surface without a wall: it ends at an edge as long as a rim."""
+    uses = np.bincount(solid.edges_unique_inverse)
+    rim_m = float(solid.edges_unique_length[uses == 1].sum())
+    return rim_m > SHORTEST_RIM * float(solid.scale)
+
+
+def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:
+    """Median thickness [m] below points of the surface, (n, 3), on `faces` (n,)."""
+    inward = -solid.face_normals[faces]
+    hits, rays, _ = solid.ray.intersects_location(
+        points + inward * CLEAR_OF_SURFACE * solid.scale, inward, multiple_hits=False
+    )
+    if not len(hits):
+        return float("nan")
+    return float(np.median(np.linalg.norm(hits - points[rays], axis=1)))
 
 
 def _check_size(argument: str, points: NDArray[np.float64]) -> None:
@@ -154,20 +222,6 @@ def _check_size(argument: str, points: NDArray[np.float64]) -> None:
     if extent_m < LEAST_M:
         expected = f"an object of {LEAST_M:g} m or more"
         raise ArgumentError(describe(argument, expected, f"{extent_m:g} m", "Check the scale."))
-
-
-def _check_hollow(solid: "trimesh.Trimesh", points: NDArray[np.float64]) -> None:
-    """Refuse a body that fills its convex hull."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        hull = ConvexHull(points).volume
-    except QhullError:
-        return
-    if hull > 0.0 and solid.volume > MOSTLY_SOLID * hull:
-        got = f"a body that fills {100.0 * solid.volume / hull:.0f} % of its convex hull"
-        cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
-        raise ArgumentError(describe("mesh", "a container with an open top", got, cure))
 
 
 def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":

@@ -3,6 +3,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,6 +51,23 @@ def transform(frame, x, stamp_ns=0):
 
 def transforms(*listed):
     return make_message(TRANSFORMS, {"transforms": list(listed)})
+
+
+def test_an_element_by_what_one_of_its_fields_says():
+    order = [("wrist", 7, 1.0), ("tool", 9, 2.0)]
+    elements = [
+        SimpleNamespace(rigid_body_name=name, id=number, pose=SimpleNamespace(x=x))
+        for name, number, x in order
+    ]
+    path = "rigidbodies[{}].pose.x".format
+    entry = DofEntry(
+        "bodies", "a/msg/B", fields=(path("rigid_body_name=wrist"), path("id=9")), unit="m"
+    )
+    for listed in (elements, elements[::-1]):
+        found = extract(entry, SimpleNamespace(rigidbodies=listed))
+        np.testing.assert_array_equal(found, [1.0, 2.0])
+    found = extract_present(entry, SimpleNamespace(rigidbodies=elements[:1]))
+    np.testing.assert_array_equal(found, [1.0, NAN])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes as tools export them: wound to both sides, or without a wall."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.objects import load_object, load_target
+from intent_recognition.objects.file import find_object
+from intent_recognition.warping import ObjectModel, pouring_parameters, warp_object
+
+trimesh = pytest.importorskip("trimesh")
+RADIUS_M, DEPTH_M, WALL_M = 0.037, 0.095, 0.003
+VOLUME_M3 = np.pi * RADIUS_M**2 * DEPTH_M
+
+
+def cup(wall_m):
+    """A cup that is straight inside, by its profile."""
+    profile = [(0.0, 0.0), (RADIUS_M, 0.0), (RADIUS_M, DEPTH_M)]
+    outside = RADIUS_M + wall_m
+    if wall_m:
+        profile += [(outside, DEPTH_M), (outside, -wall_m), (0.0, -wall_m)]
+    return trimesh.creation.revolve(np.array(profile), sections=96)
+
+
+def flipped(mesh):
+    """Every second triangle is wound the other way."""
+    faces = mesh.faces.copy()
+    faces[::2] = faces[::2, ::-1]
+    return trimesh.Trimesh(mesh.vertices, faces, process=False)
+
+
+@pytest.mark.parametrize("wall_m", [WALL_M, 0.0])
+@pytest.mark.parametrize("change", [lambda mesh: mesh, flipped])
+def test_a_cup_has_its_volume_and_wall_however_it_is_wound(wall_m, change, tmp_path):
+    change(cup(wall_m)).export(tmp_path / "cup.obj")
+    target = load_target(tmp_path / "cup.obj")
+    mug = ObjectModel.learn(load_object(find_object("mug")))
+    volume_m3 = pouring_parameters(warp_object(mug, target.cloud), None).volume_m3
+    assert volume_m3 == pytest.approx(VOLUME_M3, rel=0.03)
+    assert target.wall_m == pytest.approx(wall_m, abs=2e-4)
+
+
+def test_a_body_without_a_cavity_is_still_closed(tmp_path):
+    trimesh.creation.cylinder(RADIUS_M, DEPTH_M).export(tmp_path / "solid.obj")
+    with pytest.raises(ArgumentError, match="closed on top"):
+        load_target(tmp_path / "solid.obj")
