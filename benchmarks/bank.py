@@ -21,13 +21,12 @@ from benchmarks import bank_peers as peers
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
 from intent_recognition.filtering import (
-    Hypotheses,
     MovementFilter,
-    fixed_hypotheses,
-    make_hypotheses,
-    make_memory,
+    PriorGrid,
+    fixed_prior_grid,
+    make_prior_grid,
 )
-from intent_recognition.gaussian import LinearMeasurement
+from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
 PHASE = 0.4
@@ -45,42 +44,37 @@ class Stream:
         library: the tasks.
         hypotheses: the grid.
         prune: set negligible tasks aside.
-        rows_given: only `RunningBank.condition` is timed.
+        rows_given: only `GaussianBatch.condition` is timed.
     """
 
     def __init__(
         self,
         library: TaskLibrary,
-        hypotheses: Hypotheses,
+        hypotheses: PriorGrid,
         *,
         prune: bool = False,
         rows_given: bool = False,
     ):
         self._rng = np.random.default_rng(3)
         library = replace(library, correlation_time_s=USE_ALL_S)
-        self._library, self._hypotheses, self._prune = library, hypotheses, prune
-        self._rows_given = rows_given
-        self._memory = make_memory(library, hypotheses)
+        self._library, self._hypotheses = library, hypotheses
+        self.run = MovementFilter(library, hypotheses, 0, prune=prune)
+        mean, covariance = library.observed_mean, library.observed_covariance
+        self._given = GaussianBatch.of(mean, covariance, N_BASIS) if rows_given else None
         self._noise = library.noise_covariance(np.arange(N_OBSERVED), 0.01)
         self._restart()
 
     def _restart(self) -> None:
         self._rest = movement(self._library, 0, self._rng)
         self._start_ns = self._rest[0].stamp_ns
-        self.run = MovementFilter(
-            self._library,
-            self._hypotheses,
-            self._start_ns,
-            memory=self._memory,
-            prune=self._prune,
-        )
+        self.run.restart(self._start_ns)
 
     def next(self) -> Callable[[], None]:
         """Work to be timed: the next few observations, of a new movement when they are used up."""
         if len(self._rest) < BATCH:
             self._restart()
         taken, self._rest = self._rest[:BATCH], self._rest[BATCH:]
-        if not self._rows_given:
+        if self._given is None:
             return partial(_each, self.run.observe, [(observation,) for observation in taken])
         dofs = np.arange(N_OBSERVED)
         elapsed_s = np.array([(one.stamp_ns - self._start_ns) * 1e-9 for one in taken])
@@ -89,7 +83,7 @@ class Stream:
             (LinearMeasurement(dofs, row[:, None], observation.values, self._noise),)
             for row, observation in zip(rows, taken, strict=True)
         ]
-        return partial(_each, self._memory.condition, work)
+        return partial(_each, self._given.condition, work)
 
 
 def _each(work: Callable[..., object], arguments: list[tuple]) -> None:
@@ -130,7 +124,7 @@ def bank() -> Iterator[Result]:
 
 
 def _beside_peers(library: TaskLibrary, required: dict[str, float]) -> Iterator[Result]:
-    hypotheses = fixed_hypotheses(library, DURATION_S)
+    hypotheses = fixed_prior_grid(library, DURATION_S)
     noise = library.noise_covariance(np.arange(N_OBSERVED), np.inf)
     weights = library.observed_mean[0].reshape(N_OBSERVED, N_BASIS)
     (values,) = library.basis.design_matrix(np.array([PHASE])) @ weights.T
@@ -154,8 +148,8 @@ def _beside_peers(library: TaskLibrary, required: dict[str, float]) -> Iterator[
 
 def _phases(library: TaskLibrary) -> Result:
     """As the estimator runs it, over whole movements: negligible tasks are pruned."""
-    one = make_hypotheses(library, n_scales=1)
-    ten = make_hypotheses(library, n_scales=N_SCALES)
+    one = make_prior_grid(library, n_scales=1)
+    ten = make_prior_grid(library, n_scales=N_SCALES)
     all_s, one_s = per_observation(Stream(library, ten), Stream(library, one), 36)
     many_s, one_s = per_observation(
         Stream(library, ten, prune=True), Stream(library, one, prune=True), 72, mean
@@ -173,7 +167,7 @@ def _phases(library: TaskLibrary) -> Result:
 def _many_tasks(rng: np.random.Generator) -> Iterator[Result]:
     n_tasks = 10_000
     library = synthetic_library(rng, n_tasks, n_controlled=0)
-    hypotheses = fixed_hypotheses(library, DURATION_S)
+    hypotheses = fixed_prior_grid(library, DURATION_S)
     size = N_OBSERVED * N_BASIS
     numbers, copy = (np.ones((n_tasks, size + size**2)) for _ in range(2))
     stream = Stream(library, hypotheses)
@@ -185,14 +179,12 @@ def _many_tasks(rng: np.random.Generator) -> Iterator[Result]:
         "x",
         f"{1e3 * ours_s:.0f} and {1e3 * copy_s:.0f} ms, shortest of 6; none pruned",
     )
-    yield at_most(
-        "... state", stream.run.memory.n_bytes / 1e9, 2.0, "GB", "working memory included"
-    )
+    yield at_most("... state", stream.run.table.n_bytes / 1e9, 2.0, "GB", "working memory included")
     del stream, numbers, copy
     yield _pruned(library, hypotheses, ours_s)
 
 
-def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Result:
+def _pruned(library: TaskLibrary, hypotheses: PriorGrid, full_s: float) -> Result:
     """A movement whose negligible tasks are pruned, its second half against no pruning."""
     stream = movement(library, 0, np.random.default_rng(5))
     run = MovementFilter(library, hypotheses, stream[0].stamp_ns, prune=True)

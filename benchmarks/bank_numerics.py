@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
-from intent_recognition.filtering import MovementFilter, fixed_hypotheses
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.recognition import task_posterior
 
@@ -57,7 +57,7 @@ def one_movement(n_tasks: int = 30) -> Iterator[Result]:
     """Log evidence, mean and probabilities of every task beside its joint Gaussian's."""
     rng = np.random.default_rng(8)
     library = synthetic_library(rng, n_tasks, n_controlled=0, crowding_s=0.02)
-    hypotheses = fixed_hypotheses(library, DURATION_S)
+    hypotheses = fixed_prior_grid(library, DURATION_S)
     observations = movement(library, 0, rng)[:100]
     start_ns = observations[0].stamp_ns
     run = MovementFilter(library, hypotheses, start_ns)
@@ -79,10 +79,10 @@ def one_movement(n_tasks: int = 30) -> Iterator[Result]:
     ):
         innovation = matrix @ prior @ matrix.T + noise
         density = multivariate_normal(matrix @ mean, innovation).logpdf(values)
-        found = run.bank.log_evidence[k]
+        found = run.snapshot.log_evidence[k]
         evidence_error = max(evidence_error, abs(found - density) / max(1.0, abs(density)))
         expected = mean + prior @ matrix.T @ np.linalg.solve(innovation, values - matrix @ mean)
-        error = np.abs(run.bank.mean[k] - expected).max() / np.abs(expected).max()
+        error = np.abs(run.snapshot.mean[k] - expected).max() / np.abs(expected).max()
         mean_error = max(mean_error, error)
     of = f"{n_tasks} tasks and none, {len(rows)} observations, one by one and all at once"
     yield at_most("one movement, mean off the joint Gaussian's", mean_error, 1e-9, "x", of)

@@ -2,13 +2,14 @@
 """The plain way to what a bank of hypotheses says of a movement, for comparison."""
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.filtering.filtered_weights import FilterBank
-from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import check_observation
+from intent_recognition.filtering.table import Snapshot
 from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.normal import Gaussian
@@ -18,9 +19,32 @@ from intent_recognition.promp.trajectory import dof_variance
 from intent_recognition.signals.observation import Observation
 
 
-def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
+class Bank(NamedTuple):
+    """Filtered observed weights of B hypotheses, and the density of all observations under them."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    log_evidence: np.ndarray
+
+
+def bank_of(run: MovementFilter) -> Bank:
+    """All hypotheses of a filter."""
+    return as_bank(run.snapshot)
+
+
+def as_bank(snapshot: Snapshot) -> Bank:
+    """The arrays of a snapshot."""
+    return Bank(snapshot.mean, snapshot.covariance, snapshot.log_evidence)
+
+
+def rows_of(library: TaskLibrary, grid: PriorGrid) -> np.ndarray:
+    """What tells the hypotheses of the onset apart."""
+    return MovementFilter(library, grid, 0).table.rows
+
+
+def start_bank(library: TaskLibrary, hypotheses: PriorGrid) -> Bank:
     """The bank before any observation."""
-    return FilterBank(
+    return Bank(
         np.repeat(library.observed_mean, hypotheses.n_scales, axis=0),
         np.repeat(library.observed_covariance, hypotheses.n_scales, axis=0),
         np.zeros(len(hypotheses.duration_s)),
@@ -29,24 +53,24 @@ def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
 
 def run_bank(
     library: TaskLibrary,
-    hypotheses: Hypotheses,
+    hypotheses: PriorGrid,
     observations: Iterable[Observation],
     onset_ns: int,
-) -> FilterBank:
+) -> Bank:
     """The bank after a stretch of observations that begins at onset."""
     run = MovementFilter(library, hypotheses, onset_ns)
     for observation in observations:
         run.observe(observation)
-    return run.bank
+    return bank_of(run)
 
 
 def condition_bank(
-    bank: FilterBank,
+    bank: Bank,
     dofs: np.ndarray,
     rows: np.ndarray,
     values: np.ndarray,
     noise_covariance: np.ndarray,
-) -> FilterBank:
+) -> Bank:
     """Every hypothesis conditioned on one observation; the argument is not changed.
 
     Args:
@@ -61,10 +85,10 @@ def condition_bank(
     rows = np.broadcast_to(rows, (n, 1, n_basis))
     block = GaussianBatch.of(bank.mean, bank.covariance, n_basis)
     density, _ = block.condition(LinearMeasurement(dofs, rows, values, noise_covariance))
-    return FilterBank(*block.moments(), bank.log_evidence + density)
+    return Bank(*block.moments(), bank.log_evidence + density)
 
 
-def observed_weights(bank: FilterBank, scale_weights: np.ndarray, task: int) -> Gaussian:
+def observed_weights(bank: Bank, scale_weights: np.ndarray, task: int) -> Gaussian:
     """Observed weights given the task, durations marginalised by matching moments.
 
     Args:
@@ -83,8 +107,8 @@ def observed_weights(bank: FilterBank, scale_weights: np.ndarray, task: int) -> 
 
 def mixture_at(
     library: TaskLibrary,
-    bank: FilterBank,
-    hypotheses: Hypotheses,
+    bank: Bank,
+    hypotheses: PriorGrid,
     weights: np.ndarray,
     times_s: np.ndarray,
     start: StartPosture | None = None,

@@ -14,7 +14,7 @@ from benchmarks.bank_numerics import one_movement
 from benchmarks.measure import Result
 from benchmarks.soak import Soak, Usage, results
 from benchmarks.synthetic import synthetic_library
-from intent_recognition.filtering.hypotheses import fixed_hypotheses
+from intent_recognition.filtering.grid import fixed_prior_grid
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
 
@@ -41,7 +41,7 @@ def test_peers_of_the_filter_bank_compute_what_it_does(name):
     width = 19 / np.sqrt(-8.0 * 20**2 * np.log(0.7))  # movement_primitives knows no other
     library = replace(library, basis=NormalizedRBFBasis(20, width))
     noise, values, phase = 1e-4 * np.eye(3), np.array([0.1, -0.2, 0.3]), 0.4
-    bank = start_bank(library, fixed_hypotheses(library, 2.0))
+    bank = start_bank(library, fixed_prior_grid(library, 2.0))
     row = library.basis.design_matrix(np.array([phase]))
     ours = condition_bank(bank, np.arange(3), row[:, None], values, noise)
     mean, covariance = getattr(peers, name)(library, noise, values, phase)()

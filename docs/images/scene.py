@@ -17,7 +17,7 @@ from matplotlib import pyplot as plt
 
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import iter_observations, load_dofs, read_demonstrations
-from intent_recognition.filtering import MovementFilter, make_hypotheses
+from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.kinematics import hand_position
 from intent_recognition.learning import learn
 from intent_recognition.promp import NONE, TaskLibrary, controlled_weights
@@ -96,7 +96,7 @@ def watch(library: TaskLibrary, bag: Path) -> Moment:
 def rest_of_both(library: TaskLibrary, task: str, seen, estimate) -> tuple[np.ndarray, np.ndarray]:
     """Sampled rest of the human's movement (n, T, 3) and of the robot's (n, T, 7)."""
     index, rng = library.labels.index(task), np.random.default_rng(1)
-    run = MovementFilter(library, make_hypotheses(library), estimate.onset_ns)
+    run = MovementFilter(library, make_prior_grid(library), estimate.onset_ns)
     for observation in seen:
         run.observe(observation)
     basis, observed = library.basis, run.prediction(index).observed_weights()

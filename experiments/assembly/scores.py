@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from experiments.assembly.aligned import spread_rows
 from intent_recognition.evaluation import mean_of_task, nearest_neighbour, sample
 from intent_recognition.filtering import (
-    Hypotheses,
     MovementFilter,
-    fixed_hypotheses,
-    make_hypotheses,
+    PriorGrid,
+    fixed_prior_grid,
+    make_prior_grid,
 )
 from intent_recognition.gaussian import Gaussian, log_density
 from intent_recognition.promp import TaskLibrary
@@ -102,8 +102,8 @@ def score(
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     truth = sample(left_out.controlled, left_out.start_ns, TRUTH_PHASES * duration_s)
     observations = spread_observations(left_out)
-    known, steps = watch(library, fixed_hypotheses(library, duration_s), left_out, observations)
-    unknown, _ = watch(library, make_hypotheses(library), left_out, observations)
+    known, steps = watch(library, fixed_prior_grid(library, duration_s), left_out, observations)
+    unknown, _ = watch(library, make_prior_grid(library), left_out, observations)
     same = [recorded for recorded in training if recorded.task == left_out.task]
     mean = mean_of_task(same, left_out, TRUTH_PHASES, known=True)
     nearest = nearest_neighbour(same, left_out, TRUTH_PHASES, 1.0, known=True)
@@ -122,7 +122,7 @@ def score(
 
 def watch(
     library: TaskLibrary,
-    hypotheses: Hypotheses,
+    hypotheses: PriorGrid,
     left_out: Demonstration,
     observations: Sequence[Observation],
 ) -> tuple[Watched, NDArray[np.float64]]:
@@ -160,7 +160,7 @@ def predicted_after(
     """
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     times_s = TRUTH_PHASES * duration_s
-    hypotheses = fixed_hypotheses(library, duration_s)
+    hypotheses = fixed_prior_grid(library, duration_s)
     run = MovementFilter(library, hypotheses, left_out.start_ns)
     for observation in spread_observations(left_out)[:n]:
         run.observe(observation)

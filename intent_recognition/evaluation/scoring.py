@@ -18,10 +18,10 @@ from intent_recognition.evaluation.unknown_movements import (
     in_context,
 )
 from intent_recognition.filtering import (
-    Hypotheses,
     MovementFilter,
-    fixed_hypotheses,
-    make_hypotheses,
+    PriorGrid,
+    fixed_prior_grid,
+    make_prior_grid,
 )
 from intent_recognition.promp import StartPosture, TaskLibrary
 from intent_recognition.recognition import TaskPosterior, task_posterior
@@ -106,7 +106,7 @@ def score_demonstration(
     label = library.labels.index(str(test.task))
     for phase in PHASES:
         known = phase == "known_phase"
-        hypotheses = fixed_hypotheses(library, duration) if known else make_hypotheses(library)
+        hypotheses = fixed_prior_grid(library, duration) if known else make_prior_grid(library)
         monitor = None if known else DecisionMonitor(learned)
         reacting = None if known or windows is None else ReactiveCase(windows, test, posture)
         shares = {*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS}
@@ -174,7 +174,7 @@ class _PredictionCase(NamedTuple):
         return self.predict(np.eye(self.library.n_tasks)[self.label], start)
 
 
-def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> NDArray[np.float64]:
+def _without_none(posterior: TaskPosterior, hypotheses: PriorGrid) -> NDArray[np.float64]:
     """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
     log_task = (hypotheses.log_task_prior + posterior.log_evidence)[:-1]
     return np.exp(log_task - np.logaddexp.reduce(log_task))
@@ -182,7 +182,7 @@ def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> NDArray[n
 
 def _snapshots(
     library: TaskLibrary,
-    hypotheses: Hypotheses,
+    hypotheses: PriorGrid,
     test: Demonstration,
     fractions: list[float],
     monitor: DecisionMonitor | None,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import MovementFilter, make_hypotheses
+from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import (
@@ -75,8 +75,8 @@ class DecisionMonitor:
 
     def observe(self, run: MovementFilter, elapsed_s: float) -> None:
         """Decide after one more observation."""
-        posterior = task_posterior(run.log_evidence, run.hypotheses, elapsed_s)
-        log_joint = run.hypotheses.log_task_prior + posterior.log_evidence
+        posterior = task_posterior(run.log_evidence, run.grid, elapsed_s)
+        log_joint = run.grid.log_task_prior + posterior.log_evidence
         best = int(np.argmax(log_joint[:-1]))
         rest = np.logaddexp.reduce(np.delete(log_joint, best))
         self._recent = [*self._recent, (best, float(log_joint[best] - rest))]
@@ -124,7 +124,7 @@ def in_context(library: TaskLibrary, recorded: Demonstration) -> TaskLibrary:
 def follow(library: TaskLibrary, recorded: Demonstration) -> MovementOutcome:
     """The decision about a whole recording, its duration unknown."""
     monitor, library = DecisionMonitor(library), in_context(library, recorded)
-    run = MovementFilter(library, make_hypotheses(library), recorded.start_ns)
+    run = MovementFilter(library, make_prior_grid(library), recorded.start_ns)
     for observation in merge(recorded.observed):
         if recorded.start_ns <= observation.stamp_ns <= recorded.end_ns:
             run.observe(observation)

@@ -1,38 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recursive conditioning of every hypothesis over task, duration and phase; pruning."""
+"""Recursive conditioning of every hypothesis over task, duration and phase; births; pruning."""
 
-from intent_recognition.filtering.deviation_history import Deviations
-from intent_recognition.filtering.filtered_weights import FilterBank
-from intent_recognition.filtering.hypotheses import (
+from intent_recognition.filtering.births import NEGLIGIBLE, Births, BornBelief
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import (
     N_SCALES,
     SCALE_SPAN,
-    Hypotheses,
+    PriorGrid,
     duration_offsets,
-    fixed_hypotheses,
-    make_hypotheses,
+    fixed_prior_grid,
+    make_prior_grid,
 )
-from intent_recognition.filtering.movement_filter import MovementFilter, make_memory
 from intent_recognition.filtering.observation_model import ObservationModel
-from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.switching import NEGLIGIBLE, SwitchedBelief, SwitchedHypotheses
-from intent_recognition.filtering.task_prediction import TaskPrediction, deviations_at
+from intent_recognition.filtering.prediction import TaskPrediction, deviations_at
+from intent_recognition.filtering.table import Deviations, HypothesisTable, Snapshot
 
 __all__ = [
     "NEGLIGIBLE",
     "N_SCALES",
     "SCALE_SPAN",
+    "Births",
+    "BornBelief",
     "Deviations",
-    "FilterBank",
-    "Hypotheses",
+    "HypothesisTable",
     "MovementFilter",
     "ObservationModel",
-    "RunningBank",
-    "SwitchedBelief",
-    "SwitchedHypotheses",
+    "PriorGrid",
+    "Snapshot",
     "TaskPrediction",
     "deviations_at",
     "duration_offsets",
-    "fixed_hypotheses",
-    "make_hypotheses",
-    "make_memory",
+    "fixed_prior_grid",
+    "make_prior_grid",
 ]

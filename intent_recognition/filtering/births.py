@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may happen on the way, how often, and the hypotheses that are born of it.
+"""PriorGrid that are born while a movement is under way: changes of mind, detours, delays.
 
-Rates are relative to how long the tasks usually take. A hypothesis that is born on the way takes
-its share of what all hypotheses are worth. A new task takes it from all others, and the old task
-again, for a detour on its way; its pace, the duration in standard deviations of the task's, is as
-probable as the pace of the movement so far. What is none of the tasks begins at its birth, wherever
-the hand is. The hypotheses that were there from the onset pay for what they pass on.
+As in interacting multiple models (Blom and Bar-Shalom 1988), what a person does may change on the
+way. Rates are relative to how long the tasks usually take. A newborn hypothesis takes its share of
+what all hypotheses are worth. A new task takes it from all others, and the old task again, for a
+detour on its way; its pace, the duration in standard deviations of the task's, is as probable as
+the pace of the movement so far. What is none of the tasks begins at its birth, wherever the hand
+is. The hypotheses that were there from the onset pay for what they pass on.
 
 A hypothesis born at a time t follows the course w that its task would have had from the movement's
 start, plus an offset that begins where the hand is at t and fades:
@@ -16,9 +17,9 @@ This is a critically damped spring of rate r (a and b: the offset and its veloci
 an initial push that fades as fast (c). a, b and c are weights beside w, so that the same Gaussian
 update filters them (Maeda et al. 2014, Eq. 6).
 
-Who is held up goes on with the same movement later. Such a hypothesis is a copy of one that is
-there, with all that the path has told of its weights, whose clock is set back; a small offset makes
-up for the step.
+After a delay a person goes on with the same movement. Such a hypothesis is a copy of the most
+probable one, with all that the path has told of its weights, whose clock is set back; a small
+offset makes up for the step.
 """
 
 from typing import NamedTuple
@@ -26,23 +27,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.hypotheses import Hypotheses, duration_offsets
-from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations
+from intent_recognition.filtering.observation_model import (
+    OFFSET_BASIS,
+    Measurement,
+    ObservationModel,
+)
+from intent_recognition.filtering.table import HypothesisTable, Snapshot
+from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
+from intent_recognition.promp import STEADY, TaskLibrary
 
-SWITCHES = 0.04
+SWITCH_RATE = 0.04
 """Rate at which a person turns to another task, per usual duration of the tasks
 (docs/decisions/change_of_mind.md)."""
-DETOURS = 0.03
+DETOUR_RATE = 0.03
 """Rate at which a person goes on with the same task in another way, likewise."""
-HOLD_UPS = 0.3
-"""Rate at which a person is held up, and goes on with the same movement later, likewise."""
-STRAYS = 0.3
+DELAY_RATE = 0.3
+"""Rate at which a person is delayed, and goes on with the same movement later, likewise."""
+NONE_RATE = 0.3
 """Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
 library's margin only."""
 DELAYS = (0.05, 0.12, 0.25)
-"""How long a person is held up, in usual durations of the tasks, likewise."""
+"""Lengths of a delay, in usual durations of the tasks, likewise."""
 N_DURATIONS = 7
 """Durations per task at each birth. Convention: offsets make up for what lies between."""
 FADINGS = (12.0, 30.0)
@@ -51,73 +57,319 @@ sixth of it (docs/decisions/change_of_mind.md)."""
 PUSH = 0.5
 """Standard deviation of the push c, in standard deviations of the offset a times r^2.
 Convention."""
-HELD_UP_OFFSET = 0.3
-"""Standard deviation of the offset of who is held up, in those of another offset
+DELAY_OFFSET = 0.3
+"""Standard deviation of the offset after a delay, in those of another offset
 (docs/decisions/change_of_mind.md)."""
-OFFSET_BASIS = 3
-"""Weights of an offset: a, b and c."""
+BIRTHS_EVERY = 2
+"""Used observations of each signal between births (docs/decisions/change_of_mind.md)."""
+SETTLING = 2
+"""Observations of each signal that a newborn hypothesis takes its offset and velocity from, and is
+not judged by."""
+NEGLIGIBLE = 14.0
+"""Nats below all others together at which a born hypothesis is pruned
+(docs/decisions/change_of_mind.md)."""
+MAX_HYPOTHESES, LEAST_HYPOTHESES = 150, 60
+"""Born hypotheses kept, newborn ones aside; and of many DOFs at least
+(docs/decisions/change_of_mind.md)."""
+MAX_FLOATS = 1_500_000
+"""Numbers in the covariances of those that are kept. Convention: it bounds the time of an
+observation."""
+MAX_TASKS = 8
+"""Tasks that hypotheses are born of at a time, the most probable ones. Convention: likewise."""
+NEGLIGIBLE_SHARE = 1e-4
+"""Probability, as a share of the most probable one's, below which a born hypothesis is left out of
+a prediction. Convention."""
 
 
-class BirthGrid(NamedTuple):
-    """What is born at a time: tasks by rates of fading by durations, n hypotheses.
+class BornBelief(NamedTuple):
+    """What born hypotheses make of a movement's task and timing; zero where there are none.
 
     Attributes:
-        prior: number of the task among those that are born of, times the rates, and of the rate.
-        duration: number of the duration.
-        rate: at which the offset of the hand fades, per usual duration.
-        offsets: of the durations, in standard deviations of their logarithm, (S',).
+        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
+        staying: log probability with which a task of the onset passed nothing on.
+        duration_s: expected duration given the task, (K + 1,).
+        task: number of the task of each hypothesis, (n,).
+        weight: their probabilities given the task, (n,).
+        begin_s: when the course of each began, after onset, (n,).
+        course_s: how long it takes, (n,).
     """
 
-    prior: NDArray[np.int64]
-    duration: NDArray[np.int64]
-    rate: NDArray[np.float64]
-    offsets: NDArray[np.float64]
+    log_joint: NDArray[np.float64]
+    staying: float
+    duration_s: NDArray[np.float64]
+    task: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    begin_s: NDArray[np.float64]
+    course_s: NDArray[np.float64]
+
+    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
+        """Expected phase given the task, so long after onset, (K + 1,)."""
+        phase = np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0)
+        return np.bincount(self.task, self.weight * phase, len(self.log_joint)).astype(np.float64)
 
 
-def birth_grid(n_tasks: int, n_scales: int) -> BirthGrid:
-    """What is born of so many tasks, none among them.
+class Births:
+    """The born hypotheses of one movement after the other, in memory that is used again.
 
     Args:
-        n_tasks: how many.
-        n_scales: durations per task of the hypotheses of the onset; no more are born.
+        library: the learned tasks.
+        grid: of the hypotheses of the onset.
+
+    Attributes:
+        usual_s: how long the tasks usually take.
     """
-    offsets, _ = duration_offsets(min(n_scales, N_DURATIONS))
-    n_rates, n_durations = len(FADINGS), len(offsets)
-    prior, duration = np.divmod(np.arange(n_tasks * n_rates * n_durations), n_durations)
-    return BirthGrid(prior, duration, np.array(FADINGS)[prior % n_rates], offsets)
+
+    def __init__(self, library: TaskLibrary, grid: PriorGrid):
+        self._library, self._grid, n_dofs = library, grid, library.n_observed
+        self.usual_s = float(np.exp(np.mean(library.log_duration_mean)))
+        self._rates = np.array(FADINGS) / self.usual_s
+        self._offsets, _ = duration_offsets(min(grid.n_scales, N_DURATIONS))
+        n_signals = len(library.observed_groups)
+        self._settling, self._every = SETTLING * n_signals, BIRTHS_EVERY * n_signals
+        self._width = library.basis.n_basis + OFFSET_BASIS
+        size = n_dofs * self._width
+        fitting = MAX_FLOATS // (size * (size + 1 + n_dofs))
+        self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
+        n_born = (min(library.n_tasks, MAX_TASKS) + 1) * len(self._offsets) + len(DELAYS)
+        room = self._n_kept + n_born * len(FADINGS) * -(-SETTLING // BIRTHS_EVERY)
+        n_basis = library.basis.n_basis
+        self._table = HypothesisTable(room, n_dofs, n_basis, STEADY, OFFSET_BASIS)
+        none_variance = np.diag(library.none_covariance).reshape(n_dofs, -1)
+        std = np.sqrt(none_variance.mean(axis=1))[:, None]
+        powers = self._rates[:, None, None] ** np.arange(OFFSET_BASIS)
+        self._offset_variance = (std * powers) ** 2  # (R, P, 3)
+        self._offset_variance[..., -1] *= PUSH**2
+        self._log_mean, self._log_std = log_durations(library)
+        known = grid.log_task_prior[:-1]
+        self._log_prior = known - np.logaddexp.reduce(known)
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin with another movement: nothing is born yet."""
+        self._table.clear()
+        self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
+        self._made: dict[tuple[int, ...], NDArray[np.float64]] = {}
+        self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
+
+    @property
+    def n_hypotheses(self) -> int:
+        """How many there are."""
+        return self._table.n
+
+    @property
+    def log_joint(self) -> NDArray[np.float64]:
+        """Log of prior and density of all observations, of the K tasks and none, (K + 1,)."""
+        total = np.full(self._library.n_tasks + 1, -np.inf)
+        np.logaddexp.at(total, self._table.rows["task"], self._table.log_joint)
+        return total
+
+    @property
+    def staying(self) -> float:
+        """Log probability with which a task of the onset passed nothing on to tasks."""
+        rate = SWITCH_RATE * float(np.exp(-self._library.switch_margin)) + DETOUR_RATE + DELAY_RATE
+        return -rate * self._last_s / self.usual_s
+
+    def left(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
+
+        What was none of the tasks from the onset stays so.
+
+        Args:
+            log_evidence: log density of all observations under them, (B,).
+        """
+        joint = (self._grid.log_prior + log_evidence).reshape(-1, self._grid.n_scales)
+        left = np.logaddexp.reduce(joint, axis=1)
+        left[:-1] += self.staying
+        return left
+
+    def observe(
+        self,
+        measurement: Measurement,
+        model: ObservationModel,
+        onset: HypothesisTable,
+        log_evidence: NDArray[np.float64],
+    ) -> None:
+        """Condition on a measurement; prune what is hopeless, and give birth to new hypotheses.
+
+        Args:
+            measurement: as the hypotheses of the onset took it.
+            model: makes the rows of the observation matrix.
+            onset: the hypotheses of the onset.
+            log_evidence: see `left`; this measurement is among the observations.
+        """
+        self._remember_start(measurement)
+        self._last_s = max(measurement.elapsed_s, self._last_s)
+        self._n_used += 1
+        table = self._table
+        if table.n:
+            table.condition(measurement, model)
+        total, rows = np.logaddexp(self.log_joint, self.left(log_evidence)), table.rows
+        settled = rows["seen"] == self._settling
+        if settled.any():
+            shares = birth_shares(
+                total,
+                self._log_prior,
+                self._between_s / self.usual_s,
+                none_margin=self._grid.none_margin,
+                switch_margin=self._library.switch_margin,
+            )
+            of_kind = shares[rows["kind"]] + rows["log_share"]
+            rows["log_prior"] = np.where(settled, of_kind, rows["log_prior"])
+        table.drop(self._hopeless(float(np.logaddexp.reduce(total))))
+        if self._n_used % self._every == 0:
+            self._between_s = max(measurement.elapsed_s - self._last_birth_s, 0.0)
+            self._last_birth_s = max(measurement.elapsed_s, self._last_birth_s)
+            new = self._give_birth(measurement.elapsed_s, log_evidence)
+            table.condition(measurement, model, np.arange(new.start, new.stop))
+            self._give_birth_to_delays(measurement.elapsed_s, log_evidence, onset)
+
+    def belief(self) -> BornBelief:
+        """What they make of task and timing."""
+        total, joint = self.log_joint, self._table.log_joint
+        some = np.isfinite(joint)
+        rows, joint = self._table.rows[some], joint[some]
+        task, onset_s, duration_s = rows["task"], rows["onset_s"], rows["duration_s"]
+        weight = np.exp(joint - total[task])
+        expected_s = np.zeros(len(total))
+        np.add.at(expected_s, task, weight * (onset_s + duration_s))
+        return BornBelief(total, self.staying, expected_s, task, weight, onset_s, duration_s)
+
+    def of_task(self, task: int) -> tuple[Snapshot, NDArray[np.float64], NDArray[np.float64]]:
+        """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
+
+        A duration reaches from the movement's onset to its end.
+        """
+        rows = self._table.rows
+        joint = np.where(rows["task"] == task, self._table.log_joint, -np.inf)
+        weight = np.exp(joint - np.max(joint))
+        index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
+        until_s = rows["onset_s"][index] + rows["duration_s"][index]
+        return self._table.snapshot(index), until_s, weight[index] / weight[index].sum()
+
+    def _hopeless(self, total: float) -> NDArray[np.bool_]:
+        """What explains far less than all together, and the worst of too many."""
+        rows, joint = self._table.rows, self._table.log_joint
+        settled = rows["seen"] >= self._settling
+        joint += self._grid.none_margin * (rows["task"] == self._library.n_tasks)
+        hopeless = settled & (joint < total - NEGLIGIBLE)
+        kept = np.flatnonzero(settled & ~hopeless)
+        if len(kept) > self._n_kept:
+            worst = np.argpartition(joint[kept], -self._n_kept)[: -self._n_kept]
+            hopeless[kept[worst]] = True
+        return hopeless
+
+    def _give_birth(self, birth_s: float, log_evidence: NDArray[np.float64]) -> slice:
+        """Add newborn hypotheses of the most probable tasks, and of none; returns where."""
+        n_tasks, n_rates, n_durations = self._library.n_tasks, len(FADINGS), len(self._offsets)
+        tasks = np.arange(n_tasks)
+        if n_tasks > MAX_TASKS:
+            known = np.logaddexp(self.log_joint, self.left(log_evidence))[:-1]
+            tasks = np.sort(np.argpartition(known, -MAX_TASKS)[-MAX_TASKS:])
+        tasks = np.r_[tasks, n_tasks]
+        which, duration = np.divmod(np.arange(len(tasks) * n_rates * n_durations), n_durations)
+        task, offset = tasks[which // n_rates], self._offsets[duration]
+        is_none = task == n_tasks
+        pace = log_pace(self._grid, log_evidence, self._offsets) - np.log(n_rates)
+        return self._table.add(
+            self._states(tasks)[which],
+            task=task,
+            kind=task,
+            settling=self._settling,
+            onset_s=np.where(is_none, birth_s, 0.0),
+            duration_s=np.exp(self._log_mean[task] + self._log_std[task] * offset),
+            birth_s=birth_s,
+            rate=self._rates[which % n_rates],
+            log_share=pace[is_none.astype(np.int64), duration],
+            log_prior=-np.inf,
+        )
+
+    def _give_birth_to_delays(
+        self, birth_s: float, log_evidence: NDArray[np.float64], onset: HypothesisTable
+    ) -> None:
+        """Add copies of the most probable hypothesis of a known task, set back in time."""
+        n_tasks = self._library.n_tasks
+        joint = self._grid.log_prior + log_evidence + self.staying
+        joint = np.where(onset.rows["task"] < n_tasks, joint, -np.inf)
+        of_born = np.where(self._table.rows["task"] < n_tasks, self._table.log_joint, -np.inf)
+        table, best = onset, int(np.argmax(joint))
+        if of_born.max() > joint[best]:
+            table, best = self._table, int(np.argmax(of_born))
+        row, course = table.rows[best].copy(), table.snapshot(np.array([best]))
+        delay, rate = np.divmod(np.arange(len(DELAYS) * len(FADINGS)), len(FADINGS))
+        self._table.add(
+            self._with_offset(course.mean, course.covariance, DELAY_OFFSET)[rate],
+            task=row["task"],
+            kind=n_tasks + 1 + row["task"],
+            settling=self._settling,
+            onset_s=row["onset_s"] + np.array(DELAYS)[delay] * self.usual_s,
+            duration_s=row["duration_s"],
+            birth_s=birth_s,
+            rate=self._rates[rate],
+            log_share=-np.log(len(delay)),
+            log_prior=-np.inf,
+        )
+
+    def _remember_start(self, measurement: Measurement) -> None:
+        """Keep where the movement began: the course of another task would have begun there, too."""
+        known = [dof for dofs, _, _ in self._first for dof in dofs]
+        new = ~np.isin(measurement.dofs, known)
+        if not measurement.derivative and new.any():
+            noise = measurement.noise_covariance[np.ix_(new, new)]
+            self._first.append((measurement.dofs[new], measurement.values[new], noise))
+            self._made.clear()
+
+    def _states(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
+        """States of some tasks by the rates of fading, before anything is seen of the offset."""
+        key = tuple(tasks)
+        if key not in self._made:
+            library, basis = self._library, self._library.basis
+            mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
+            courses = GaussianBatch.of(mean, covariance, basis.n_basis)
+            known = GaussianBatch(courses.state[:-1], basis.n_basis)  # none begins at its birth
+            row = basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
+            for dofs, values, noise in self._first:
+                known.condition(LinearMeasurement(dofs, row, values, noise))
+            self._made = {key: self._with_offset(*courses.moments())}
+        return self._made[key]
+
+    def _with_offset(
+        self, mean: NDArray[np.float64], covariance: NDArray[np.float64], scale: float = 1.0
+    ) -> NDArray[np.float64]:
+        """States of courses by the rates of fading, with weights of an offset beside theirs."""
+        n, p, n_basis, width = len(mean), self._library.n_observed, self._width - 3, self._width
+        means = np.zeros((n, len(FADINGS), p, width))
+        means[..., :n_basis] = mean.reshape(n, 1, p, n_basis)
+        spread = np.zeros((n, len(FADINGS), p, width, p, width))
+        own = covariance.reshape(n, 1, p, n_basis, p, n_basis)
+        spread[:, :, :, :n_basis, :, :n_basis] = own
+        dof, offset = np.arange(p)[:, None], np.arange(n_basis, width)
+        spread[:, :, dof, offset, dof, offset] = scale**2 * self._offset_variance
+        size = p * width
+        flat = means.reshape(-1, size), spread.reshape(-1, size, size)
+        return GaussianBatch.of(*flat, width).state
 
 
 def log_pace(
-    hypotheses: Hypotheses, log_evidence: NDArray[np.float64], offsets: NDArray[np.float64]
+    grid: PriorGrid, log_evidence: NDArray[np.float64], offsets: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Log probability of the durations of newborn hypotheses of a task, and of none, (2, S').
 
     Args:
-        hypotheses: of the onset.
+        grid: of the hypotheses of the onset.
         log_evidence: density of all observations under them, (B,).
         offsets: of the durations, in standard deviations of their logarithm, (S',).
     """
-    at, log_prior = duration_offsets(hypotheses.n_scales)
-    joint = (hypotheses.log_prior + log_evidence).reshape(-1, len(at))[:-1]
+    at, log_prior = duration_offsets(grid.n_scales)
+    joint = (grid.log_prior + log_evidence).reshape(-1, len(at))[:-1]
     own = np.logaddexp.reduce(joint, axis=1)
-    tempered = log_prior + hypotheses.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
+    tempered = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
     tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
     so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
     table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
     return np.asarray(table - np.logaddexp.reduce(table, axis=1, keepdims=True))
 
 
-def log_staying(library: TaskLibrary, passed: float) -> float:
-    """Log probability with which a task of the onset passed nothing on to tasks.
-
-    Args:
-        library: the learned tasks.
-        passed: time since onset, in usual durations.
-    """
-    return -(SWITCHES * float(np.exp(-library.switch_margin)) + DETOURS + HOLD_UPS) * passed
-
-
-def shares(
+def birth_shares(
     total: NDArray[np.float64],
     log_prior: NDArray[np.float64],
     passed: float,
@@ -127,7 +379,7 @@ def shares(
 ) -> NDArray[np.float64]:
     """Log of what passes to newborn hypotheses in a time, (2 K + 1,).
 
-    First what passes to each task and to none, then to each task whose movement is held up.
+    First what passes to each task and to none, then to each task after a delay.
 
     Args:
         total: log joint of the tasks and none, everything together, (K + 1,).
@@ -140,109 +392,7 @@ def shares(
     everything = np.logaddexp.reduce(known)
     with np.errstate(divide="ignore"):
         others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
-        turning = others + log_prior + np.log(SWITCHES * n_tasks / max(n_tasks - 1, 1))
-        own = np.logaddexp(known + np.log(DETOURS), turning - switch_margin)
-        stray, held_up = everything + np.log(STRAYS) - none_margin, known + np.log(HOLD_UPS)
-        return np.r_[own, stray, held_up] + np.log(passed)
-
-
-class NewbornStates:
-    """States of newborn hypotheses of one movement after the other.
-
-    Args:
-        library: the learned tasks.
-
-    Attributes:
-        width: weights of a DOF, those of its offset among them.
-        usual_s: how long the tasks usually take.
-    """
-
-    def __init__(self, library: TaskLibrary):
-        self.library = library
-        self.width = library.basis.n_basis + OFFSET_BASIS
-        self.usual_s = float(np.exp(np.mean(library.log_duration_mean)))
-        none_variance = np.diag(library.none_covariance).reshape(library.n_observed, -1)
-        std = np.sqrt(none_variance.mean(axis=1))[:, None]
-        rates = np.array(FADINGS)[:, None, None] / self.usual_s
-        self._offset_variance = (std * rates ** np.arange(OFFSET_BASIS)) ** 2  # (R, P, 3)
-        self._offset_variance[..., -1] *= PUSH**2
-        self.start()
-
-    def start(self) -> None:
-        """Begin with a movement: nothing of it is seen yet."""
-        self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
-        self._made: dict[tuple[int, ...], NDArray[np.float64]] = {}
-        self._started = np.zeros(self.library.n_observed, dtype=bool)
-
-    def remember_start(self, measurement: Measurement) -> None:
-        """Keep where the movement began: the course of another task would have begun there, too."""
-        new = ~self._started[measurement.dofs]
-        if measurement.derivative or not new.any():
-            return
-        dofs = measurement.dofs[new]
-        self._started[dofs] = True
-        noise = measurement.noise_covariance[np.ix_(new, new)]
-        self._first.append((dofs, measurement.values[new], noise))
-        self._made.clear()
-
-    def states(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
-        """States of some tasks by the rates of fading, before anything is seen of the offset."""
-        key = tuple(tasks)
-        if key not in self._made:
-            self._made = {key: self._make(tasks)}
-        return self._made[key]
-
-    def held_up(self, course: Gaussian) -> NDArray[np.float64]:
-        """States of who goes on with a known course later, by the rates of fading.
-
-        Args:
-            course: its weights without an offset, (P N,).
-        """
-        n_basis = self.library.basis.n_basis
-        state = GaussianBatch.of(course.mean[None], course.covariance[None], n_basis)
-        return self._with_offset(state, HELD_UP_OFFSET)
-
-    def _make(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
-        library, n_basis = self.library, self.library.basis.n_basis
-        mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
-        courses = GaussianBatch.of(mean, covariance, n_basis)
-        known = GaussianBatch(courses.state[:-1], n_basis)
-        row = library.basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
-        for dofs, values, noise in self._first:
-            known.condition(LinearMeasurement(dofs, row, values, noise))
-        return self._with_offset(courses)
-
-    def _with_offset(self, courses: GaussianBatch, scale: float = 1.0) -> NDArray[np.float64]:
-        """States of courses by the rates of fading, with weights of an offset beside theirs."""
-        n_basis, p = self.library.basis.n_basis, self.library.n_observed
-        means, covariances = courses.moments()
-        shape = len(means), len(FADINGS)
-        mean = np.zeros((*shape, p, self.width))
-        mean[..., :n_basis] = means.reshape(shape[0], 1, p, n_basis)
-        covariance = np.zeros((*shape, p, self.width, p, self.width))
-        own = covariances.reshape(shape[0], 1, p, n_basis, p, n_basis)
-        covariance[:, :, :, :n_basis, :, :n_basis] = own
-        dof, offset = np.arange(p)[:, None], n_basis + np.arange(OFFSET_BASIS)
-        covariance[:, :, dof, offset, dof, offset] = scale**2 * self._offset_variance
-        size = p * self.width
-        flat = covariance.reshape(-1, size, size)
-        return GaussianBatch.of(mean.reshape(-1, size), flat, self.width).state
-
-
-def fading(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What remains of an offset of one, of its velocity and of its push, (n, 3).
-
-    Args:
-        since_s: time since birth, (n,); less than zero counts as zero.
-        rate: of a critically damped spring [1/s], (n,).
-    """
-    s = np.maximum(since_s, 0.0)
-    shapes = np.stack([1.0 + rate * s, s, 0.5 * s**2], axis=1)
-    return shapes * np.exp(-rate * s)[:, None]
-
-
-def fading_velocity(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of `fading` by the time [1/s], (n, 3)."""
-    s = np.maximum(since_s, 0.0)
-    shapes = np.stack([-(rate**2) * s, 1.0 - rate * s, s - 0.5 * rate * s**2], axis=1)
-    return shapes * np.exp(-rate * s)[:, None]
+        turning = others + log_prior + np.log(SWITCH_RATE * n_tasks / max(n_tasks - 1, 1))
+        own = np.logaddexp(known + np.log(DETOUR_RATE), turning - switch_margin)
+        none, delayed = everything + np.log(NONE_RATE) - none_margin, known + np.log(DELAY_RATE)
+        return np.r_[own, none, delayed] + np.log(passed)

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an observation is to the filters: observed DOFs, rows of the observation matrix, noise.
+"""What an observation is to the filter: observed DOFs, rows of the observation matrix, noise.
 
 Each observation is y = H w + e. A row of H holds the basis functions, or for a velocity their
 derivative, at the phase that a hypothesis gives to the time of measurement, in the block of the DOF
-that was measured; what was not measured has no row.
+that was measured; what was not measured has no row. A hypothesis that was born on the way has three
+more weights per DOF, those of its offset (`fading`). Whatever else a hypothesis has weights of,
+its columns go into `ObservationModel.linear`.
 """
 
 from math import inf, isfinite
@@ -13,14 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.gaussian import LinearMeasurement
-from intent_recognition.promp import TaskLibrary, deviation_transition, reference_phase
+from intent_recognition.promp import (
+    PhaseDeviation,
+    TaskLibrary,
+    deviation_transition,
+    reference_phase,
+)
 from intent_recognition.signals import Observation
 
 SPACING = 0.4995
 """Least time between two used observations of the same DOFs, in parts of the correlation time:
 half of it, and a thousandth of slack for stamps (docs/decisions/one_filter.md)."""
+OFFSET_BASIS = 3
+"""Weights of an offset: position and velocity at birth, and a push."""
 
 
 class Measurement(NamedTuple):
@@ -33,7 +41,9 @@ class Measurement(NamedTuple):
         values: (m,).
         noise_covariance: of the values, (m, m), positive definite.
         derivative: whether velocities were measured.
-        first: whether none of the DOFs had been measured before.
+        freedom: degrees of freedom of the density that the evidence is computed with. Where a
+            movement begins counts in full: the heavy tails are for what people do on the way, and a
+            movement that begins elsewhere is not a known one.
     """
 
     elapsed_s: float
@@ -42,7 +52,7 @@ class Measurement(NamedTuple):
     values: NDArray[np.float64]
     noise_covariance: NDArray[np.float64]
     derivative: bool
-    first: bool = False
+    freedom: float = inf
 
 
 class ObservationModel:
@@ -53,16 +63,15 @@ class ObservationModel:
 
     Args:
         library: the learned tasks.
-        hypotheses: the grid of tasks and durations.
         onset_ns: stamp from which phases count.
     """
 
-    def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
-        self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
+    def __init__(self, library: TaskLibrary, onset_ns: int):
+        self.library, self.onset_ns = library, onset_ns
         self._spacing_ns = SPACING * library.correlation_time_s * 1e9
         self._last_ns: list[int | None] = [None] * library.n_observed
         self._used_ns: dict[tuple[int, tuple[int, ...] | None, bool], int] = {}
-        self._last_s: float | None = None
+        self._last_s = -inf
 
     def measurement(self, observation: Observation) -> Measurement | None:
         """An observation with its noise; None if it follows too closely on the last one.
@@ -74,77 +83,95 @@ class ObservationModel:
             ShapeError: values, DOFs and covariance do not fit each other.
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
-        dofs = self.library.observed_dofs(observation.group, observation.dofs)
-        learned, first = None, False
-        if not observation.derivative:
-            last_ns = [self._last_ns[dof] for dof in dofs]
-            known_ns = [stamp_ns for stamp_ns in last_ns if stamp_ns is not None]
-            interval_s = (observation.stamp_ns - max(known_ns)) * 1e-9 if known_ns else inf
-            learned, first = self.library.noise_covariance(dofs, interval_s), not known_ns
-        noise = self._noise(observation, learned)
+        library, stamp_ns, derivative = self.library, observation.stamp_ns, observation.derivative
+        dofs, noise = library.observed_dofs(observation.group, observation.dofs), None
+        known_ns = [t for t in (self._last_ns[dof] for dof in dofs) if t is not None]
+        if not derivative:
+            since_s = (stamp_ns - max(known_ns)) * 1e-9 if known_ns else inf
+            noise = library.noise_covariance(dofs, since_s)
+        if observation.covariance is not None:
+            noise = observation.covariance + (0.0 if noise is None else noise)
+        if noise is None:
+            cure = "Pass the sensor's: noise is learned for positions only."
+            expected = "a covariance with measured velocities"
+            raise ArgumentError(describe("observation", expected, "none", cure))
         check_observation(dofs, observation.values, noise)
-        kind = (observation.group, observation.dofs, observation.derivative)
-        used_ns = self._used_ns.get(kind)
-        if used_ns is not None and observation.stamp_ns - used_ns < self._spacing_ns:
+        kind = (observation.group, observation.dofs, derivative)
+        if stamp_ns - self._used_ns.get(kind, -(2**63)) < self._spacing_ns:
             return None
-        self._used_ns[kind] = observation.stamp_ns
-        if not observation.derivative:
+        self._used_ns[kind] = stamp_ns
+        if not derivative:
             for dof in dofs:
-                self._last_ns[dof] = observation.stamp_ns
-        elapsed_s = (observation.stamp_ns - self.onset_ns) * 1e-9
-        passed_s = inf if self._last_s is None else max(elapsed_s - self._last_s, 0.0)
-        self._last_s = elapsed_s if self._last_s is None else max(elapsed_s, self._last_s)
+                self._last_ns[dof] = stamp_ns
+        elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
+        passed_s = max(elapsed_s - self._last_s, 0.0)
+        self._last_s = max(elapsed_s, self._last_s)
+        freedom = library.evidence_freedom if known_ns or derivative else inf
         return Measurement(
-            elapsed_s, passed_s, dofs, observation.values, noise, observation.derivative, first
+            elapsed_s, passed_s, dofs, observation.values, noise, derivative, freedom
         )
 
     def linear(
-        self, measurement: Measurement, index: NDArray[np.int64] | slice
+        self,
+        measurement: Measurement,
+        rows: NDArray[np.void],
+        deviation: PhaseDeviation,
+        *,
+        offsets: bool = False,
     ) -> LinearMeasurement:
         """A measurement as some hypotheses take it.
 
-        Where the movement begins counts in full: the heavy tails of the Student density are for
-        what people do on the way, and a movement that begins elsewhere is not a known one.
+        Args:
+            measurement: with the time it was made at.
+            rows: of a `HypothesisTable`, (n,).
+            deviation: prior of their phase deviation, E values.
+            offsets: whether they have weights of an offset.
         """
-        library, hypotheses, elapsed_s = self.library, self.hypotheses, measurement.elapsed_s
-        deviation, basis = library.phase_deviation, library.basis
-        phase = reference_phase(deviation, hypotheses.phase(elapsed_s)[index])
+        basis, duration_s = self.library.basis, rows["duration_s"]
+        into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
+        phase = reference_phase(deviation, into)
         if measurement.derivative:
-            rate = hypotheses.phase_rate(elapsed_s)[index]
-            rows = basis.derivative_matrix(phase) * rate[:, None, None]
+            rate = np.where((into >= 0.0) & (into <= 1.0), 1.0 / duration_s, 0.0)
+            course = basis.derivative_matrix(phase) * rate[:, None, None]
         else:
-            rows = basis.design_matrix(phase)
+            course = basis.design_matrix(phase)
+        if offsets:
+            since_s = measurement.elapsed_s - rows["birth_s"]
+            offset = fading(since_s, rows["rate"], derivative=measurement.derivative)
+            course = np.concatenate([course, offset[:, None]], axis=2)
         transition = None
         if phase.shape[1] > 1 and measurement.interval_s < inf:
-            passed = measurement.interval_s / hypotheses.duration_s[index]
-            transition = deviation_transition(deviation, passed)
+            transition = deviation_transition(deviation, measurement.interval_s / duration_s)
         return LinearMeasurement(
             measurement.dofs,
-            rows,
+            course,
             measurement.values,
             measurement.noise_covariance,
             transition,
             deviation.evidence,
-            inf if measurement.first else library.evidence_freedom,
+            measurement.freedom,
         )
 
-    def _noise(
-        self, observation: Observation, learned: NDArray[np.float64] | None
-    ) -> NDArray[np.float64]:
-        """The learned noise and the sender's."""
-        noise = observation.covariance
-        if learned is not None:
-            return learned if noise is None else learned + noise
-        if noise is None:
-            raise ArgumentError(
-                describe(
-                    "observation",
-                    "a covariance with measured velocities",
-                    "none",
-                    "Pass the sensor's: noise is learned for positions only.",
-                )
-            )
-        return noise
+
+def fading(
+    since_s: NDArray[np.float64], rate: NDArray[np.float64], *, derivative: bool = False
+) -> NDArray[np.float64]:
+    """What remains of an offset of one, of its velocity and of its push, (n, 3).
+
+    A critically damped spring of rate r with an initial push that fades as fast:
+    (a (1 + r s) + b s + c s^2 / 2) exp(-r s).
+
+    Args:
+        since_s: time since birth, (n,); less than zero counts as zero.
+        rate: of the spring [1/s], (n,).
+        derivative: that by the time instead [1/s].
+    """
+    s = np.maximum(since_s, 0.0)
+    if derivative:
+        shapes = [-(rate**2) * s, 1.0 - rate * s, s - 0.5 * rate * s**2]
+    else:
+        shapes = [1.0 + rate * s, s, 0.5 * s**2]
+    return np.stack(shapes, axis=1) * np.exp(-rate * s)[:, None]
 
 
 def check_observation(
@@ -158,15 +185,11 @@ def check_observation(
     """
     m = len(dofs)
     if np.shape(values) != (m,) or np.shape(noise_covariance)[-2:] != (m, m):
-        raise ShapeError(
-            describe(
-                "values, noise_covariance",
-                f"shapes ({m},) and ({m}, {m}) for {m} observed values",
-                f"{np.shape(values)} and {np.shape(noise_covariance)}",
-                "Pass one value and one row and column of noise per entry of dofs.",
-            )
-        )
+        expected = f"shapes ({m},) and ({m}, {m}) for {m} observed values"
+        got = f"{np.shape(values)} and {np.shape(noise_covariance)}"
+        cure = "Pass one value and one row and column of noise per entry of dofs."
+        raise ShapeError(describe("values, noise_covariance", expected, got, cure))
     if not isfinite(np.add.reduce(values)):
-        raise ArgumentError(
-            describe("values", "finite numbers", f"{values}", "Leave out what was not measured.")
+        raise ArgumentError.about(
+            "values", "finite numbers", values, "Leave out what was not measured."
         )

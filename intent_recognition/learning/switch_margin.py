@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must speak for a change of mind before it counts.
 
-Hypotheses that are born on the way fit people who do not quite move as they were taught, too. So
+PriorGrid that are born on the way fit people who do not quite move as they were taught, too. So
 the filter follows demonstrations, with a library that does not know them: how probable does it ever
 hold other tasks that were born, compared with all the rest? A change of mind has to be more
 probable than that (docs/decisions/change_of_mind.md).
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from intent_recognition.filtering import (
     NEGLIGIBLE,
     MovementFilter,
-    SwitchedHypotheses,
-    make_hypotheses,
+    make_prior_grid,
 )
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import paired_examples
@@ -83,13 +82,13 @@ def follow(
         library: one that does not know the movement.
         recorded: the movement.
     """
-    hypotheses = make_hypotheses(library, n_scales=N_FOLLOWED_SCALES)
-    switched = SwitchedHypotheses(library, N_FOLLOWED_SCALES)
-    run = MovementFilter(library, hypotheses, 0, switched=switched)
+    grid = make_prior_grid(library, n_scales=N_FOLLOWED_SCALES)
+    run = MovementFilter(library, grid, 0, switching=True)
+    assert run.births is not None
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
         run.observe(observation)
-        yield switched.log_joint[:-1], switched.left(run.log_evidence)[:-1]
+        yield run.births.log_joint[:-1], run.births.left(run.log_evidence)[:-1]
 
 
 def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.composing import BentLibrary, ViaPoint
 from intent_recognition.errors import ArgumentError, ShapeError, check_type
-from intent_recognition.filtering import N_SCALES, make_hypotheses
+from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
 from intent_recognition.kinematics import Arm
 from intent_recognition.promp import (
     NONE,
@@ -25,7 +25,6 @@ from intent_recognition.promp import (
     as_context,
     largest_by_unit,
 )
-from intent_recognition.recognition.after_stop import MovementAfterStop
 from intent_recognition.recognition.arguments import (
     LIBRARY_CURE,
     as_observation,
@@ -36,7 +35,7 @@ from intent_recognition.recognition.arguments import (
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
-from intent_recognition.recognition.movement import Movement, MovementMemory
+from intent_recognition.recognition.movement import Movement, MovementAfterStop
 from intent_recognition.recognition.posterior import TaskPosterior, answered
 from intent_recognition.recognition.start_posture import (
     POSTURE_UNKNOWN,
@@ -97,16 +96,13 @@ class IntentEstimator:
         self._labels = (*library.labels, NONE)
         self._n_scales = n_scales
         self._posture = OnsetPosture() if start_posture else None
-        self._grids: dict[int, ControlGrid] = {}
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
-        self._hypotheses = make_hypotheses(library, task_prior, n_scales)
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._switching = switching
-        self._memory = self._make_memory()
         self._answer = ""
         self._movement: Movement | None = None
         self._posterior: TaskPosterior | None = None
-        self._after_stop = MovementAfterStop(library, self._make_memory)
+        self._make_memory()
 
     def __repr__(self) -> str:
         """What it can recognise, and whether a movement is under way."""
@@ -452,12 +448,9 @@ class IntentEstimator:
         """Go on with a library of the same DOFs."""
         self.library = library = self.bent.through(library)
         self._labels = (*library.labels, NONE)
-        self._grids = {}
         self._detector.use(library.onset)
         self.expectation.swap(library, self._task_prior)
-        self._hypotheses = make_hypotheses(library, self._task_prior, self._n_scales)
-        self._memory = self._make_memory()
-        self._after_stop = MovementAfterStop(library, self._make_memory)
+        self._make_memory()
         if self._posture is not None:
             self._posture.library_changed()
         if self._movement is not None:
@@ -466,14 +459,25 @@ class IntentEstimator:
             last_ns = before.observations[-1].stamp_ns
             self._posterior = self._believed(self._movement, last_ns)
 
-    def _make_memory(self) -> MovementMemory:
-        return MovementMemory(
-            self.library, self._hypotheses, self._grids, switching=self._switching
-        )
+    def _make_memory(self) -> None:
+        """What one movement after the other is filtered in."""
+        library, grids = self.library, dict[int, ControlGrid]()
+        grid = make_prior_grid(library, self._task_prior, self._n_scales)
+
+        def make() -> Movement:
+            made = MovementFilter(
+                library, grid, 0, prune=True, switching=self._switching, control_grids=grids
+            )
+            return Movement(made)
+
+        self._memory = make()
+        usual_s = float(np.exp(np.mean(library.log_duration_mean)))
+        self._after_stop = MovementAfterStop(usual_s, make)
 
     def _begin(self, onset_ns: int, past: list[Observation]) -> None:
         """Filter a movement from its onset, in the memory of the one before."""
-        self._movement = self._memory.begin(onset_ns, past, self.expectation.ratio)
+        self._memory.begin(onset_ns, past, self.expectation.ratio)
+        self._movement = self._memory
         self._after_stop.forget()
         self._detector.forget_stops()
 
@@ -486,10 +490,11 @@ class IntentEstimator:
         else:
             since = self._detector.since
             after.begin(stopped_ns, since, self.expectation.ratio, self._posterior)
-        if after.takes_over(stamp_ns, self._posterior):
+        taken = after.take_over(stamp_ns, self._posterior, self._memory)
+        if taken is not None:
             if self._posterior is not None:
                 self.expectation.remember(stamp_ns, self._posterior)
             self._detector.waits_for_rest = False
-            self._movement, self._memory = after.hand_over(self._memory)
+            self._movement = self._memory = taken
             self._answer = ""
-            self._posterior = self._believed(self._movement, stamp_ns)
+            self._posterior = self._believed(taken, stamp_ns)

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The movement under way, and the memory that one movement after the other is filtered in."""
+"""The movement under way, and the one that may have begun where the hand last stopped.
 
-from collections.abc import Iterable
+Work flows: on the way back from one goal the worker reaches for the next, and never rests. At each
+momentary stop a filter starts anew. It takes over once it recognises a task, where the movement
+under way was done at the stop, or of no task, and is so now. Where nothing is recognised after a
+stop, as in a wave of the hand or a hesitation, the movement under way goes on as if there had been
+none.
+"""
+
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import (
-    Hypotheses,
-    MovementFilter,
-    SwitchedHypotheses,
-    make_memory,
-)
-from intent_recognition.promp import ControlGrid, TaskLibrary
+from intent_recognition.filtering import MovementFilter
 from intent_recognition.recognition.posterior import TaskBelief, TaskPosterior, task_belief
 from intent_recognition.signals import Observation, every_second
 
@@ -21,13 +22,21 @@ MAX_OBSERVATIONS = 2**14
 
 Convention: it bounds the memory.
 """
+STOP_LEAD = 0.06
+"""A reach after a stop began so much earlier than the stop, per usual duration of the tasks: it
+first had to halt the hand (docs/decisions/change_of_mind.md)."""
+RECOGNISED = 0.9
+"""Probability of a task after a stop from which it takes over. Convention: the usual threshold of
+the decision."""
+DONE_PHASE = 0.85
+"""Expected phase of the movement under way from which another may have begun. Convention."""
 
 
 class Movement:
-    """The movement under way: its filter, and what was observed of it.
+    """One movement after the other: what is observed of it, filtered.
 
     Args:
-        movement_filter: one that has seen nothing yet.
+        movement_filter: used again for each.
 
     Attributes:
         filter: the same.
@@ -37,6 +46,21 @@ class Movement:
     def __init__(self, movement_filter: MovementFilter):
         self.filter, self.observations = movement_filter, list[Observation]()
         self._believed: tuple[int, TaskBelief] | None = None
+
+    def begin(
+        self, onset_ns: int, past: Iterable[Observation], task_weight: NDArray[np.float64] | None
+    ) -> None:
+        """Filter a movement from its onset; the one before is no more.
+
+        Args:
+            onset_ns: stamp of the onset.
+            past: what has been observed of it.
+            task_weight: see `MovementFilter`.
+        """
+        self.filter.restart(onset_ns, task_weight)
+        self.observations, self._believed = [], None
+        for observation in past:
+            self.observe(observation)
 
     @property
     def onset_ns(self) -> int:
@@ -54,56 +78,75 @@ class Movement:
         """What is believed of task and progress at a stamp."""
         run = self.filter
         if self._believed is None or self._believed[0] != run.n_used:
-            belief = task_belief(run.log_evidence, run.hypotheses, run.switched())
-            self._believed = run.n_used, belief
+            self._believed = run.n_used, task_belief(run.log_evidence, run.grid, run.born())
         return self._believed[1].at((stamp_ns - self.onset_ns) * 1e-9)
 
 
-class MovementMemory:
-    """Memory for the filters of one movement after the other.
+class MovementAfterStop:
+    """At most one movement, which began at a stop.
 
     Args:
-        library: the learned tasks.
-        hypotheses: of the onset.
-        grids: the `ControlGrid` of tasks that had one; others are added.
-        switching: follow a person who turns to another task on the way.
+        usual_s: how long the tasks usually take.
+        make: makes a movement, at the first stop.
     """
 
-    def __init__(
-        self,
-        library: TaskLibrary,
-        hypotheses: Hypotheses,
-        grids: dict[int, ControlGrid],
-        *,
-        switching: bool,
-    ):
-        self._library, self._hypotheses, self._grids = library, hypotheses, grids
-        self._bank = make_memory(library, hypotheses)
-        scales = hypotheses.n_scales
-        self._switched = SwitchedHypotheses(library, scales) if switching else None
+    def __init__(self, usual_s: float, make: Callable[[], Movement]):
+        self._lead_ns, self._make = round(STOP_LEAD * usual_s * 1e9), make
+        self._movement: Movement | None = None
+        self._begun = False
+
+    def forget(self) -> None:
+        """There has been no stop."""
+        self._begun = False
 
     def begin(
-        self, onset_ns: int, past: Iterable[Observation], task_weight: NDArray[np.float64] | None
-    ) -> Movement:
-        """Filter a movement from its onset; the one before in this memory is no more.
+        self,
+        stopped_ns: int,
+        since: Callable[[int], list[Observation]],
+        task_weight: NDArray[np.float64] | None,
+        under_way: TaskPosterior | None,
+    ) -> None:
+        """Begin with a stop, unless the movement under way is of a task and not done then.
 
         Args:
-            onset_ns: stamp of the onset.
-            past: what has been observed of it.
+            stopped_ns: its stamp.
+            since: all observations from a stamp on, in order.
             task_weight: see `MovementFilter`.
+            under_way: what is believed of the movement so far; None after one that was overdue.
         """
-        movement = Movement(
-            MovementFilter(
-                self._library,
-                self._hypotheses,
-                onset_ns,
-                memory=self._bank,
-                grids=self._grids,
-                prune=True,
-                task_weight=task_weight,
-                switched=self._switched,
-            )
-        )
-        for observation in past:
-            movement.observe(observation)
-        return movement
+        self._begun = is_done(under_way)
+        if self._begun:
+            self._movement = self._movement or self._make()
+            onset_ns = stopped_ns - self._lead_ns
+            self._movement.begin(onset_ns, since(onset_ns), task_weight)
+
+    def observe(self, observation: Observation) -> None:
+        """Take an observation, if there was a stop before it."""
+        if self._movement is not None and self._begun:
+            self._movement.observe(observation)
+
+    def take_over(
+        self, stamp_ns: int, under_way: TaskPosterior | None, before: Movement
+    ) -> Movement | None:
+        """The movement under way from now on, if it is this one; in exchange for the one before.
+
+        Args:
+            stamp_ns: now.
+            under_way: what is believed of the movement so far; None after one that was overdue.
+            before: what the next movement after a stop is filtered in.
+        """
+        found = self._movement
+        if found is None or not self._begun or not is_done(under_way):
+            return None
+        if np.max(found.posterior(stamp_ns).probabilities[:-1]) < RECOGNISED:
+            return None
+        self._movement, self._begun = before, False
+        return found
+
+
+def is_done(posterior: TaskPosterior | None) -> bool:
+    """Whether another movement may have begun: this one is done, or of no task."""
+    if posterior is None:
+        return True
+    best = int(np.argmax(posterior.probabilities))
+    return best == len(posterior.probabilities) - 1 or bool(posterior.phase[best] >= DONE_PHASE)

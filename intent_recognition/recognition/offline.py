@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, check_type, describe
 from intent_recognition.filtering import (
-    Hypotheses,
     MovementFilter,
-    fixed_hypotheses,
-    make_hypotheses,
+    PriorGrid,
+    fixed_prior_grid,
+    make_prior_grid,
 )
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.arguments import LIBRARY_CURE
@@ -103,11 +103,11 @@ def predict_controlled(
     return run.controlled(library.labels.index(task), n_points)
 
 
-def _hypotheses(library: TaskLibrary, duration_s: float | None) -> Hypotheses:
+def _hypotheses(library: TaskLibrary, duration_s: float | None) -> PriorGrid:
     """The grid of hypotheses: durations of the timing prior, or the one that is known."""
     check_type("library", library, TaskLibrary, LIBRARY_CURE)
     if duration_s is None:
-        return make_hypotheses(library)
+        return make_prior_grid(library)
     try:
         positive = 0.0 < duration_s < np.inf
     except TypeError:
@@ -115,12 +115,12 @@ def _hypotheses(library: TaskLibrary, duration_s: float | None) -> Hypotheses:
     if not positive:
         cure = "Pass None when it is not known."
         raise ArgumentError(describe("duration_s", "a positive number", duration_s, cure))
-    return fixed_hypotheses(library, duration_s)
+    return fixed_prior_grid(library, duration_s)
 
 
 def _filtered(
     library: TaskLibrary,
-    hypotheses: Hypotheses,
+    hypotheses: PriorGrid,
     times_s: ArrayLike,
     human: ArrayLike,
     onset_s: float | None,

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import Hypotheses, SwitchedBelief
+from intent_recognition.filtering import BornBelief, PriorGrid
 
 ANSWER_TRUST = 0.99
 """Probability with which somebody who is asked names the right task. Convention."""
@@ -50,86 +50,79 @@ class TaskBelief(NamedTuple):
     """A posterior but for the phase, which goes on while nothing new is observed.
 
     Attributes:
-        hypotheses: the grid of tasks and durations.
+        grid: of tasks and durations.
         posterior: with the phase of no time.
         share: of the hypotheses that were born on the way, in the posterior of a task, (K + 1,).
-        switched: what these say; None without any.
+        born: what these say; None without any.
     """
 
-    hypotheses: Hypotheses
+    grid: PriorGrid
     posterior: TaskPosterior
     share: NDArray[np.float64]
-    switched: SwitchedBelief | None
+    born: BornBelief | None
 
     def at(self, elapsed_s: float) -> TaskPosterior:
         """The posterior so long after onset."""
-        hypotheses, posterior = self.hypotheses, self.posterior
-        phase = hypotheses.phase(elapsed_s).reshape(-1, hypotheses.n_scales)
+        posterior = self.posterior
+        phase = self.grid.phase(elapsed_s).reshape(-1, self.grid.n_scales)
         expected = np.add.reduce(posterior.scale_weights * phase, axis=1)
-        if self.switched is not None:
-            expected += self.share * (self.switched.phase(elapsed_s) - expected)
+        if self.born is not None:
+            expected += self.share * (self.born.phase(elapsed_s) - expected)
         return posterior._replace(phase=expected)
 
 
 def task_posterior(
     log_evidence: NDArray[np.float64],
-    hypotheses: Hypotheses,
+    grid: PriorGrid,
     elapsed_s: float,
-    switched: SwitchedBelief | None = None,
+    born: BornBelief | None = None,
 ) -> TaskPosterior:
     """Posterior of the tasks, marginal over the durations (Maeda et al. 2014, Eq. 9-11).
 
     Args:
         log_evidence: log density of the observations under each hypothesis, (B,).
-        hypotheses: the grid of tasks and durations.
+        grid: of tasks and durations.
         elapsed_s: time since onset.
-        switched: what hypotheses that were born on the way say; None without any.
+        born: what hypotheses that were born on the way say; None without any.
     """
-    return task_belief(log_evidence, hypotheses, switched).at(elapsed_s)
+    return task_belief(log_evidence, grid, born).at(elapsed_s)
 
 
 def task_belief(
     log_evidence: NDArray[np.float64],
-    hypotheses: Hypotheses,
-    switched: SwitchedBelief | None = None,
+    grid: PriorGrid,
+    born: BornBelief | None = None,
 ) -> TaskBelief:
     """What holds of `task_posterior` until the next observation is filtered.
 
     The arguments are those of `task_posterior`.
     """
-    shape = (-1, hypotheses.n_scales)
-    log_prior = hypotheses.log_prior.reshape(shape)
-    log_scale_evidence = log_evidence.reshape(shape)
-    log_joint = log_prior + log_scale_evidence
-    log_task_prior = np.logaddexp.reduce(log_prior, axis=1)
-    log_task = np.logaddexp.reduce(log_joint, axis=1)
+    shape, log_task_prior = (-1, grid.n_scales), grid.log_task_prior
+    log_task = np.logaddexp.reduce((grid.log_prior + log_evidence).reshape(shape), axis=1)
     possible = np.isfinite(log_task)
     share = np.zeros_like(log_task)
-    if switched is not None:
-        log_task[:-1] += switched.staying
-        total = np.logaddexp(log_task, switched.log_joint)
-        share[possible] = np.exp(switched.log_joint[possible] - total[possible])
+    if born is not None:
+        log_task[:-1] += born.staying
+        total = np.logaddexp(log_task, born.log_joint)
+        share[possible] = np.exp(born.log_joint[possible] - total[possible])
         log_task = np.where(possible, total, log_task)
     with np.errstate(invalid="ignore"):
         log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
-        if hypotheses.none_margin:
+        if grid.none_margin:
             log_task_evidence[-1] = counted_none(
-                log_task_evidence, log_task_prior, hypotheses.none_margin
+                log_task_evidence, log_task_prior, grid.none_margin
             )
             log_task[-1] = log_task_prior[-1] + log_task_evidence[-1]
-        tempered = log_prior + hypotheses.duration_evidence * log_scale_evidence
-        scale_weights = np.exp(tempered - np.max(tempered, axis=1, keepdims=True))
-    scale_weights[~possible] = 1.0 / hypotheses.n_scales
-    scale_weights /= scale_weights.sum(axis=1, keepdims=True)
+    scale_weights = grid.duration_weights(log_evidence)
     probabilities = np.exp(log_task - np.max(log_task))
     probabilities /= probabilities.sum()
-    expected_s = np.sum(scale_weights * hypotheses.duration_s.reshape(shape), axis=1)
-    if switched is not None:
-        expected_s += share * (switched.duration_s - expected_s)
+    expected_s = np.sum(scale_weights * grid.duration_s.reshape(shape), axis=1)
+    if born is not None:
+        expected_s += share * (born.duration_s - expected_s)
     posterior = TaskPosterior(
         probabilities, log_task_evidence, np.zeros_like(expected_s), expected_s, scale_weights
     )
-    return TaskBelief(hypotheses, posterior, share, switched)
+    return TaskBelief(grid, posterior, share, born)
 
 
 def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:

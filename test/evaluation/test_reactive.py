@@ -14,8 +14,8 @@ from intent_recognition.evaluation.reactive import (
     moments,
 )
 from intent_recognition.evaluation.scores import ScoreTable
-from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.promp.prediction import StartPosture
 
 
@@ -42,7 +42,7 @@ def test_squared_errors_are_those_of_the_poses_at_each_horizon(rng):
     *training, test = (simulate(library, 0, rng, n_samples=60, duration_s=2.0) for _ in range(4))
     start = StartPosture(sample(test.controlled, test.start_ns, np.zeros(1))[0], np.zeros(2))
     case, scores = ReactiveCase(NearestWindows(training), test, start), ScoreTable()
-    run = MovementFilter(library, make_hypotheses(library), test.start_ns)
+    run = MovementFilter(library, make_prior_grid(library), test.start_ns)
     case.score(scores, run, np.array([1.0, 0.0, 0.0]), 1.4)
     names = ("mse", "mse_nearest_windows", "mse_last_pose")
     table = scores.table("task_0", HORIZONS_S, ("rad",), names)

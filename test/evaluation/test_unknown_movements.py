@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.evaluation.unknown_movements import DecisionMonitor, compare
-from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.recognition.decision import DecisionSettings
 
 
@@ -17,7 +17,7 @@ def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
 ):
     log_prior = np.log([0.9989, 0.0001, 0.001])
     run = SimpleNamespace(
-        hypotheses=Hypotheses(1, np.ones(3), log_prior),
+        grid=PriorGrid(1, np.ones(3), log_prior),
         log_evidence=np.array([1.0, -5.0, none_evidence]),
         end_std=lambda task: {"rad": 0.01},
     )
@@ -31,7 +31,7 @@ def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
 def followed(end_std, task="a"):
     log_prior = np.log([0.445, 0.445, 0.11])
     run = SimpleNamespace(
-        hypotheses=Hypotheses(1, np.ones(3), log_prior),
+        grid=PriorGrid(1, np.ones(3), log_prior),
         log_evidence=np.array([5.0, -5.0, -3.0]),
         end_std=lambda task: {"rad": end_std.pop(0)},
     )

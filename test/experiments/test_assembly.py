@@ -24,7 +24,7 @@ from experiments.assembly.scores import (
 from experiments.assembly.study import arrival_s, fold_numbers, study
 from experiments.settings import Settings
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.filtering.hypotheses import fixed_hypotheses
+from intent_recognition.filtering.grid import fixed_prior_grid
 from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.promp.phase_deviation import STEADY
@@ -78,7 +78,7 @@ def test_first_observation_by_itself_is_the_first_of_all(found):
     library = replace(library, phase_deviation=STEADY, evidence_freedom=inf)  # as in Eq. 10
     observations = spread_observations(recorded)
     duration_s = (recorded.end_ns - recorded.start_ns) * 1e-9
-    _, evidence = watch(library, fixed_hypotheses(library, duration_s), recorded, observations[:1])
+    _, evidence = watch(library, fixed_prior_grid(library, duration_s), recorded, observations[:1])
     single = single_evidence(library, recorded, observations[:1])[0]
     np.testing.assert_allclose(evidence[1] - evidence[0], single, atol=1e-8)
     (phase,) = phases_of(recorded, observations[:1])

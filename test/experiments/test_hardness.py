@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.filtering import MovementFilter, fixed_hypotheses
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import task_posterior
@@ -79,7 +79,7 @@ def _recognise(library: TaskLibrary, demonstration: Demonstration, share: float)
     duration = (demonstration.end_ns - demonstration.start_ns) * 1e-9
     until = demonstration.start_ns + round(share * duration * 1e9)
     seen = [s.between(demonstration.start_ns, until) for s in demonstration.observed]
-    hypotheses = fixed_hypotheses(library, duration)
+    hypotheses = fixed_prior_grid(library, duration)
     run = MovementFilter(library, hypotheses, demonstration.start_ns)
     for observation in merge(seen):
         run.observe(observation)

@@ -5,16 +5,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import condition_bank, start_bank
+from plain import Bank, condition_bank, start_bank
 from scipy.stats import multivariate_normal, t
 from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.filtered_weights import FilterBank
-from intent_recognition.filtering.hypotheses import (
+from intent_recognition.filtering.grid import (
     DURATION_FREEDOM,
-    fixed_hypotheses,
-    make_hypotheses,
+    fixed_prior_grid,
+    make_prior_grid,
 )
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
@@ -23,11 +22,11 @@ N_DOFS = 3
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_bank(rng: np.random.Generator, n_hypotheses: int = 4) -> FilterBank:
+def random_bank(rng: np.random.Generator, n_hypotheses: int = 4) -> Bank:
     d = N_DOFS * BASIS.n_basis
     root = rng.normal(size=(n_hypotheses, d, d)) / np.sqrt(d)
     covariance = root @ np.swapaxes(root, 1, 2) + 0.05 * np.eye(d)
-    return FilterBank(rng.normal(size=(n_hypotheses, d)), covariance, np.zeros(n_hypotheses))
+    return Bank(rng.normal(size=(n_hypotheses, d)), covariance, np.zeros(n_hypotheses))
 
 
 def random_stream(rng: np.random.Generator, n_hypotheses: int = 4, n_steps: int = 8):
@@ -46,7 +45,7 @@ def random_stream(rng: np.random.Generator, n_hypotheses: int = 4, n_steps: int 
     return steps
 
 
-def run(bank: FilterBank, steps) -> FilterBank:
+def run(bank: Bank, steps) -> Bank:
     for step in steps:
         bank = condition_bank(bank, *step)
     return bank
@@ -58,7 +57,7 @@ def dense(step, hypothesis: int) -> np.ndarray:
     return np.kron(np.eye(N_DOFS)[dofs], rows[hypothesis])
 
 
-def batch(bank: FilterBank, steps, hypothesis: int):
+def batch(bank: Bank, steps, hypothesis: int):
     """Mean, covariance and log evidence from one joint Gaussian over weights and observations."""
     H = np.vstack([dense(step, hypothesis) for step in steps])
     y = np.concatenate([values for _, _, values, _ in steps])
@@ -131,7 +130,7 @@ def test_posterior_never_wider_exactly_symmetric_and_positive_definite(seed):
 def test_observed_block_and_regression_equal_a_full_state_kalman_filter(rng):
     """The reduction of Maeda et al. 2014 to P N states loses nothing of the (P + Q) N."""
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=8)
-    hypotheses = fixed_hypotheses(library, 2.0)
+    hypotheses = fixed_prior_grid(library, 2.0)
     bank = start_bank(library, hypotheses)
     split, total = library.n_observed_weights, library.weight_mean.shape[1]
     mean, covariance = library.weight_mean.copy(), library.weight_covariance.copy()
@@ -227,7 +226,7 @@ def test_hypotheses_do_not_influence_each_other(rng):
     together = run(bank, steps)
     for b in range(4):
         alone = run(
-            FilterBank(*(a[b : b + 1] for a in bank)),
+            Bank(*(a[b : b + 1] for a in bank)),
             [(dofs, rows[b : b + 1], values, noise) for dofs, rows, values, noise in steps],
         )
         np.testing.assert_allclose(alone.mean[0], together.mean[b], rtol=1e-12, atol=1e-12)
@@ -273,7 +272,7 @@ def test_a_noise_that_is_not_positive_definite_is_refused(rng):
 @settings(max_examples=10)
 def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
     library = make_library(np.random.default_rng(seed), n_basis=4)
-    hypotheses = make_hypotheses(library, n_scales=n_scales)
+    hypotheses = make_prior_grid(library, n_scales=n_scales)
     logs = np.log(hypotheses.duration_s).reshape(-1, n_scales)
     weight = np.exp(hypotheses.log_prior).reshape(-1, n_scales)
     assert np.exp(hypotheses.log_prior).sum() == pytest.approx(1.0, abs=1e-12)
@@ -288,7 +287,7 @@ def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
 
 
 def test_phase_runs_from_zero_to_one_and_stays_there(rng):
-    hypotheses = make_hypotheses(make_library(rng, n_basis=4))
+    hypotheses = make_prior_grid(make_library(rng, n_basis=4))
     assert not hypotheses.phase(0.0).any()
     assert not hypotheses.phase(-3.0).any()
     assert np.array_equal(hypotheses.phase(1e6), np.ones(len(hypotheses.duration_s)))
@@ -299,5 +298,5 @@ def test_phase_runs_from_zero_to_one_and_stays_there(rng):
 def test_an_excluded_task_keeps_probability_zero(rng):
     library = make_library(rng, n_basis=4)
     with np.errstate(all="raise"):
-        hypotheses = make_hypotheses(library, np.array([0.0, 0.5, 0.5]))
+        hypotheses = make_prior_grid(library, np.array([0.0, 0.5, 0.5]))
     assert np.all(np.isneginf(hypotheses.log_prior[: hypotheses.n_scales]))

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain import bank_of
 from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
-from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
 from intent_recognition.filtering.observation_model import SPACING
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
@@ -42,7 +43,7 @@ def stream(library, rng: np.random.Generator, n: int = 60, noise_std: float = 0.
     return observations
 
 
-def joint(library, hypotheses: Hypotheses, observations, hypothesis: int):
+def joint(library, hypotheses: PriorGrid, observations, hypothesis: int):
     """Mean, covariance and log evidence from one Gaussian over weights and all observations."""
     n_basis = library.basis.n_basis
     matrices, values, noises = [], [], []
@@ -93,14 +94,14 @@ def joint(library, hypotheses: Hypotheses, observations, hypothesis: int):
 def test_any_observations_in_any_order_of_signals_equal_one_joint_gaussian(seed):
     rng = np.random.default_rng(seed)
     library = make_library(rng, groups=(3, 2), n_basis=20, correlation_time_s=0.03)
-    hypotheses = make_hypotheses(library, n_scales=3)
+    hypotheses = make_prior_grid(library, n_scales=3)
     observations = stream(library, rng)
     run = MovementFilter(library, hypotheses, START_NS)
     for observation in observations:
         run.observe(observation)
         total = task_posterior(run.log_evidence, hypotheses, 0.0).probabilities.sum()
         assert total == pytest.approx(1.0, abs=1e-12)
-    bank = run.bank
+    bank = bank_of(run)
     for b in (0, 4, 11):
         mean, covariance, log_evidence = joint(library, hypotheses, observations, b)
         assert np.abs(bank.mean[b] - mean).max() <= 1e-9 * np.abs(mean).max()

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering.hypotheses import Hypotheses, fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import PriorGrid, fixed_prior_grid, make_prior_grid
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration
@@ -21,8 +21,8 @@ def standardised_errors(
 ) -> np.ndarray:
     """(truth - mean) / std of the controlled agent given its task, (n_times, Q)."""
     duration = (recording.end_ns - START_NS) * 1e-9
-    hypotheses: Hypotheses = (
-        fixed_hypotheses(library, duration) if known else make_hypotheses(library)
+    hypotheses: PriorGrid = (
+        fixed_prior_grid(library, duration) if known else make_prior_grid(library)
     )
     seen = [
         o

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain import bank_of, rows_of
 from scipy.stats import multivariate_normal, multivariate_t
 from simulation import START_NS, make_library, minimum_jerk, nearly_known
 
-from intent_recognition.filtering.deviation_history import DeviationHistory
-from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
 from intent_recognition.gaussian.normal import Gaussian, condition
@@ -50,7 +50,7 @@ def start(library: TaskLibrary, *durations_s: float) -> MovementFilter:
     n = len(durations_s)
     log_prior = np.full(2 * n, -np.log(2.0 * n))
     return MovementFilter(
-        library, Hypotheses(n, np.tile(np.array(durations_s), 2), log_prior), START_NS
+        library, PriorGrid(n, np.tile(np.array(durations_s), 2), log_prior), START_NS
     )
 
 
@@ -189,32 +189,6 @@ def test_filtering_and_smoothing_equal_the_enumeration_of_all_paths(
         assert run.log_evidence[0] == pytest.approx(np.log(total), abs=1e-6)
 
 
-def test_the_history_gives_each_task_its_own_in_order_of_arrival():
-    """Hypotheses move in memory, and some take their measurements together, later."""
-    history = DeviationHistory()
-    arrived = (
-        (0.1, [0, 1, 2, 3]),
-        (0.3, [2, 3]),
-        (0.2, [2, 3]),
-        (0.3, [1, 0]),
-        (0.4, [3, 1, 2, 0]),
-    )
-    for k, (elapsed_s, hypotheses) in enumerate(arrived):
-        index = np.array(hypotheses)
-        believed = np.stack([10.0 * k + index, np.zeros(len(index))], axis=1)
-        history.add(elapsed_s, index, believed, -believed)
-    for first, times_s, steps in (
-        (0, [0.1, 0.3, 0.4], (0, 3, 4)),
-        (2, [0.1, 0.3, 0.3, 0.4], (0, 1, 2, 4)),
-    ):
-        found = history.of(first, first + 2)
-        np.testing.assert_array_equal(found.times_s, times_s)
-        expected = [[10.0 * k + first, 10.0 * k + first + 1] for k in steps]
-        np.testing.assert_array_equal(found.filtered[:, :, 0], expected)
-        np.testing.assert_array_equal(found.likelihood[:, :, 0], -np.array(expected))
-    assert not len(history.of(4, 6).times_s)
-
-
 def test_deviations_before_any_observation_are_the_prior(rng):
     found = start(library_with(rng, LEADING), 1.0, 2.0).prediction(0)
     found = found.deviations_at(np.array([0.0, 0.5, 9.0]))
@@ -237,10 +211,10 @@ def test_deviations_to_come_drift_back_to_the_prior(rng):
 
 def test_covariances_stay_positive_definite_over_many_steps(rng):
     run = start(library_with(rng, LEADING), 1.5, 2.0, 2.5)
-    before = np.trace(run.bank.covariance, axis1=1, axis2=2)
+    before = np.trace(bank_of(run).covariance, axis1=1, axis2=2)
     for time in np.linspace(0.0, 4.0, 800):
         run.observe(seen(time, rng.normal(size=3) * 0.01, variance=1e-6))
-    bank = run.bank
+    bank = bank_of(run)
     assert np.array_equal(bank.covariance, np.swapaxes(bank.covariance, 1, 2))
     assert np.linalg.eigvalsh(bank.covariance).min() > 0.0
     assert np.all(np.trace(bank.covariance, axis1=1, axis2=2) < before)
@@ -258,7 +232,7 @@ def test_measurements_far_off_leave_finite_probabilities(rng, far, freedom):
     found = run.prediction(0).deviations_at(np.array([0.2, 0.5, 0.95, 3.0]))
     np.testing.assert_allclose(found.sum(axis=2), 1.0)
     assert np.all(np.isfinite(run.log_evidence))
-    assert np.all(np.isfinite(run.bank.mean))
+    assert np.all(np.isfinite(bank_of(run).mean))
 
 
 def test_signals_with_the_same_stamp_may_come_one_after_the_other(rng):
@@ -316,11 +290,11 @@ def test_a_persons_progress_is_followed(person, seed):
 def test_every_hypothesis_steps_at_its_own_phase(rng):
     """Rows and transitions of a measurement, from the phase model."""
     library = library_with(rng, LEADING)
-    hypotheses = Hypotheses(2, np.array([1.5, 2.0, 1.5, 2.0]), np.log(np.full(4, 0.25)))
-    model = ObservationModel(library, hypotheses, START_NS)
+    hypotheses = PriorGrid(2, np.array([1.5, 2.0, 1.5, 2.0]), np.log(np.full(4, 0.25)))
+    model, rows = ObservationModel(library, START_NS), rows_of(library, hypotheses)[[1, 0]]
     first, second = (model.measurement(seen(time, np.zeros(3))) for time in (0.5, 0.8))
-    assert model.linear(first, slice(None)).transition is None
-    step = model.linear(second, np.array([1, 0]))
+    assert model.linear(first, rows, LEADING).transition is None
+    step = model.linear(second, rows, LEADING)
     for at, duration in enumerate((2.0, 1.5)):
         phase = reference_phase(LEADING, np.array(0.8 / duration))
         np.testing.assert_allclose(step.rows[at], library.basis.design_matrix(phase))

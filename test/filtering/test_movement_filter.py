@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
-from plain import condition_bank, start_bank
+from plain import as_bank, bank_of, condition_bank, start_bank
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.signals.observation import Observation, every_second, merge
 from intent_recognition.signals.signal import Signal
 
@@ -24,7 +24,7 @@ def observation(elapsed_s: float, group: int, values, **more) -> Observation:
 
 
 def start(library, n_scales: int = 3) -> MovementFilter:
-    return MovementFilter(library, make_hypotheses(library, n_scales=n_scales), START_NS)
+    return MovementFilter(library, make_prior_grid(library, n_scales=n_scales), START_NS)
 
 
 def assert_same(ours, theirs):
@@ -48,7 +48,7 @@ def test_dofs_of_a_signal_follow_those_of_the_signals_before(library):
 
 def test_a_run_equals_conditioning_by_hand(library, rng):
     run = start(library)
-    bank = start_bank(library, run.hypotheses)
+    bank = start_bank(library, run.grid)
     last = {}
     for elapsed_s, group in ((0.0, 0), (0.01, 1), (0.3, 0), (0.33, 0), (0.34, 1), (0.37, 1)):
         seen = observation(elapsed_s, group, rng.normal(size=library.observed_groups[group]))
@@ -56,11 +56,11 @@ def test_a_run_equals_conditioning_by_hand(library, rng):
         dofs = library.observed_dofs(group)
         interval_s = elapsed_s - last[group] if group in last else np.inf
         last[group] = elapsed_s
-        rows = library.basis.design_matrix(run.hypotheses.phase(elapsed_s))[:, None]
+        rows = library.basis.design_matrix(run.grid.phase(elapsed_s))[:, None]
         noise = library.noise_covariance(dofs, interval_s)
         bank = condition_bank(bank, dofs, rows, seen.values, noise)
-    np.testing.assert_allclose(run.bank.mean, bank.mean, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(run.bank.covariance, bank.covariance, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(bank_of(run).mean, bank.mean, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(bank_of(run).covariance, bank.covariance, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(run.log_evidence, bank.log_evidence, rtol=1e-6)
 
 
@@ -69,21 +69,21 @@ def test_the_sender_s_covariance_comes_on_top_of_the_learned_noise(library):
     covariance = np.diag([1e-3, 2e-3, 3e-3])
     run = start(library)
     run.observe(observation(0.2, 1, values, covariance=covariance))
-    bank = start_bank(library, run.hypotheses)
+    bank = start_bank(library, run.grid)
     dofs = library.observed_dofs(1)
-    rows = library.basis.design_matrix(run.hypotheses.phase(0.2))[:, None]
+    rows = library.basis.design_matrix(run.grid.phase(0.2))[:, None]
     noise = library.noise_covariance(dofs, np.inf) + covariance
-    assert_same(run.bank, condition_bank(bank, dofs, rows, values, noise))
+    assert_same(bank_of(run), condition_bank(bank, dofs, rows, values, noise))
 
 
 def test_a_part_of_a_signal_is_conditioned_on_alone(library):
     run = start(library)
     run.observe(observation(0.2, 1, [0.3, 0.1], dofs=(2, 0)))
-    bank = start_bank(library, run.hypotheses)
+    bank = start_bank(library, run.grid)
     dofs = np.array([4, 2])
-    rows = library.basis.design_matrix(run.hypotheses.phase(0.2))[:, None]
+    rows = library.basis.design_matrix(run.grid.phase(0.2))[:, None]
     noise = library.noise_covariance(dofs, np.inf)
-    assert_same(run.bank, condition_bank(bank, dofs, rows, np.array([0.3, 0.1]), noise))
+    assert_same(bank_of(run), condition_bank(bank, dofs, rows, np.array([0.3, 0.1]), noise))
 
 
 def test_each_dof_minds_when_it_was_last_seen(library):
@@ -96,7 +96,8 @@ def test_each_dof_minds_when_it_was_last_seen(library):
     fresh.observe(observation(0.226, 1, [0.3], dofs=(1,)))
     crowded.observe(observation(0.226, 1, [0.3], dofs=(0,)))
     spread = [
-        np.trace(run.bank.covariance[0] - other.bank.covariance[0]) for other in (fresh, crowded)
+        np.trace(bank_of(run).covariance[0] - bank_of(other).covariance[0])
+        for other in (fresh, crowded)
     ]
     assert spread[0] > 3.0 * spread[1] > 0.0
 
@@ -105,7 +106,7 @@ def test_a_velocity_is_the_derivative_of_the_positions(library):
     """A movement seen by its velocities has the path that makes them, wherever it began."""
     run = start(library, n_scales=1)
     weights = library.observed_mean[0].reshape(5, -1) * 1.3
-    duration_s = run.hypotheses.duration_s[0]
+    duration_s = run.grid.duration_s[0]
     covariance = 1e-8 * np.eye(2)
     run.observe(observation(0.0, 0, weights[:2, 0], covariance=covariance))
     for phase in np.linspace(0.0, 1.0, 40):
@@ -127,11 +128,11 @@ def test_a_velocity_is_the_derivative_of_the_positions(library):
 
 def test_velocities_after_the_end_are_zero_under_every_hypothesis(library):
     run = start(library)
-    before = run.bank
-    late_s = 10.0 * float(run.hypotheses.duration_s.max())
+    before = bank_of(run)
+    late_s = 10.0 * float(run.grid.duration_s.max())
     moving = observation(late_s, 0, [0.5, 0.5], covariance=np.eye(2), derivative=True)
     run.observe(moving)
-    assert np.array_equal(run.bank.mean, before.mean)
+    assert np.array_equal(bank_of(run).mean, before.mean)
     assert np.ptp(run.log_evidence) == 0.0
 
 
@@ -152,7 +153,7 @@ def test_values_that_are_not_finite_are_refused_and_change_nothing(library, valu
     run = start(library)
     with pytest.raises(ArgumentError, match=r"values: expected finite numbers.*Leave out"):
         run.observe(observation(0.1, 0, [0.0, value]))
-    for a, b in zip(run.bank, start(library).bank, strict=True):
+    for a, b in zip(bank_of(run), bank_of(start(library)), strict=True):
         assert np.array_equal(a, b)
 
 
@@ -160,9 +161,9 @@ def test_a_copy_of_one_task_is_its_part_of_the_bank(library, rng):
     run = start(library)
     for seen in merge(simulate(library, 1, rng).observed):
         run.observe(seen)
-    bank = run.bank
+    bank = bank_of(run)
     for task in range(library.n_tasks + 1):
-        part = run.task(task)
+        part = as_bank(run.task(task))
         for a, b in zip(part, bank, strict=True):
             assert np.array_equal(a, b[3 * task : 3 * task + 3])
 

@@ -3,12 +3,14 @@
 
 import numpy as np
 import pytest
+from plain import bank_of, rows_of
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
 from intent_recognition.filtering.observation_model import ObservationModel
+from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.signals.observation import Observation
 
 CORRELATION_S = 0.1
@@ -21,7 +23,7 @@ def library(rng):
 
 @pytest.fixture
 def model(library) -> ObservationModel:
-    return ObservationModel(library, make_hypotheses(library, n_scales=3), START_NS)
+    return ObservationModel(library, START_NS)
 
 
 def seen(elapsed_s: float, group: int = 0, dofs=None, covariance=None, *, derivative=False):
@@ -53,14 +55,14 @@ def test_each_signal_is_used_twice_per_correlation_time(model):
 
 
 def test_what_is_not_used_leaves_no_trace(library):
-    hypotheses = make_hypotheses(library, n_scales=3)
+    hypotheses = make_prior_grid(library, n_scales=3)
     runs = [MovementFilter(library, hypotheses, START_NS) for _ in range(2)]
-    model = ObservationModel(library, hypotheses, START_NS)
+    model = ObservationModel(library, START_NS)
     for observation in dense_stream():
         runs[0].observe(observation)
         if model.measurement(observation) is not None:
             runs[1].observe(observation)
-    for ours, theirs in zip(runs[0].bank, runs[1].bank, strict=True):
+    for ours, theirs in zip(bank_of(runs[0]), bank_of(runs[1]), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
@@ -112,13 +114,13 @@ def test_what_is_not_used_is_checked_all_the_same(model):
 
 
 def test_rows_of_a_velocity_are_the_slope_of_those_of_a_position(library):
-    hypotheses = Hypotheses(1, np.array([1.5, 2.0, 2.5, 3.0]), np.log(np.full(4, 0.25)))
-    model, step_s = ObservationModel(library, hypotheses, START_NS), 1e-5
+    hypotheses = PriorGrid(1, np.array([1.5, 2.0, 2.5, 3.0]), np.log(np.full(4, 0.25)))
+    model, step_s = ObservationModel(library, START_NS), 1e-5
 
     def rows(elapsed_s: float, *, derivative: bool = False) -> np.ndarray:
         found = seen(elapsed_s, covariance=np.eye(2), derivative=derivative)
-        measurement = ObservationModel(library, hypotheses, START_NS).measurement(found)
-        return model.linear(measurement, slice(None)).rows
+        measurement = ObservationModel(library, START_NS).measurement(found)
+        return model.linear(measurement, rows_of(library, hypotheses), STEADY).rows
 
     slope = (rows(0.7 + step_s) - rows(0.7 - step_s)) / (2.0 * step_s)
     np.testing.assert_allclose(rows(0.7, derivative=True), slope, atol=1e-6)

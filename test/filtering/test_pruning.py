@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain import bank_of
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.errors import ShapeError
 from intent_recognition.filtering import pruning
-from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter, make_memory
-from intent_recognition.filtering.running_bank import RunningBank
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.promp.phase_deviation import PhaseDeviation
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.recognition.transitions import weigh
@@ -35,7 +34,7 @@ def scene(seed: int, n_tasks: int = 40, *, filtered=(), **made):
     task = int(rng.integers(n_tasks))
     observations = list(merge(simulate(library, task, rng, rate_hz=40.0).observed))
     library = replace(library, **dict(filtered))
-    return library, make_hypotheses(library, n_scales=N_SCALES), observations
+    return library, make_prior_grid(library, n_scales=N_SCALES), observations
 
 
 def runs(library, hypotheses):
@@ -84,20 +83,20 @@ def test_a_pruned_task_comes_back_as_if_it_had_never_been_pruned(seed, filtered)
     for observation in observations[:70]:
         pruned.observe(observation)
         whole.observe(observation)
-    expected = whole.bank
+    expected = bank_of(whole)
     for task in pruned.pruned_tasks[:1]:  # one alone, then all others
         one = pruned.task(int(task))
         block = slice(task * N_SCALES, (task + 1) * N_SCALES)
         np.testing.assert_allclose(one.mean, expected.mean[block], **ROUNDING)
         assert task not in pruned.pruned_tasks
-    for ours, theirs in zip(pruned.bank, expected, strict=True):
+    for ours, theirs in zip(bank_of(pruned), expected, strict=True):
         np.testing.assert_allclose(ours, theirs, **ROUNDING)
     assert not len(pruned.pruned_tasks)
     assert_same_deviations(pruned, whole)
     for observation in observations[70:]:  # and goes on
         pruned.observe(observation)
         whole.observe(observation)
-    for ours, theirs in zip(pruned.bank, whole.bank, strict=True):
+    for ours, theirs in zip(bank_of(pruned), bank_of(whole), strict=True):
         np.testing.assert_allclose(ours, theirs, **ROUNDING)
     assert_same_deviations(pruned, whole)
 
@@ -131,7 +130,7 @@ def test_when_the_movement_turns_to_a_pruned_task_it_is_restored(filtered):
         ours = task_posterior(pruned.log_evidence, hypotheses, 1.0).probabilities
         expected = task_posterior(whole.log_evidence, hypotheses, 1.0).probabilities
         np.testing.assert_allclose(ours, expected, atol=1e-12)
-    np.testing.assert_allclose(pruned.bank.mean, whole.bank.mean, atol=1e-12)
+    np.testing.assert_allclose(bank_of(pruned).mean, bank_of(whole).mean, atol=1e-12)
 
 
 def test_an_outlier_prunes_no_task_for_good(monkeypatch):
@@ -175,13 +174,13 @@ def test_an_excluded_task_is_pruned_and_stays_impossible():
     library, _, observations = scene(8, n_tasks=40)
     prior = np.full(40, 1.0 / 39.0)
     prior[3] = 0.0
-    hypotheses = make_hypotheses(library, prior, N_SCALES)
+    hypotheses = make_prior_grid(library, prior, N_SCALES)
     run = MovementFilter(library, hypotheses, START_NS, prune=True)
     for observation in observations:
         run.observe(observation)
         assert task_posterior(run.log_evidence, hypotheses, 1.0).probabilities[3] == 0.0
     assert 3 in run.pruned_tasks
-    assert np.all(np.isfinite(run.bank.mean))
+    assert np.all(np.isfinite(bank_of(run).mean))
 
 
 def test_kept_observations_are_replayed_before_they_fill_the_memory(monkeypatch):
@@ -191,14 +190,14 @@ def test_kept_observations_are_replayed_before_they_fill_the_memory(monkeypatch)
     for observation in observations:
         pruned.observe(observation)
         whole.observe(observation)
-        assert len(pruned._bank._kept) <= 10
-    for ours, theirs in zip(pruned.bank, whole.bank, strict=True):
+        assert len(pruned._pruning._kept) <= 10
+    for ours, theirs in zip(bank_of(pruned), bank_of(whole), strict=True):
         np.testing.assert_allclose(ours, theirs, **ROUNDING)
 
 
 def test_few_hypotheses_are_all_filtered(rng):
     library = make_library(rng, n_basis=4)
-    run = MovementFilter(library, make_hypotheses(library), START_NS, prune=True)
+    run = MovementFilter(library, make_prior_grid(library), START_NS, prune=True)
     for observation in merge(simulate(library, 0, rng).observed):
         run.observe(observation)
     assert not len(run.pruned_tasks)
@@ -206,24 +205,14 @@ def test_few_hypotheses_are_all_filtered(rng):
 
 def test_memory_used_again_remembers_nothing():
     library, hypotheses, observations = scene(11)
-    memory = make_memory(library, hypotheses)
-    first = MovementFilter(library, hypotheses, START_NS, memory=memory, prune=True)
+    used = MovementFilter(library, hypotheses, START_NS, prune=True)
     for observation in observations:
-        first.observe(observation)
-    assert len(first.pruned_tasks)
-    second = MovementFilter(library, hypotheses, START_NS, memory=memory)
+        used.observe(observation)
+    assert len(used.pruned_tasks)
     fresh = MovementFilter(library, hypotheses, START_NS)
-    assert second.memory is memory
-    for observation in observations[:20]:
-        second.observe(observation)
+    used.restart(START_NS)
+    for observation in observations[:7]:
+        used.observe(observation)
         fresh.observe(observation)
-    for ours, theirs in zip(second.bank, fresh.bank, strict=True):
+    for ours, theirs in zip(bank_of(used), bank_of(fresh), strict=True):
         assert np.array_equal(ours, theirs)
-    small = make_hypotheses(library, n_scales=2)
-    assert MovementFilter(library, small, START_NS, memory=memory).memory is not memory
-
-
-def test_distributions_that_do_not_fit_are_named():
-    bank = RunningBank(2, 3, 1, 4)
-    with pytest.raises(ShapeError, match=r"expected shapes \(2, 4\) and \(2, 4, 4\), got"):
-        bank.start(np.zeros((3, 4)), np.zeros((3, 4, 4)))

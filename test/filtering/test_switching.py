@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hypotheses born on the way: their offsets, their shares, and what they make of a movement."""
+"""PriorGrid born on the way: their offsets, their shares, and what they make of a movement."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain import as_bank, bank_of
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
 from intent_recognition.filtering import (
-    FilterBank,
     MovementFilter,
-    SwitchedHypotheses,
     births,
-    make_hypotheses,
-    switching,
+    make_prior_grid,
 )
-from intent_recognition.filtering.births import fading, fading_velocity, shares
+from intent_recognition.filtering.births import birth_shares
+from intent_recognition.filtering.observation_model import fading
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
@@ -43,15 +42,16 @@ def changed(library, rng, tasks, change_s, times_s):
     return values + rng.normal(size=values.shape) * np.sqrt(library.noise_variance[:3])
 
 
-def filtered(library, times_s, values, switched):
-    run = MovementFilter(library, make_hypotheses(library), START_NS, switched=switched)
+def filtered(library, times_s, values, run=None, *, switching=True):
+    run = run or MovementFilter(library, make_prior_grid(library), START_NS, switching=switching)
+    run.restart(START_NS)
     for elapsed_s, row in zip(times_s, values, strict=True):
         run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
     return run
 
 
 def posterior(run, elapsed_s):
-    return task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched())
+    return task_posterior(run.log_evidence, run.grid, elapsed_s, run.born())
 
 
 def test_an_offset_fades_as_a_critically_damped_spring():
@@ -61,61 +61,59 @@ def test_an_offset_fades_as_a_critically_damped_spring():
     force = acceleration + 2 * RATE[:, None] * velocity + RATE[:, None] ** 2 * now
     pushed = np.stack([np.zeros(3), np.zeros(3), np.exp(-RATE * s)], axis=1)
     np.testing.assert_allclose(force, pushed, atol=1e-5)
-    np.testing.assert_allclose(fading_velocity(s, RATE), velocity, atol=1e-6)
+    np.testing.assert_allclose(fading(s, RATE, derivative=True), velocity, atol=1e-6)
 
 
 def test_at_birth_the_weights_are_position_velocity_and_push():
     zero = np.zeros(3)
     np.testing.assert_allclose(fading(zero, RATE), np.eye(3)[[0] * 3])
-    np.testing.assert_allclose(fading_velocity(zero, RATE), np.eye(3)[[1] * 3])
+    np.testing.assert_allclose(fading(zero, RATE, derivative=True), np.eye(3)[[1] * 3])
 
 
 def test_what_passes_on_is_what_the_rates_say(rng):
     total = rng.normal(size=5)
-    passed = np.exp(shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
+    passed = np.exp(birth_shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
     known = np.exp(total[:-1]).sum()
-    rate = births.SWITCHES + births.DETOURS
+    rate = births.SWITCH_RATE + births.DETOUR_RATE
     assert np.isclose(passed[:4].sum(), 0.02 * rate * known)
-    assert np.isclose(passed[4], 0.02 * births.STRAYS * np.exp(-1.5) * known)
-    np.testing.assert_allclose(passed[5:], 0.02 * births.HOLD_UPS * np.exp(total[:-1]))
+    assert np.isclose(passed[4], 0.02 * births.NONE_RATE * np.exp(-1.5) * known)
+    np.testing.assert_allclose(passed[5:], 0.02 * births.DELAY_RATE * np.exp(total[:-1]))
 
 
 def test_a_margin_makes_turning_to_another_task_rarer(rng):
     total, log_prior = rng.normal(size=4), np.log([0.2, 0.3, 0.5])
-    detours = np.exp(total[:-1]) * births.DETOURS * 0.02
-    turning = np.exp(shares(total, log_prior, 0.02))[:3] - detours
-    rarer = np.exp(shares(total, log_prior, 0.02, switch_margin=2.0))[:3] - detours
+    detours = np.exp(total[:-1]) * births.DETOUR_RATE * 0.02
+    turning = np.exp(birth_shares(total, log_prior, 0.02))[:3] - detours
+    rarer = np.exp(birth_shares(total, log_prior, 0.02, switch_margin=2.0))[:3] - detours
     np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
 
 
 def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
     with np.errstate(divide="ignore"):
         log_prior = np.log([0.5, 0.5, 0.0])
-    passed = np.exp(shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))
+    passed = np.exp(birth_shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))
     assert passed[2] == 0.0 and passed[0] > 0.0
-    alone = np.exp(shares(np.zeros(2), np.zeros(1), 0.1))
-    assert np.isclose(alone[0], 0.1 * births.DETOURS)
+    alone = np.exp(birth_shares(np.zeros(2), np.zeros(1), 0.1))
+    assert np.isclose(alone[0], 0.1 * births.DETOUR_RATE)
 
 
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
-    for module in (births, switching):
-        monkeypatch.setattr(module, "FADINGS", (12.0,))
+    monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
-    monkeypatch.setattr(births, "HOLD_UPS", 0.0)
-    monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
-    monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
-    monkeypatch.setattr(switching, "BIRTHS_EVERY", 1)
-    switched = SwitchedHypotheses(library)
+    monkeypatch.setattr(births, "DELAY_RATE", 0.0)
+    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
+    monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
+    monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
     times_s = np.arange(0.0, 1.2, 0.1)
     values = changed(library, rng, (0, 1), 0.4, times_s)
-    run = filtered(library, times_s, values, switched)
-    bank, durations_s, weight = switched.of_task(1)
+    run = filtered(library, times_s, values)
+    bank, durations_s, weight = run.births.of_task(1)
     assert np.isclose(weight.sum(), 1.0)
     # Nothing passes on at the first observation; those of the fifth come fourth, and stay there.
     born, at = 4, 3
     density = [bank.log_evidence[at]]
     run.observe(Observation(START_NS + round(1.2e9), 0, values[-1]))
-    later = switched.of_task(1)[0]
+    later = run.births.of_task(1)[0]
     density.append(later.log_evidence[at])
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
@@ -154,34 +152,32 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
 
 
 def test_who_is_held_up_goes_on_with_all_that_was_seen(library, rng, monkeypatch):
-    for module in (births, switching):
-        monkeypatch.setattr(module, "FADINGS", (12.0,))
-    monkeypatch.setattr(switching, "DELAYS", (0.12,))
+    monkeypatch.setattr(births, "FADINGS", (12.0,))
+    monkeypatch.setattr(births, "DELAYS", (0.12,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
-    monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
-    monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
-    monkeypatch.setattr(switching, "BIRTHS_EVERY", 5)
+    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
+    monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
+    monkeypatch.setattr(births, "BIRTHS_EVERY", 5)
     times_s = np.arange(0.0, 1.0, 0.1)
     values = changed(library, rng, (0, 0), 5.0, times_s)
-    until = filtered(library, times_s[:5], values[:5], None)
-    joint = until.hypotheses.log_prior + until.log_evidence
-    parent = int(np.argmax(joint[: -until.hypotheses.n_scales]))
-    task, duration_s = parent // until.hypotheses.n_scales, until.hypotheses.duration_s[parent]
-    switched = SwitchedHypotheses(library)
-    run = filtered(library, times_s[:9], values[:9], switched)
-    before = switched.of_task(task)[0].log_evidence
+    until = filtered(library, times_s[:5], values[:5], switching=False)
+    joint = until.grid.log_prior + until.log_evidence
+    parent = int(np.argmax(joint[: -until.grid.n_scales]))
+    task, duration_s = parent // until.grid.n_scales, until.grid.duration_s[parent]
+    run = filtered(library, times_s[:9], values[:9])
+    before = run.births.of_task(task)[0].log_evidence
     run.observe(Observation(START_NS + round(times_s[9] * 1e9), 0, values[9]))
-    bank, durations_s, _ = switched.of_task(task)
+    bank, durations_s, _ = run.births.of_task(task)
     (late,) = np.flatnonzero(durations_s > duration_s + 0.1)
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
-    usual_s = births.NewbornStates(library).usual_s
+    usual_s = run.births.usual_s
     assert np.isclose(durations_s[late], duration_s + 0.12 * usual_s)
-    std = births.HELD_UP_OFFSET * np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
+    std = births.DELAY_OFFSET * np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
     scale = (12.0 / usual_s) ** np.arange(3) * [1.0, 1.0, births.PUSH]
-    mean = np.r_[until.bank.mean[parent], np.zeros(3 * p)]
+    mean = np.r_[bank_of(until).mean[parent], np.zeros(3 * p)]
     covariance = block_diag(
-        until.bank.covariance[parent], np.diag(np.outer(std, scale).ravel() ** 2)
+        bank_of(until).covariance[parent], np.diag(np.outer(std, scale).ravel() ** 2)
     )
     h = []
     for elapsed_s in times_s[5:]:
@@ -202,10 +198,12 @@ def test_who_is_held_up_goes_on_with_all_that_was_seen(library, rng, monkeypatch
 def test_a_change_is_followed_with_births_and_not_without(library, rng, monkeypatch):
     times_s = np.arange(0.0, 2.0, 0.05)
     values = changed(library, rng, (0, 1), 0.5, times_s)
-    followed = filtered(library, times_s, values, SwitchedHypotheses(library))
+    followed = filtered(library, times_s, values)
     believed = posterior(followed, 1.95)
     assert believed.probabilities[1] > 0.9
-    assert posterior(filtered(library, times_s, values, None), 1.95).probabilities[1] < 0.5
+    assert (
+        posterior(filtered(library, times_s, values, switching=False), 1.95).probabilities[1] < 0.5
+    )
     truth = library.primitive(1)
     end = followed.controlled(1, 1).positions[-1]
     other = followed.controlled(0, 1).positions[-1]
@@ -213,27 +211,27 @@ def test_a_change_is_followed_with_births_and_not_without(library, rng, monkeypa
     assert np.linalg.norm(end - goal) < 0.5 * np.linalg.norm(other - goal)
     assert 1.4 < believed.duration_s[1] < 2.8 and 0.7 < believed.phase[1] <= 1.0
     wary = replace(library, switch_margin=500.0)
-    monkeypatch.setattr(births, "HOLD_UPS", 0.0)
-    never = posterior(filtered(wary, times_s, values, SwitchedHypotheses(wary)), 1.95)
+    monkeypatch.setattr(births, "DELAY_RATE", 0.0)
+    never = posterior(filtered(wary, times_s, values), 1.95)
     assert never.probabilities[1] < 0.5
 
 
 def test_a_movement_of_one_task_stays_one(library, rng):
     times_s = np.arange(0.0, 2.0, 0.05)
-    switched = SwitchedHypotheses(library)
+    run = None
     for task in range(3):
         values = changed(library, rng, (task, task), 5.0, times_s)
-        run = filtered(library, times_s, values, switched)
+        run = filtered(library, times_s, values, run)
         assert np.argmax(posterior(run, 1.95).probabilities) == task
 
 
 def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
-    for name in ("SWITCHES", "DETOURS", "HOLD_UPS", "STRAYS"):
+    for name in ("SWITCH_RATE", "DETOUR_RATE", "DELAY_RATE", "NONE_RATE"):
         monkeypatch.setattr(births, name, 1e-30)
     times_s = np.arange(0.0, 1.5, 0.05)
     values = changed(library, rng, (0, 0), 5.0, times_s)
-    with_births = posterior(filtered(library, times_s, values, SwitchedHypotheses(library)), 1.45)
-    without = posterior(filtered(library, times_s, values, None), 1.45)
+    with_births = posterior(filtered(library, times_s, values), 1.45)
+    without = posterior(filtered(library, times_s, values, switching=False), 1.45)
     for one, other in zip(with_births, without, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 
@@ -242,41 +240,36 @@ def test_memory_that_was_used_before_gives_the_same(library, rng):
     times_s = np.arange(0.0, 1.5, 0.05)
     first = changed(library, rng, (2, 1), 0.5, times_s)
     second = changed(library, rng, (0, 1), 0.5, times_s)
-    used = SwitchedHypotheses(library)
-    filtered(library, times_s, first, used)
+    used = filtered(library, times_s, first)
     again = posterior(filtered(library, times_s, second, used), 1.45)
-    fresh = posterior(filtered(library, times_s, second, SwitchedHypotheses(library)), 1.45)
+    fresh = posterior(filtered(library, times_s, second), 1.45)
     for one, other in zip(again, fresh, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 def test_of_many_tasks_the_probable_ones_are_born(rng, monkeypatch):
-    monkeypatch.setattr(switching, "MAX_TASKS", 2)
+    monkeypatch.setattr(births, "MAX_TASKS", 2)
     library = make_library(rng, n_tasks=5, n_basis=6, correlation_time_s=0.05)
     times_s = np.arange(0.0, 1.0, 0.05)
-    switched = SwitchedHypotheses(library)
-    filtered(library, times_s, changed(library, rng, (3, 3), 5.0, times_s), switched)
-    born = np.isfinite(switched.log_joint[:-1])
+    run = filtered(library, times_s, changed(library, rng, (3, 3), 5.0, times_s))
+    born = np.isfinite(run.births.log_joint[:-1])
     assert born[3] and born.sum() < 5
 
 
 def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
-    monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
-    switched = SwitchedHypotheses(library)
+    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     times_s = np.arange(0.0, 2.0, 0.05)
-    filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
+    run = filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s))
     born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(births.FADINGS)
-    assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * born
+    assert run.births.n_hypotheses <= births.MAX_HYPOTHESES + births.SETTLING * born
 
 
 def test_the_mixture_of_born_hypotheses_is_that_of_their_courses(library, rng):
-    switched = SwitchedHypotheses(library)
     times_s = np.arange(0.0, 1.5, 0.05)
-    filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
-    courses, _, weight = switched.of_task(1)
-    bank = FilterBank(courses.mean, courses.covariance, courses.log_evidence)
-    for ours, expected in zip(courses.mixture(weight), bank.mixture(weight), strict=True):
-        np.testing.assert_allclose(ours, expected, rtol=1e-12, atol=1e-12)
+    run = filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s))
+    courses, _, weight = run.births.of_task(1)
+    bank = as_bank(courses)
+    np.testing.assert_allclose(courses.mixture(weight).mean, weight @ bank.mean, atol=1e-12)
     mean = np.einsum("n,np->p", weight, bank.mean)
     square = np.einsum("n,npq->pq", weight, bank.covariance)
     square += np.einsum("n,np,nq->pq", weight, bank.mean, bank.mean) - np.outer(mean, mean)
@@ -289,9 +282,7 @@ def test_velocities_are_those_of_the_positions(library, rng):
     times_s = np.arange(0.0, 1.6, 0.1)
     values = course(library, draw_weights(library, 2, rng), times_s)
     speed = course(library, draw_weights(library, 2, rng) * 0.0, times_s)
-    run = MovementFilter(
-        library, make_hypotheses(library), START_NS, switched=SwitchedHypotheses(library)
-    )
+    run = MovementFilter(library, make_prior_grid(library), START_NS, switching=True)
     speed[1:-1] = (values[2:] - values[:-2]) / 0.2
     for k, elapsed_s in enumerate(times_s[:-1]):
         stamp = START_NS + round(elapsed_s * 1e9)
@@ -305,9 +296,7 @@ def test_two_signals_settle_each(rng):
     library = make_library(rng, groups=(2, 1), n_basis=6, correlation_time_s=0.05)
     times_s = np.arange(0.0, 2.0, 0.05)
     values = changed(library, rng, (0, 1), 0.5, times_s)
-    run = MovementFilter(
-        library, make_hypotheses(library), START_NS, switched=SwitchedHypotheses(library)
-    )
+    run = MovementFilter(library, make_prior_grid(library), START_NS, switching=True)
     for elapsed_s, row in zip(times_s, values, strict=True):
         stamp = START_NS + round(elapsed_s * 1e9)
         run.observe(Observation(stamp, 0, row[:2]))

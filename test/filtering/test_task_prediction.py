@@ -8,9 +8,9 @@ import pytest
 from plain import mixture_at, run_bank
 from simulation import START_NS, make_library, minimum_jerk, nearly_known, simulate
 
-from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
-from intent_recognition.filtering.task_prediction import TaskPrediction
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
+from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.coupling import ResidualCoupling, residual_weights
@@ -46,7 +46,7 @@ def run_on(library, task, hypotheses, observations) -> TaskPrediction:
 
 def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
     library = library_with(rng, STEADY, groups=(2, 1))
-    hypotheses = fixed_hypotheses(library, 2.0)
+    hypotheses = fixed_prior_grid(library, 2.0)
     observations = seen(library, rng, 25)
     bank = run_bank(library, hypotheses, observations, START_NS)
     run = run_on(library, 1, hypotheses, observations)
@@ -69,7 +69,7 @@ def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
 @pytest.mark.parametrize("n", [0, 8])
 def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
     library = library_with(rng, STEADY)
-    hypotheses = make_hypotheses(library, n_scales=5)._replace(duration_evidence=0.1)
+    hypotheses = make_prior_grid(library, n_scales=5)._replace(duration_evidence=0.1)
     observations = seen(library, rng, n)
     bank = run_bank(library, hypotheses, observations, START_NS)
     run = run_on(library, 0, hypotheses, observations)
@@ -86,7 +86,7 @@ def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
 
 def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
     library = library_with(rng, LEADING, spread=0.3, noise_std=0.02)
-    hypotheses = make_hypotheses(library, n_scales=4)._replace(duration_evidence=0.3)
+    hypotheses = make_prior_grid(library, n_scales=4)._replace(duration_evidence=0.3)
     run = run_on(library, 0, hypotheses, seen(library, rng, 5))
     times = np.array([0.1, 0.8, 1.6, 4.0])
     mean, square = run.mixture_at(times)
@@ -94,7 +94,7 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
     n, phase_deviation = 60_000, run.deviations_at(times)
     drawn = []
     for s, count in enumerate(rng.multinomial(n, run.duration_weights)):
-        observed = Gaussian(run.bank.mean[s], run.bank.covariance[s])
+        observed = Gaussian(run.weights.mean[s], run.weights.covariance[s])
         w = rng.multivariate_normal(*controlled_weights(library, 0, observed), size=count)
         recorded = times / run.durations_s[s]
         values = np.empty((count, len(times), 2))
@@ -113,7 +113,7 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
 
 def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_deviations(rng):
     library = library_with(rng, LEADING)
-    run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 6))
+    run = run_on(library, 0, make_prior_grid(library, n_scales=3), seen(library, rng, 6))
     times = np.linspace(0.0, 5.0, 11)
     table = run.phases_at(times)
     assert table.shape == (3, 11, 201)
@@ -128,7 +128,7 @@ def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_deviations(rn
 @pytest.mark.parametrize("n", [0, 1, 12])
 def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_deviation, n):
     library = library_with(rng, phase_deviation)
-    run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, n))
+    run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, n))
     found = run.controlled(41)
     weights = controlled_weights(library, 0, run.observed_weights())
     noise = library.control_noise_variance()
@@ -150,7 +150,7 @@ def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_d
 @pytest.mark.parametrize("agent", ["controlled", "observed"])
 def test_velocities_are_the_slope_of_the_positions(rng, phase_deviation, agent):
     library = library_with(rng, phase_deviation)
-    run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, 8))
+    run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, 8))
     found = getattr(run, agent)(801)
     numeric = np.gradient(found.positions, found.times_s, axis=0)
     worst = np.max(np.abs(found.velocities - numeric)[2:-2], axis=0)
@@ -159,7 +159,7 @@ def test_velocities_are_the_slope_of_the_positions(rng, phase_deviation, agent):
 
 def test_the_observed_agent_goes_on_from_now_to_the_end(rng):
     library = library_with(rng, LEADING)
-    run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, 10))
+    run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, 10))
     found = run.observed(9)
     assert found.times_s[0] == pytest.approx(run.elapsed_s)
     assert found.times_s[-1] == pytest.approx(run.duration_s)
@@ -178,7 +178,7 @@ def test_past_the_expected_end_all_is_finite_and_at_the_end(rng, phase_deviation
     library = library_with(rng, phase_deviation)
     observations = seen(library, rng, 15)
     observations.append(observations[-1]._replace(stamp_ns=START_NS + 60_000_000_000))
-    run = run_on(library, 0, make_hypotheses(library, n_scales=5), observations)
+    run = run_on(library, 0, make_prior_grid(library, n_scales=5), observations)
     found = run.observed(n_points)
     assert all(np.all(np.isfinite(part)) for part in found)
     assert found.times_s.shape == (n_points,)
@@ -189,7 +189,7 @@ def test_past_the_expected_end_all_is_finite_and_at_the_end(rng, phase_deviation
 
 def test_the_start_posture_is_used(rng):
     library = library_with(rng, LEADING, noise_std=1e-4)
-    run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 4))
+    run = run_on(library, 0, make_prior_grid(library, n_scales=3), seen(library, rng, 4))
     start = StartPosture(np.array([0.04, -0.03]), np.zeros(2))
     np.testing.assert_allclose(run.controlled(11, start).positions[0], start.position, atol=1e-3)
     mean, _ = run.mixture_at(np.zeros(1), start)
@@ -199,7 +199,7 @@ def test_the_start_posture_is_used(rng):
 
 def test_a_task_of_no_prior_can_be_asked_for(rng):
     library = library_with(rng, LEADING)
-    hypotheses = make_hypotheses(library, np.array([1.0, 0.0]), 5)
+    hypotheses = make_prior_grid(library, np.array([1.0, 0.0]), 5)
     run = run_on(library, 1, hypotheses, seen(library, rng, 4))
     assert all(np.all(np.isfinite(part)) for part in run.controlled(5))
 
@@ -207,7 +207,7 @@ def test_a_task_of_no_prior_can_be_asked_for(rng):
 def test_some_dofs_with_a_covariance_are_taken_as_such(rng):
     """A DOF that is not measured equals one measured with a boundless variance."""
     library = library_with(rng, LEADING)
-    hypotheses = make_hypotheses(library, n_scales=3)
+    hypotheses = make_prior_grid(library, n_scales=3)
     part = Observation(
         START_NS + 700_000_000, 0, np.array([0.1, 0.2]), np.diag([1e-4, 2e-4]), (0, 2)
     )
@@ -215,7 +215,7 @@ def test_some_dofs_with_a_covariance_are_taken_as_such(rng):
         values=np.array([0.1, 0.0, 0.2]), covariance=np.diag([1e-4, 1e9, 2e-4]), dofs=None
     )
     one, other = (run_on(library, 0, hypotheses, [o]) for o in (part, whole))
-    np.testing.assert_allclose(one.bank.mean, other.bank.mean, atol=1e-7)
+    np.testing.assert_allclose(one.weights.mean, other.weights.mean, atol=1e-7)
     np.testing.assert_allclose(one.duration_weights, other.duration_weights, atol=1e-7)
     times = np.linspace(0.0, 2.0, 5)
     np.testing.assert_allclose(one.deviations_at(times), other.deviations_at(times), atol=1e-7)
@@ -223,7 +223,7 @@ def test_some_dofs_with_a_covariance_are_taken_as_such(rng):
 
 def test_asking_late_equals_asking_all_the_time(rng):
     library = library_with(rng, LEADING)
-    hypotheses = make_hypotheses(library, n_scales=3)
+    hypotheses = make_prior_grid(library, n_scales=3)
     late, always = (MovementFilter(library, hypotheses, START_NS) for _ in range(2))
     for observation in seen(library, rng, 20):
         late.observe(observation)
@@ -244,7 +244,7 @@ def test_asking_late_equals_asking_all_the_time(rng):
 def test_the_controlled_agent_may_keep_steady_progress(rng, follows):
     """Its phases then are those of the durations alone, whatever the observed one does."""
     library = library_with(rng, replace(LEADING, controlled_follows=follows))
-    run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 8))
+    run = run_on(library, 0, make_prior_grid(library, n_scales=3), seen(library, rng, 8))
     times = np.linspace(0.0, 3.0, 7)
     phase, probability = run.controlled_phases_at(times)
     if follows:
@@ -282,7 +282,7 @@ def test_who_hesitates_is_predicted_better_with_phase_deviations(seed):
         rng = np.random.default_rng(seed)
         library = swinging(phase_deviation)
         weights = rng.multivariate_normal(library.weight_mean[0], library.weight_covariance[0])
-        run = MovementFilter(library, fixed_hypotheses(library, 2.0), START_NS)
+        run = MovementFilter(library, fixed_prior_grid(library, 2.0), START_NS)
 
         def truth(times, weights=weights, basis=library.basis):
             row = basis.design_matrix(hesitation(times / 2.0))
@@ -306,11 +306,11 @@ def test_coupled_residuals_are_added_and_take_their_share_of_the_variance(rng):
     gain = 20.0 * rng.normal(size=(2, 2, 3))
     coupling = ResidualCoupling(gain, np.full((2, 2), 0.75), np.full(2, 0.2))
     observations = seen(library, rng, 12)
-    hypotheses, times = fixed_hypotheses(library, 2.0), np.array([0.3, 1.1, 1.9])
+    hypotheses, times = fixed_prior_grid(library, 2.0), np.array([0.3, 1.1, 1.9])
     run = run_on(replace(library, coupling=coupling), 0, hypotheses, observations)
     alone = run_on(library, 0, hypotheses, observations)
     at = np.array([(o.stamp_ns - START_NS) * 1e-9 for o in observations])
-    path = library.basis.design_matrix(at / 2.0) @ alone.bank.mean[0].reshape(3, -1).T
+    path = library.basis.design_matrix(at / 2.0) @ alone.weights.mean[0].reshape(3, -1).T
     weights, known = residual_weights(at, times, 0.2)
     shift = weights @ (np.array([o.values for o in observations]) - path) @ gain[0].T
     assert np.abs(shift).max() > 0.01

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from simulation import make_library
 
-from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,
@@ -42,7 +42,7 @@ def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
     prior = Gaussian(library.observed_mean, library.observed_covariance)
     pace = np.array([1.0, 0.7, 1.6])
     values = rng.normal(size=(len(sample_phases()), library.n_observed)) * 0.1
-    hypotheses = Hypotheses(1, DURATION_S / pace, np.zeros(3))
+    hypotheses = PriorGrid(1, DURATION_S / pace, np.zeros(3))
     run = MovementFilter(library, hypotheses, 0)
     expected = []
     for k, (phase, one) in enumerate(zip(sample_phases(), values, strict=True)):
@@ -55,8 +55,8 @@ def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
         found.append(progress.log_evidence.copy())
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
     mean, covariance = progress.weights.moments()
-    np.testing.assert_allclose(mean, run.bank.mean, atol=1e-8)
-    np.testing.assert_allclose(covariance, run.bank.covariance, atol=1e-10)
+    np.testing.assert_allclose(mean, run.snapshot.mean, atol=1e-8)
+    np.testing.assert_allclose(covariance, run.snapshot.covariance, atol=1e-10)
 
 
 def test_each_hypothesis_sees_its_own_values(rng):

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import expit
 from simulation import make_library, simulate
 
-from intent_recognition.filtering import MovementFilter, SwitchedHypotheses, make_hypotheses
+from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
@@ -83,13 +83,12 @@ def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
     """Beside a filter that is asked for its posterior at every sample."""
     example = tasks["task_1"].examples[0]
     library = replace(trained.library, none_margin=0.0, switch_margin=1.0)
-    hypotheses = make_hypotheses(library, n_scales=N_FOLLOWED_SCALES)
-    switched = SwitchedHypotheses(library, N_FOLLOWED_SCALES)
-    run, largest = MovementFilter(library, hypotheses, 0, switched=switched), 0.0
+    hypotheses = make_prior_grid(library, n_scales=N_FOLLOWED_SCALES)
+    run, largest = MovementFilter(library, hypotheses, 0, switching=True), 0.0
     stamps_ns = np.round(sample_phases() * example.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, example.observed):
         run.observe(observation)
-        posterior = task_posterior(run.log_evidence, hypotheses, 1.0, run.switched())
+        posterior = task_posterior(run.log_evidence, hypotheses, 1.0, run.born())
         known = posterior.probabilities[:-1] / posterior.probabilities[:-1].sum()
         largest = max(largest, 1.0 - known[1])
     assert expit(largest_odds_against(library, 1, example)) == pytest.approx(largest, abs=1e-9)

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulation import make_library, simulate
 
-from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.learning import unknown_task
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
@@ -164,7 +164,7 @@ def test_factors_are_those_of_the_filter_that_runs_online(report):
     whole = LeavingOut(library, tasks).nothing()
     asked = Comparison(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
     (found,) = log_factors([asked])
-    hypotheses = make_hypotheses(library, n_scales=unknown_task.N_CALIBRATED_SCALES)
+    hypotheses = make_prior_grid(library, n_scales=unknown_task.N_CALIBRATED_SCALES)
     run, expected = MovementFilter(library, hypotheses, 0), []
     for k, (phase, values) in enumerate(zip(sample_phases(), recorded.observed, strict=True)):
         also = None if k else library.noise_covariance(np.arange(library.n_observed), np.inf)
@@ -261,7 +261,7 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
     known, unknown = [], []
     for left_out in {r.task for r in recordings}:
         library = learn([r for r in recordings if r.task != left_out], WHOLE)
-        hypotheses = make_hypotheses(library)
+        hypotheses = make_prior_grid(library)
         for recorded in recordings[::2]:
             run = MovementFilter(library, hypotheses, recorded.start_ns)
             highest = 0.0

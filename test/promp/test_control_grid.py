@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import observed_weights
+from plain import bank_of, observed_weights
 from simulation import make_library, simulate
 
-from intent_recognition.filtering.hypotheses import make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import rollout
@@ -24,7 +24,7 @@ from intent_recognition.signals.onset import OnsetSettings, at_rest, is_slow
 def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
     library = make_library(rng, n_tasks=3, groups=(2, 1), n_controlled=3, n_basis=7)
     recorded = simulate(library, 1, rng, n_samples=40)
-    run = MovementFilter(library, make_hypotheses(library), recorded.start_ns, prune=prune)
+    run = MovementFilter(library, make_prior_grid(library), recorded.start_ns, prune=prune)
     start = StartPosture(rng.normal(size=3), np.full(3, 1e-4)) if with_start else None
     phase = np.linspace(1.0, 0.0, n_points)[::-1]
     noise = library.control_noise_variance()
@@ -32,10 +32,10 @@ def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
         run.observe(observation)
         if number % 7:
             continue
-        posterior = task_posterior(run.log_evidence, run.hypotheses, 0.4)
+        posterior = task_posterior(run.log_evidence, run.grid, 0.4)
         for task in range(library.n_tasks):
             moments = run.prediction(task).observed_weights()
-            plain = observed_weights(run.bank, posterior.scale_weights, task)
+            plain = observed_weights(bank_of(run), posterior.scale_weights, task)
             np.testing.assert_allclose(moments.mean, plain.mean, rtol=1e-9, atol=1e-12)
             np.testing.assert_allclose(moments.covariance, plain.covariance, rtol=1e-8, atol=1e-12)
             weights = controlled_weights(library, task, plain, start)

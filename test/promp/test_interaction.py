@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.hypotheses import fixed_hypotheses
+from intent_recognition.filtering.grid import fixed_prior_grid
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.prediction import controlled_weights
 from intent_recognition.promp.trajectory import rollout
@@ -69,7 +69,7 @@ def test_a_dof_that_is_not_observed_has_no_row(promp, values):
 
 def test_the_filter_bank_gives_the_same(library, promp, values):
     """Of a task of known duration; the controlled weights follow by regression there."""
-    hypotheses = fixed_hypotheses(library, promp.duration_s)
+    hypotheses = fixed_prior_grid(library, promp.duration_s)
     stamps_ns = START_NS + np.round(PHASES * promp.duration_s * 1e9).astype(np.int64)
     stream = [Observation(int(s), 0, v) for s, v in zip(stamps_ns, values, strict=True)]
     bank = run_bank(library, hypotheses, stream, START_NS)

@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import mixture_at, observed_weights, run_bank, start_bank
+from plain import Bank, bank_of, mixture_at, observed_weights, run_bank, start_bank
 from simulation import START_NS, draw_weights, make_library, simulate
 
-from intent_recognition.filtering.filtered_weights import FilterBank
-from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement_filter import MovementFilter
+from intent_recognition.filtering.filter import MovementFilter
+from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
@@ -75,7 +74,7 @@ def test_durations_are_marginalised_by_matching_moments(rng):
     for b in range(6):
         root = rng.normal(size=(4, 4))
         covariance[b] = root @ root.T
-    bank = FilterBank(mean, covariance, np.zeros(6))
+    bank = Bank(mean, covariance, np.zeros(6))
     weights = rng.dirichlet(np.ones(3), size=2)
     matched = observed_weights(bank, weights, 1)
     drawn = np.concatenate(
@@ -93,7 +92,7 @@ def test_durations_are_marginalised_by_matching_moments(rng):
 def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     """Robot's start and the human's movement in one joint Gaussian, in one step."""
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=3, n_basis=6)
-    hypotheses = fixed_hypotheses(library, 2.0)
+    hypotheses = fixed_prior_grid(library, 2.0)
     recording = simulate(library, 0, rng, n_samples=7, duration_s=2.0)
     observations = list(merge(recording.observed))
     bank = run_bank(library, hypotheses, observations, START_NS)
@@ -146,7 +145,7 @@ def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
     library = make_library(
         rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6, noise_std=0.02, spread=0.3
     )
-    hypotheses = make_hypotheses(library, n_scales=4)
+    hypotheses = make_prior_grid(library, n_scales=4)
     recording = simulate(library, 0, rng, n_samples=10, duration_s=2.2)
     seen = list(merge(recording.observed))[:3]
     bank = run_bank(library, hypotheses, seen, START_NS)
@@ -169,7 +168,7 @@ def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
 
 def test_mixture_of_one_hypothesis_is_its_rollout(rng):
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6)
-    hypotheses = fixed_hypotheses(library, 2.0)
+    hypotheses = fixed_prior_grid(library, 2.0)
     bank = start_bank(library, hypotheses)
     times = np.linspace(0, 2, 9)
     mean, std = mixture_at(library, bank, hypotheses, np.array([[0.0], [1.0]]), times)
@@ -181,14 +180,14 @@ def test_mixture_of_one_hypothesis_is_its_rollout(rng):
 
 def test_more_observations_never_widen_a_prediction_of_known_phase(rng):
     library = make_library(rng, groups=(2,), n_controlled=2, n_basis=6)
-    hypotheses = fixed_hypotheses(library, 2.0)
+    hypotheses = fixed_prior_grid(library, 2.0)
     given_task = np.zeros((3, 1))
     given_task[0] = 1.0
     before = np.inf
     run = MovementFilter(library, hypotheses, START_NS)
     for observation in merge(simulate(library, 0, rng, n_samples=10, duration_s=2.0).observed):
         run.observe(observation)
-        _, std = mixture_at(library, run.bank, hypotheses, given_task, np.linspace(0, 2, 7))
+        _, std = mixture_at(library, bank_of(run), hypotheses, given_task, np.linspace(0, 2, 7))
         assert np.all(std <= before + 1e-12)
         before = std
 
@@ -196,7 +195,7 @@ def test_more_observations_never_widen_a_prediction_of_known_phase(rng):
 def test_known_truth_lies_where_the_posterior_says(rng):
     """Normalised squared error of the controlled weights follows chi-square in simulation."""
     library = make_library(rng, n_tasks=1, groups=(2,), n_controlled=1, n_basis=5, spread=0.2)
-    hypotheses = fixed_hypotheses(library, 2.0)
+    hypotheses = fixed_prior_grid(library, 2.0)
     split, errors, d = library.n_observed_weights, [], 5
     for _ in range(300):
         w = draw_weights(library, 0, rng)

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, minimum_jerk
 
 from intent_recognition.errors import ArgumentError, DofError, IntentError
-from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.control_points import controlled_at
 from intent_recognition.promp.library import TaskLibrary
@@ -50,7 +50,7 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
     """No observation since onset is lost, none before it is used."""
     observations = list(merge(movement(truth, 2, rng).observed))
     estimates = feed(IntentEstimator(library, switching=False), observations)
-    hypotheses = make_hypotheses(library)
+    hypotheses = make_prior_grid(library)
     for estimate in max(episodes(estimates), key=len)[::20]:
         used = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
         bank = run_bank(library, hypotheses, used, estimate.onset_ns)
@@ -79,7 +79,7 @@ def test_between_used_observations_the_phase_goes_on(library, truth, rng):
         run = estimator._movement.filter
         unused, n_used = unused + (run.n_used == n_used), run.n_used
         elapsed_s = (observation.stamp_ns - estimate.onset_ns) * 1e-9
-        expected = task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched())
+        expected = task_posterior(run.log_evidence, run.grid, elapsed_s, run.born())
         np.testing.assert_allclose(estimate.phase[:-1], expected.phase[:-1], atol=1e-12)
         np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
     assert unused > 20 and n_used > 20
@@ -120,7 +120,7 @@ def by_hand(
     library: TaskLibrary, task: int, used: list[Observation], onset_ns: int
 ) -> tuple[Gaussian, float]:
     """Controlled weights and expected duration from one regression per duration."""
-    hypotheses, n_dofs = make_hypotheses(library), len(library.noise_variance)
+    hypotheses, n_dofs = make_prior_grid(library), len(library.noise_variance)
     durations = hypotheses.duration_s.reshape(-1, hypotheses.n_scales)[task]
     log_weight = hypotheses.log_prior.reshape(-1, hypotheses.n_scales)[task].copy()
     times_s = np.array([(o.stamp_ns - onset_ns) * 1e-9 for o in used])
@@ -221,7 +221,7 @@ def test_asynchronous_signals_equal_the_joint_filter_whatever_order_they_arrive_
     swapped = []
     for i in range(0, len(later) - 1, 2):  # neighbours arrive in the other order
         swapped += [later[i + 1], later[i]]
-    # Hypotheses born on the way begin with whichever signal comes first.
+    # PriorGrid born on the way begin with whichever signal comes first.
     ordered = IntentEstimator(library, switching=False)
     expected = feed(ordered, early + later[: len(swapped)])[-1]
     found = feed(IntentEstimator(library, switching=False), early + swapped)[-1]
@@ -247,7 +247,7 @@ def test_one_signal_of_three_dofs_equals_two_signals_with_the_same_stamps(rng):
             onset = a.onset_ns
             same(a, b, 1e-8)
     # The detectors see different norms; where they agree the numbers must.
-    hypotheses = make_hypotheses(together)
+    hypotheses = make_prior_grid(together)
     used = [Observation(s, 0, v) for s, v in zip(signal.stamps_ns.tolist(), signal.values)][50:90]
     split = [
         Observation(o.stamp_ns, g, o.values[c]) for o in used for g, c in ((0, [0, 1]), (1, [2]))

@@ -6,7 +6,7 @@ import pytest
 from online_stream import movement
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering import MovementFilter, fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_prior_grid
 from intent_recognition.recognition import predict_controlled, recognize_task, task_posterior
 from intent_recognition.signals import merge
 
@@ -23,7 +23,7 @@ def recording(truth):
 def test_it_is_the_posterior_of_the_bank(library, recording):
     recorded, times_s, human = recording
     half = len(times_s) // 2
-    hypotheses = make_hypotheses(library)
+    hypotheses = make_prior_grid(library)
     run = MovementFilter(library, hypotheses, recorded.observed[0].stamps_ns[0])
     for observation in list(merge(recorded.observed))[:half]:
         run.observe(observation)
@@ -42,7 +42,7 @@ def test_a_known_duration_is_one_hypothesis_per_task(library, recording):
     found = recognize_task(library, times_s, human, duration_s=duration_s)
     np.testing.assert_allclose(found.posterior.duration_s, duration_s)
     np.testing.assert_allclose(found.phase, 1.0)
-    assert fixed_hypotheses(library, duration_s).n_scales == found.posterior.scale_weights.shape[1]
+    assert fixed_prior_grid(library, duration_s).n_scales == found.posterior.scale_weights.shape[1]
 
 
 def test_what_was_not_measured_has_no_row(library, recording):

@@ -9,7 +9,7 @@ from plain import run_bank, start_bank
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
+from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
 from intent_recognition.recognition.posterior import beyond_margin, counted_none, task_posterior
 from intent_recognition.signals.observation import merge
 
@@ -22,7 +22,7 @@ def test_probabilities_sum_to_one(seed, n_tasks, n_scales, size):
     rng = np.random.default_rng(seed)
     b = (n_tasks + 1) * n_scales
     log_prior = np.log(rng.dirichlet(np.ones(b)))
-    hypotheses = Hypotheses(n_scales, rng.uniform(0.5, 5.0, size=b), log_prior)
+    hypotheses = PriorGrid(n_scales, rng.uniform(0.5, 5.0, size=b), log_prior)
     posterior = task_posterior(-size * rng.uniform(size=b), hypotheses, 1.0)
     assert abs(posterior.probabilities.sum() - 1.0) < 1e-12
     np.testing.assert_allclose(posterior.scale_weights.sum(axis=1), 1.0, atol=1e-12)
@@ -38,7 +38,7 @@ def test_equals_bayes_written_out(seed, n_tasks, n_scales):
     prior = rng.dirichlet(np.ones(shape[0] * shape[1])).reshape(shape)
     evidence = rng.uniform(0.01, 1.0, size=shape)
     duration = rng.uniform(0.5, 5.0, size=shape)
-    hypotheses = Hypotheses(n_scales, duration.ravel(), np.log(prior).ravel())
+    hypotheses = PriorGrid(n_scales, duration.ravel(), np.log(prior).ravel())
     posterior = task_posterior(np.log(evidence).ravel(), hypotheses, 1.0)
     joint = prior * evidence
     by_task = joint.sum(axis=1)
@@ -55,7 +55,7 @@ def test_whole_chain_equals_enumeration_with_joint_gaussians(rng):
     """Every (task, duration): the stacked observations' density under one multivariate normal."""
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=1, n_basis=6)
     recording = simulate(library, 1, rng, n_samples=9, duration_s=1.7)
-    hypotheses = make_hypotheses(library, n_scales=5)
+    hypotheses = make_prior_grid(library, n_scales=5)
     observations = list(merge(recording.observed))
     bank = run_bank(library, hypotheses, observations, START_NS)
     posterior = task_posterior(bank.log_evidence, hypotheses, 1.7)
@@ -91,7 +91,7 @@ def test_whole_chain_equals_enumeration_with_joint_gaussians(rng):
 def test_before_any_observation_the_posterior_is_the_prior(rng):
     library = make_library(rng, n_basis=4)
     prior = np.array([0.2, 0.7, 0.1])
-    hypotheses = make_hypotheses(library, prior)
+    hypotheses = make_prior_grid(library, prior)
     posterior = task_posterior(start_bank(library, hypotheses).log_evidence, hypotheses, 0.0)
     expected = np.r_[prior * (1 - library.none_prior), library.none_prior]
     np.testing.assert_allclose(posterior.probabilities, expected, atol=1e-12)
@@ -101,7 +101,7 @@ def test_before_any_observation_the_posterior_is_the_prior(rng):
 def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
     log_prior = np.log(np.array([0.5, 0.5, 1e-300, 1e-300]))
     log_prior[:2] = -np.inf
-    hypotheses = Hypotheses(2, np.ones(4), log_prior)
+    hypotheses = PriorGrid(2, np.ones(4), log_prior)
     with np.errstate(invalid="raise"):
         posterior = task_posterior(np.array([5.0, 5.0, -1e5, -2e5]), hypotheses, 0.5)
     assert posterior.probabilities.tolist() == [0.0, 1.0]
@@ -111,7 +111,7 @@ def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
 
 @given(st.floats(-1e6, 1e6))
 def test_a_common_factor_of_all_evidences_changes_nothing(shift):
-    hypotheses = Hypotheses(2, np.ones(4), np.log(np.full(4, 0.25)))
+    hypotheses = PriorGrid(2, np.ones(4), np.log(np.full(4, 0.25)))
     evidence = np.array([0.0, -1.0, -2.0, -3.0])
     base = task_posterior(evidence, hypotheses, 0.5)
     moved = task_posterior(evidence + shift, hypotheses, 0.5)
@@ -124,7 +124,7 @@ def test_recognition_is_calibrated_in_simulation(rng):
     library = make_library(
         rng, n_tasks=3, groups=(2,), n_controlled=1, n_basis=8, spread=0.35, none_prior=1e-6
     )
-    hypotheses = make_hypotheses(library)
+    hypotheses = make_prior_grid(library)
     probabilities, hits = [], []
     for i in range(400):
         task = int(rng.integers(3))
@@ -153,7 +153,7 @@ def test_recognition_is_calibrated_in_simulation(rng):
 def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):
     """It moves the duration's posterior toward the prior, and nothing else."""
     library = make_library(rng, n_tasks=2, n_basis=6)
-    hypotheses = make_hypotheses(library, n_scales=5)
+    hypotheses = make_prior_grid(library, n_scales=5)
     bank = start_bank(library, hypotheses)._replace(log_evidence=rng.normal(size=15) * 10.0)
     exact = task_posterior(bank.log_evidence, hypotheses, 0.5)
     for power in (1.0, 0.3, 0.0):
@@ -191,7 +191,7 @@ def test_within_the_margin_next_to_nothing_counts_and_beyond_it_all(share, margi
 def test_a_margin_moves_none_only_and_by_what_counts(seed, n_tasks, margin):
     rng = np.random.default_rng(seed)
     log_prior = np.log(rng.dirichlet(np.ones(2 * (n_tasks + 1))))
-    plain = Hypotheses(2, rng.uniform(0.5, 5.0, size=len(log_prior)), log_prior)
+    plain = PriorGrid(2, rng.uniform(0.5, 5.0, size=len(log_prior)), log_prior)
     evidence = 10.0 * rng.normal(size=len(log_prior))
     before = task_posterior(evidence, plain, 1.0)
     after = task_posterior(evidence, plain._replace(none_margin=margin), 1.0)

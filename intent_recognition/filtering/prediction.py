@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """One task's trajectories, from the hypotheses of a movement under way."""
 
-from collections.abc import Callable, Sequence
-from functools import cached_property
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.deviation_history import Deviations
-from intent_recognition.filtering.filtered_weights import CourseWeights, FilterBank
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.gaussian import Gaussian
+from intent_recognition.filtering.table import Deviations, Snapshot
+from intent_recognition.gaussian import Gaussian, cholesky, solve_lower, symmetrize
 from intent_recognition.promp import (
     ControlGrid,
     PhaseDeviation,
@@ -37,10 +35,10 @@ class TaskPrediction:
     Args:
         library: the learned tasks.
         task: number of the task; K is none, which has no controlled agent.
-        bank: S filtered hypotheses of the task.
+        weights: of S filtered hypotheses of the task.
         durations_s: of the whole movement under each, (S,).
         duration_weights: their posterior probabilities, (S,).
-        deviations: gives what was believed of their phase deviations.
+        deviations: what was believed of their phase deviations.
         elapsed_s: time of the last observation after onset.
         seen: the measurements of positions, whose residuals couple the agents; none where the
             hypotheses have offsets, which explain them.
@@ -50,14 +48,14 @@ class TaskPrediction:
         self,
         library: TaskLibrary,
         task: int,
-        bank: FilterBank | CourseWeights,
+        weights: Snapshot,
         durations_s: NDArray[np.float64],
         duration_weights: NDArray[np.float64],
-        deviations: Callable[[], Deviations],
+        deviations: Deviations,
         elapsed_s: float,
         seen: Sequence[Measurement] = (),
     ):
-        self.library, self.task, self.bank, self.elapsed_s = library, task, bank, elapsed_s
+        self.library, self.task, self.weights, self.elapsed_s = library, task, weights, elapsed_s
         coupling = library.coupling if task < library.n_tasks else None
         coupled = coupling is not None and bool(np.any(coupling.gain[task]))
         self._seen = seen if coupled else ()
@@ -71,12 +69,12 @@ class TaskPrediction:
 
     def observed_weights(self) -> Gaussian:
         """Observed weights, durations marginalised by matching moments."""
-        return self.bank.mixture(self.duration_weights)
+        return self.weights.mixture(self.duration_weights)
 
     def deviations_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Probability of each deviation at times after onset given all observations, (S, T, E)."""
         model, durations = self.library.phase_deviation, self.durations_s
-        return deviations_at(model, durations, self._deviations(), times_s)
+        return deviations_at(model, durations, self._deviations, times_s)
 
     def controlled_phases_at(
         self, times_s: NDArray[np.float64]
@@ -101,24 +99,47 @@ class TaskPrediction:
         The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and
         phase deviations), and the coupling of the residuals (`promp.coupling`).
         """
-        weights, phases = self.duration_weights, self.phases_at(times_s)
-        shift, unexplained = self._coupled(times_s)
-        mean = np.zeros((len(times_s), self.library.n_controlled))
-        square = np.zeros_like(mean)
-        for index in np.flatnonzero(weights > NEGLIGIBLE_DURATION):
-            observed = Gaussian(self.bank.mean[index], self.bank.covariance[index])
-            along, share = self._table.predict(observed, 1.0, start), phases[index]
-            expected = share @ along.positions
-            variance = share @ (along.std**2 + along.positions**2) - expected**2
-            expected = expected + shift[index]
-            mean += weights[index] * expected
-            square += weights[index] * (unexplained * variance + expected**2)
-        total = weights[weights > NEGLIGIBLE_DURATION].sum()
-        return mean / total, square / total
+        library, likely = self.library, np.flatnonzero(self.duration_weights > NEGLIGIBLE_DURATION)
+        mean, covariance = self._controlled_weights(likely, start)
+        design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
+        position = np.matmul(design, mean.swapaxes(1, 2))  # (S, G, Q)
+        square = np.einsum("gk,sqkl,gl->sgq", design, covariance, design, optimize=True)
+        square += library.control_noise_variance() + position**2
+        (shift, unexplained), phases = self._coupled(times_s), self.phases_at(times_s)[likely]
+        expected = np.matmul(phases, position)
+        variance = unexplained * (np.matmul(phases, square) - expected**2)
+        expected += shift[likely]
+        share = self.duration_weights[likely] / self.duration_weights[likely].sum()
+        return np.tensordot(share, expected, 1), np.tensordot(share, variance + expected**2, 1)
 
-    @cached_property
-    def _table(self) -> ControlGrid:
-        return ControlGrid(self.library, self.task, N_PHASES)
+    def _controlled_weights(
+        self, some: NDArray[np.int64], start: StartPosture | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """As `promp.controlled_weights`, of k hypotheses and within each controlled DOF alone.
+
+        Returns:
+            Means (k, Q, N) and covariances (k, Q, N, N).
+        """
+        library, observed = self.library, self.weights
+        matrix, offset, rest = library.regressions[self.task]
+        q, n = library.n_controlled, library.basis.n_basis
+        by_dof, rest = matrix.reshape(q, n, -1), rest.reshape(q, n, q, n)
+        cross = np.matmul(by_dof[None], observed.covariance[some, None])  # (k, Q, N, P N)
+        own = np.matmul(cross, by_dof.swapaxes(1, 2)) + np.einsum("qnqm->qnm", rest)
+        mean = (observed.mean[some] @ matrix.T + offset).reshape(-1, q, n)
+        if start is None:
+            return mean, own
+        row = library.basis.design_matrix(np.zeros(1))[0]
+        at = np.einsum("n,qnp->qp", row, by_dof)
+        cross = np.matmul(cross, at.T) + np.einsum("qnrm,m->qnr", rest, row)  # (k, Q, N, Q)
+        spread = np.einsum("n,kqnr->kqr", row, cross)
+        spread = symmetrize(spread) + np.diag(start.variance + library.control_noise_variance())
+        cross = cross.reshape(len(mean), q * n, q).swapaxes(1, 2)
+        innovation = (start.position - mean @ row)[..., None]
+        found = solve_lower(cholesky(spread), np.concatenate([cross, innovation], axis=2))
+        cross, innovation = found[..., :-1].reshape(-1, q, q, n), found[..., -1]
+        mean = mean + np.einsum("kr,krqn->kqn", innovation, cross)
+        return mean, own - np.einsum("krqn,krqm->kqnm", cross, cross)
 
     def _coupled(
         self, times_s: NDArray[np.float64]
@@ -134,7 +155,7 @@ class TaskPrediction:
         seen_s, values = _values(self._seen, self.library.n_observed)
         phase = reference_phase(self.library.phase_deviation, seen_s / self.durations_s[:, None])
         design = self.library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
-        of_dofs = self.bank.mean.reshape(len(self.durations_s), self.library.n_observed, -1)
+        of_dofs = self.weights.mean.reshape(len(self.durations_s), self.library.n_observed, -1)
         path = design @ np.swapaxes(of_dofs, 1, 2)
         residuals = values - _tabulated(phase, self.deviations_at(seen_s)) @ path
         residuals[np.broadcast_to(np.isnan(values), residuals.shape)] = 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The grid of hypotheses: tasks by durations."""
+"""The prior grid: tasks by durations, from which the hypotheses of a movement begin."""
 
 from typing import NamedTuple
 
@@ -21,8 +21,8 @@ DURATION_FREEDOM = 4.0
 than any demonstration (docs/decisions/one_filter.md)."""
 
 
-class Hypotheses(NamedTuple):
-    """The bank's grid: K + 1 tasks (none last) by S durations, flattened task by task; B of them.
+class PriorGrid(NamedTuple):
+    """K + 1 tasks (none last) by S durations, flattened task by task; B of them.
 
     Attributes:
         n_scales: S.
@@ -43,37 +43,30 @@ class Hypotheses(NamedTuple):
         """Log prior probability of each task and none, (K + 1,)."""
         return np.logaddexp.reduce(self.log_prior.reshape(-1, self.n_scales), axis=1)
 
-    def durations(
-        self, task: int, log_evidence: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Durations of a task, or none, and their posterior probabilities, (S,) each.
+    def duration_weights(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Posterior probability of each duration given its task, (K + 1, S).
+
+        An impossible task has its prior's durations: it can still be asked for.
 
         Args:
-            task: its number.
-            log_evidence: of the task's hypotheses, (S,).
+            log_evidence: density of the observations under each hypothesis, (B,).
         """
-        grid = slice(task * self.n_scales, (task + 1) * self.n_scales)
-        log_prior = self.log_prior[grid]
-        if not np.any(np.isfinite(log_prior)):  # an impossible task can still be asked for
-            log_prior = np.zeros_like(log_prior)
-        log_weight = log_prior + self.duration_evidence * log_evidence
-        weight = np.exp(log_weight - log_weight.max())
-        return self.duration_s[grid], weight / weight.sum()
+        log_prior = self.log_prior.reshape(-1, self.n_scales)
+        possible = np.isfinite(log_prior).any(axis=1, keepdims=True)
+        tempered = np.where(possible, log_prior, 0.0)
+        tempered = tempered + self.duration_evidence * log_evidence.reshape(log_prior.shape)
+        best = tempered.max(axis=1, keepdims=True)
+        weight = np.exp(np.where(np.isfinite(best), tempered - np.nan_to_num(best), 0.0))
+        return weight / weight.sum(axis=1, keepdims=True)
 
     def phase(self, elapsed_s: float | NDArray[np.float64]) -> NDArray[np.float64]:
         """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
-        phase = np.asarray(elapsed_s)[..., None] / self.duration_s
-        return np.minimum(np.maximum(phase, 0.0), 1.0)
-
-    def phase_rate(self, elapsed_s: float | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Phase per second so long after onset, zero before it and after the end: (..., B)."""
-        phase = np.asarray(elapsed_s)[..., None] / self.duration_s
-        return np.where((phase >= 0.0) & (phase <= 1.0), 1.0 / self.duration_s, 0.0)
+        return np.clip(np.asarray(elapsed_s)[..., None] / self.duration_s, 0.0, 1.0)
 
 
-def make_hypotheses(
+def make_prior_grid(
     library: TaskLibrary, task_prior: NDArray[np.float64] | None = None, n_scales: int = N_SCALES
-) -> Hypotheses:
+) -> PriorGrid:
     """Cover each task's timing prior by durations evenly spaced in their logarithm.
 
     Args:
@@ -92,19 +85,28 @@ def make_hypotheses(
     if n_scales < 1:
         raise ArgumentError.about("n_scales", "1 or more", n_scales, f"Try {N_SCALES}.")
     offsets, log_weight = duration_offsets(n_scales)
-    mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
-    std = np.r_[library.log_duration_std, library.none_log_duration[1]]
-    duration = np.exp(mean[:, None] + std[:, None] * offsets)
+    mean, std = log_durations(library)
     with np.errstate(divide="ignore"):
         log_task = np.log(np.r_[prior * (1.0 - library.none_prior), library.none_prior])
-    log_prior = (log_task[:, None] + log_weight).ravel()
-    return Hypotheses(
+    return PriorGrid(
         n_scales,
-        duration.ravel(),
-        log_prior,
+        np.exp(mean[:, None] + std[:, None] * offsets).ravel(),
+        (log_task[:, None] + log_weight).ravel(),
         library.duration_evidence,
         library.none_margin,
     )
+
+
+def fixed_prior_grid(library: TaskLibrary, duration_s: float) -> PriorGrid:
+    """One hypothesis per task, all of a known duration: the phase is known."""
+    duration = np.full(library.n_tasks + 1, float(duration_s))
+    return make_prior_grid(library, n_scales=1)._replace(duration_s=duration)
+
+
+def log_durations(library: TaskLibrary) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean and standard deviation of the tasks' and none's log duration, (K + 1,) each."""
+    none_mean, none_std = library.none_log_duration
+    return np.r_[library.log_duration_mean, none_mean], np.r_[library.log_duration_std, none_std]
 
 
 def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -116,9 +118,3 @@ def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.flo
     offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
     log_weight = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
     return offsets, log_weight - np.logaddexp.reduce(log_weight)
-
-
-def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
-    """One hypothesis per task, all of a known duration: the phase is known."""
-    duration = np.full(library.n_tasks + 1, float(duration_s))
-    return make_hypotheses(library, n_scales=1)._replace(duration_s=duration)

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hypotheses of a movement: a table with a row for each.
+
+A row is a task, a timing, and what is believed of the weights and of the phase deviation under
+them. Rows of the onset, rows born on the way and delays differ in their columns only.
+"""
+
+from copy import copy
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.filtering.observation_model import Measurement, ObservationModel
+from intent_recognition.gaussian import Gaussian, GaussianBatch
+from intent_recognition.promp import PhaseDeviation, deviation_prior
+
+ROW = np.dtype(
+    [
+        ("task", np.int64),  # K is none
+        ("kind", np.int64),  # what its prior is a share of (`births`)
+        ("seen", np.int64),  # measurements it was conditioned on
+        ("settling", np.int64),  # of these, the first ones, which it is not judged by
+        ("onset_s", np.float64),  # where its phase begins, after the movement's onset
+        ("duration_s", np.float64),
+        ("birth_s", np.float64),
+        ("rate", np.float64),  # at which its offset fades [1/s]
+        ("log_share", np.float64),  # of what passes to its kind
+        ("log_prior", np.float64),
+        ("log_evidence", np.float64),  # density of the measurements that it is judged by
+    ]
+)
+"""Columns of a hypothesis beside its state and the probabilities of its phase deviation."""
+
+
+class Deviations(NamedTuple):
+    """What was believed of some hypotheses' phase deviation, one measurement after the other.
+
+    Attributes:
+        times_s: of the n measurements after onset, (n,), ascending; a late one has the time of the
+            one before.
+        filtered: probability of each deviation given the measurements so far, (n, S, E).
+        likelihood: what each measurement weighed the deviations with, (n, S, E).
+    """
+
+    times_s: NDArray[np.float64]
+    filtered: NDArray[np.float64]
+    likelihood: NDArray[np.float64]
+
+
+class Snapshot:
+    """Filtered observed weights of n hypotheses, as they are now: nothing changes them.
+
+    Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8): observations
+    do not touch the rest, which follows by regression when asked for (`promp.controlled_weights`).
+
+    Args:
+        weights: of the hypotheses, with those of their offsets.
+        log_evidence: log density of all observations so far under each, (n,).
+        own: which of the weights are the course's, (P N,); None for all.
+    """
+
+    def __init__(
+        self,
+        weights: GaussianBatch,
+        log_evidence: NDArray[np.float64],
+        own: NDArray[np.int64] | None = None,
+    ):
+        self._weights, self._own, self.log_evidence = weights, own, log_evidence
+
+    @cached_property
+    def _moments(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        mean, covariance = self._weights.moments()
+        if self._own is None:
+            return mean, covariance
+        return mean[:, self._own], covariance[:, self._own[:, None], self._own]
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """(n, P N)."""
+        return self._moments[0]
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(n, P N, P N)."""
+        return self._moments[1]
+
+    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
+        """Mean and covariance of their mixture, each of a probability, (n,)."""
+        mean, covariance = self._weights.mixture(weight)
+        if self._own is None:
+            return Gaussian(mean, covariance)
+        return Gaussian(mean[self._own], covariance[np.ix_(self._own, self._own)])
+
+
+class HypothesisTable:
+    """Rows of hypotheses over P DOFs, in memory that is used again and again.
+
+    Args:
+        room: rows at most.
+        n_dofs: P.
+        n_basis: N, weights per DOF of a course.
+        deviation: prior of the phase deviation.
+        n_offset: further weights per DOF.
+
+    Attributes:
+        n: rows in use.
+        deviation: probability of each phase deviation, (room, E).
+    """
+
+    def __init__(
+        self, room: int, n_dofs: int, n_basis: int, deviation: PhaseDeviation, n_offset: int = 0
+    ):
+        self._model, self._n_basis, self._offsets = deviation, n_basis + n_offset, n_offset > 0
+        size = n_dofs * self._n_basis
+        # The system hands out memory when it is touched: now, not later.
+        self._state = np.full((room, size + size * (size + 1) // 2), 0.0)
+        self._columns = np.zeros(room, dtype=ROW)
+        self._prior = deviation_prior(deviation)
+        self.deviation = np.ones((room, len(self._prior)))
+        own = self._n_basis * np.arange(n_dofs)[:, None] + np.arange(n_basis)
+        self._own = own.ravel() if self._offsets else None
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin with another movement."""
+        self.n = 0
+        self._history: list[tuple[float, NDArray[np.int64], NDArray, NDArray]] = []
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """Columns of the rows in use, (n,)."""
+        return self._columns[: self.n]
+
+    @property
+    def log_joint(self) -> NDArray[np.float64]:
+        """Log prior and density of the observations, (n,)."""
+        return self.rows["log_prior"] + self.rows["log_evidence"]
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory in use."""
+        return self._state.nbytes + self._columns.nbytes + self.deviation.nbytes
+
+    def add(self, state: NDArray[np.float64], **columns: object) -> slice:
+        """Add rows that have seen nothing; returns where they are.
+
+        Args:
+            state: of their weights, (k, ...), as in `GaussianBatch`.
+            columns: of `ROW`, a number or (k,) each; what is left out is zero.
+        """
+        new = slice(self.n, self.n + len(state))
+        self.n = new.stop
+        self._state[new], self.deviation[new], self._columns[new] = state, self._prior, 0
+        for name, values in columns.items():
+            self._columns[name][new] = values
+        return new
+
+    def condition(
+        self,
+        measurement: Measurement,
+        model: ObservationModel,
+        index: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Condition rows on a measurement.
+
+        Args:
+            measurement: the measurement.
+            model: makes the rows of the observation matrix.
+            index: which rows, ascending; None for all.
+        """
+        where = slice(self.n) if index is None else index
+        rows, deviation = self._columns[where], self.deviation[: self.n]
+        linear = model.linear(measurement, rows, self._model, offsets=self._offsets)
+        batch = GaussianBatch(self._state[: self.n], self._n_basis)
+        density, likelihood = batch.condition(linear, deviation, index)
+        rows["seen"] += 1
+        rows["log_evidence"] += np.where(rows["seen"] > rows["settling"], density, 0.0)
+        self._columns[where] = rows
+        if deviation.shape[1] > 1:
+            index = np.arange(self.n) if index is None else index
+            step = measurement.elapsed_s, index, deviation[where].copy(), likelihood
+            self._history.append(step)
+
+    def part(self, index: NDArray[np.int64]) -> "HypothesisTable":
+        """Some rows in a table of their own."""
+        new = copy(self)
+        new.n, new._history = len(index), []
+        new._state, new._columns = self._state[index], self._columns[index]
+        new.deviation = self.deviation[index]
+        return new
+
+    def drop(self, which: NDArray[np.bool_]) -> None:
+        """Drop rows (n,); the last of the others take their places."""
+        self.n -= int(np.count_nonzero(which))
+        free, moved = np.flatnonzero(which[: self.n]), self.n + np.flatnonzero(~which[self.n :])
+        for array in (self._state, self.deviation, self._columns):
+            array[free] = array[moved]
+
+    def snapshot(self, index: NDArray[np.int64]) -> Snapshot:
+        """The weights of some rows, a copy."""
+        weights = GaussianBatch(self._state[index], self._n_basis)
+        return Snapshot(weights, self._columns["log_evidence"][index], self._own)
+
+    def deviations(self, first: int, stop: int) -> Deviations:
+        """What was believed of rows that were always conditioned together."""
+        found = []
+        for elapsed_s, index, filtered, likelihood in self._history:
+            at = int(np.searchsorted(index, first))
+            if first < stop and at < len(index) and index[at] == first:
+                some = slice(at, at + stop - first)
+                found.append((elapsed_s, filtered[some], likelihood[some]))
+        if not found:
+            empty = np.zeros((0, stop - first, 1))
+            return Deviations(np.zeros(0), empty, empty)
+        times_s, filtered, likelihood = zip(*found, strict=True)
+        return Deviations(np.maximum.accumulate(times_s), np.array(filtered), np.array(likelihood))
