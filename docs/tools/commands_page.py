@@ -3,7 +3,7 @@
 
 import argparse
 
-from intent_recognition.cli.help import GROUPS, HEADING
+from intent_recognition.cli.help import GROUPS
 from intent_recognition.cli.main import make_parser
 
 INTRODUCTION = """\
@@ -11,10 +11,10 @@ INTRODUCTION = """\
 
 <!-- Written by docs/tools/write_reference.py from the parsers; do not edit. -->
 
-`intent COMMAND --help` says the same in the terminal. Every command ends with 0 when all went \
-well, with 1 and one line on stderr when something of yours cannot be used, and with 2 when it was \
-called wrongly. Wherever `BAG` stands, a folder of bags may stand, unless the command says \
-otherwise ([bags.md](../bags.md#folders)). [Completion](../shell.md#completion) and \
+`intent COMMAND --help` says the same in the terminal, with examples. Every command ends with 0 \
+when all went well, with 1 and one line on stderr when something of yours cannot be used, and with \
+2 when it was called wrongly. Wherever `BAG` stands, a folder of bags may stand, unless the \
+command says otherwise ([bags.md](../bags.md#folders)). [Completion](../shell.md#completion) and \
 [output for scripts](../shell.md#for-scripts) have a page of their own.
 """
 
@@ -44,9 +44,6 @@ def _overview(helps: dict[str, str]) -> str:
 
 def _command(name: str, parser: argparse.ArgumentParser) -> str:
     parts = [f"## intent {name}", parser.description, f"```text\n{_usage(parser)}\n```"]
-    if parser.epilog:
-        lines = parser.epilog.removeprefix(HEADING).splitlines()
-        parts.append("```bash\n" + "\n".join(line.strip() for line in lines) + "\n```")
     return "\n\n".join([*parts, _table(parser)])
 
 

@@ -89,9 +89,7 @@ def nodes_page() -> str:
     with TemporaryDirectory() as folder, _running():
         overrides = _overrides(Path(folder))
         parts = [_section(name, module, overrides.get(name, {})) for name, module in NODES.items()]
-    rows = [f"| [`{name}`](#{name}) | {PURPOSES[name]} |" for name in NODES]
-    index = "\n".join(["| node | does |", "|---|---|", *rows])
-    return "\n".join([INTRODUCTION, index + "\n", *parts])
+    return "\n".join([INTRODUCTION, *parts])
 
 
 @contextmanager
