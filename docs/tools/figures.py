@@ -142,7 +142,7 @@ def _shown(figure: Mapping) -> str:
     if "text" in figure:
         return f"```text\n{figure['text']}\n```"
     head, *rows = figure["rows"]
-    lines = ["| " + " | ".join(row) + " |" for row in (head, *rows)]
+    lines = ["|" + "|".join(row) + "|" for row in (head, *rows)]
     return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])
 
 

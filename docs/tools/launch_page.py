@@ -19,8 +19,8 @@ KINDS = {tuple: "list, separated by commas", str: "text", bool: "true or false",
 def launch_page() -> str:
     """The page as Markdown."""
     arguments = {a.name: a for spec in GRAPHS.values() for a in spec.arguments()}
-    rows = [f"| `{a.name}` | {_kind(a)} | {a.description} |" for a in arguments.values()]
-    table = "\n".join(["## Arguments\n", "| argument | type | meaning |", "|---|---|---|", *rows])
+    rows = [f"|`{a.name}`|{_kind(a)}|{a.description}|" for a in arguments.values()]
+    table = "\n".join(["## Arguments\n", "|argument|type|meaning|", "|---|---|---|", *rows])
     return "\n".join(
         [INTRODUCTION, *(_section(name, spec) for name, spec in GRAPHS.items()), table, ""]
     )

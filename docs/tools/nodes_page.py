@@ -156,13 +156,13 @@ def _section(name: str, module: str, overrides: dict) -> str:
 
 
 def _parameters(declared: list[Declared]) -> str:
-    rows = ["| parameter | default | meaning |", "|---|---|---|"]
+    rows = ["|parameter|default|meaning|", "|---|---|---|"]
     for name, default, descriptor in declared:
         star = r"\*" if descriptor.read_only else ""
         text = descriptor.description.strip().rstrip(".").replace("|", "\\|")
         limits = _range(descriptor)
         text = f"{text[:1].upper()}{text[1:]}{f' ({limits})' if limits else ''}."
-        rows.append(f"| `{name}`{star} | {_default(default)} | {text} |")
+        rows.append(f"|`{name}`{star}|{_default(default)}|{text}|")
     return "\n".join(rows)
 
 

@@ -38,7 +38,7 @@ def test_every_table_of_measurements_comes_from_a_command(page):
 def test_values_and_tables_are_written_in_their_places():
     kept = {"a/b": {"rows": [["x", "y"], ["1", "2"]], "values": {"n": "7/8"}}}
     page = "<!-- figures a/b -->\nold\n<!-- end -->\nIt was 1/2<!--a/b.n--> (4<!--a/b.n-->)."
-    table = "| x | y |\n|---|---|\n| 1 | 2 |\n"
+    table = "|x|y|\n|---|---|\n|1|2|\n"
     expected = (
         f"<!-- figures a/b -->\n{table}<!-- end -->\nIt was 7/8<!--a/b.n--> (7/8<!--a/b.n-->)."
     )
