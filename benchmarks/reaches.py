@@ -99,7 +99,7 @@ def draw(
     duration_s = duration_s or float(np.exp(np.log(2.2) + 0.2 * rng.standard_normal()))
     goal = goals[task] + 0.03 * rng.standard_normal(3)
     u = np.linspace(0.0, 1.0, round(duration_s / STEP_S) + 1)[:, None]
-    rise, fall = 2.7 + 0.2 * rng.standard_normal(), 3.4 + 0.25 * rng.standard_normal()
+    rise, fall = 3.0 + 0.2 * rng.standard_normal(), 3.1 + 0.25 * rng.standard_normal()
     done = betainc(max(rise, 2.2), max(fall, 2.6), u)
     way = goal - start
     across = np.cross(way, rng.standard_normal(3))

@@ -93,7 +93,8 @@ ANY_TIME = {
     ),
     "release_below": ParameterSpec(
         0.5,
-        "Probability below which the active task is given up; a larger value gives it up sooner.",
+        "The active task is given up where another one, or none, is more probable than one minus "
+        "this; a larger value gives it up sooner.",
         0.0,
         0.5,
     ),

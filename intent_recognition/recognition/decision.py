@@ -11,8 +11,9 @@ One pure function, used by the activation node and by a replay of a recording al
   no such bound was learned or another one is asked for, a probability of at least `threshold`;
 - once active it stays so, also while the human holds still, until the interaction is over (the
   estimator reports idle) or the evidence turns against it;
-- evidence turns against it when its probability has been below `release_below` for
-  `n_observations` consecutive observations. If another task fulfils the conditions above by then,
+- evidence turns against it when another task, or none, has been more probable than
+  1 - `release_below` for `n_observations` consecutive observations: near their goals tasks may be
+  alike, and the robot goes on while nothing else is as probable. If another task fulfils the conditions above by then,
   it takes over ("switched"), otherwise nothing is active ("withdrawn": none of the tasks, or not
   yet clear which) until some task fulfils them.
 
@@ -67,7 +68,8 @@ class DecisionSettings:
         max_end_std_m: the same over the controlled DOFs in metres.
         learned_end_std: the learned limits, by task and unit (`end_std_limits`); a task that is
             not among them has `USUAL_END_STD`.
-        release_below: probability below which the active task is let go, in [0, threshold).
+        release_below: the active task is let go where another one, or none, is more probable than
+            one minus this, in [0, threshold).
         min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
             probability would be if all tasks were equally probable beforehand.
         idle_margin: idle means probability of `none` >= 1 - idle_margin.
@@ -173,7 +175,8 @@ class DecisionState(NamedTuple):
         active: label of the active task, empty when there is none.
         candidate: label that was sure enough at the last observation, or empty.
         n_for: for how many consecutive observations.
-        n_against: for how many consecutive observations the active task was below release_below.
+        n_against: for how many consecutive observations another one, or none, was more probable
+            than 1 - release_below.
         event: what the last observation did: "activated", "switched", "withdrawn", "over"
             (the interaction ended: the estimator is idle) or empty.
         idle: whether the last observation found the estimator idle.
@@ -314,8 +317,9 @@ def _follow(
     """Active task, its count of contrary observations, and what happened."""
     if not state.active:
         return ready, 0, "activated" if ready else ""
-    own = float(p[list(labels).index(state.active)]) if state.active in labels else 0.0
-    n_against = state.n_against + 1 if own < settings.release_below else 0
+    others = np.array([label != state.active for label in labels])
+    against = others.all() or p[others].max() > 1.0 - settings.release_below
+    n_against = state.n_against + 1 if against else 0
     if n_against < settings.n_observations:
         return state.active, n_against, ""
     return ready, 0, "switched" if ready else "withdrawn"
