@@ -38,7 +38,7 @@ ASKED_AT = 0.5
 
 
 class Row(NamedTuple):
-    """One interaction under one risk: acted on at all, wrongly; asked; the bound that was stated."""
+    """One interaction under one risk: acted on, wrongly; asked; the bound that was stated."""
 
     acted: bool
     wrong: bool
@@ -98,10 +98,9 @@ def main() -> None:
     parser.add_argument("--protocol", default="loo", help="as of `intent evaluate`")
     options = parser.parse_args()
     for folder in options.folders:
-        dofs = folder / "dofs.yaml"
-        recordings, _ = read_demonstrations(
-            [folder], load_dofs(dofs) if dofs.exists() else load_dofs()
-        )
+        own = folder / "dofs.yaml"
+        dofs = load_dofs(own) if own.exists() else load_dofs()
+        recordings, _ = read_demonstrations([folder], dofs)
         print(folder.name, *table(recordings, options.protocol), sep="\n", flush=True)
 
 
