@@ -26,10 +26,10 @@ def commands_page() -> str:
     parser = make_parser()
     subparsers = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     helps = {choice.dest: choice.help for choice in subparsers._choices_actions}
-    parts = [INTRODUCTION, _overview(helps)]
+    parts, explained = [INTRODUCTION, _overview(helps)], {}
     for commands in GROUPS.values():
-        parts += [_command(command, subparsers.choices[command]) for command in commands]
-    parts.append("## intent\n\n" + _table(parser))
+        parts += [_command(name, subparsers.choices[name], explained) for name in commands]
+    parts.append("## intent\n\n" + _table(parser, explained))
     return "\n".join(parts)
 
 
@@ -42,9 +42,9 @@ def _overview(helps: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def _command(name: str, parser: argparse.ArgumentParser) -> str:
+def _command(name: str, parser: argparse.ArgumentParser, explained: dict[str, str]) -> str:
     parts = [f"## intent {name}", parser.description, f"```text\n{_usage(parser)}\n```"]
-    return "\n\n".join([*parts, _table(parser)])
+    return "\n\n".join([*parts, _table(parser, explained)])
 
 
 def _usage(parser: argparse.ArgumentParser) -> str:
@@ -58,11 +58,18 @@ def _usage(parser: argparse.ArgumentParser) -> str:
     return " ".join([*words, "[OPTION ...]"])
 
 
-def _table(parser: argparse.ArgumentParser) -> str:
-    rows = []
+def _table(parser: argparse.ArgumentParser, explained: dict[str, str]) -> str:
+    """The arguments; those that another command explained in the same words by name only."""
+    rows, known = [], []
     for action in _shown(parser):
-        help_text = parser._get_formatter()._expand_help(action)
-        rows.append(f"- `{_name(action)}`: {help_text}")
+        name, help_text = _name(action), parser._get_formatter()._expand_help(action)
+        if explained.get(name) == help_text:
+            known.append(f"`{name}`")
+        else:
+            rows.append(f"- `{name}`: {help_text}")
+            explained.setdefault(name, help_text)
+    if known:
+        rows.append(f"- as above: {', '.join(known)}")
     return "\n".join(rows) + "\n"
 
 

@@ -69,11 +69,17 @@ def _printed(text: Any) -> dict:
     return {"text": "\n".join(kept).replace(f"{OUT}/", "")}
 
 
+def _last_line(text: Any) -> dict:
+    return {"text": text.strip().splitlines()[-1]}
+
+
 def _demo(numbers: Any) -> dict:
     line = textwrap.fill(numbers["summary"]["line"], 100, subsequent_indent="  ")
     return {"text": line, "values": {"recognised": line.split()[2].rstrip(",")}}
 
 
+MODEL = OUT / "toolbox.npz"
+LEARN = f"intent train bags/toolbox/train --output {MODEL}"
 SOURCES = {
     **{
         f"experiments/{name}": Source(
@@ -86,15 +92,26 @@ SOURCES = {
     "speed": Source(
         f"python -m benchmarks --json {OUT / 'speed.json'}", OUT / "speed.json", _benchmarks
     ),
+    **{
+        name: Source(
+            f"{LEARN} && intent replay bags/toolbox/test/{bag} --model {MODEL}", None, _last_line
+        )
+        for name, bag in (("replay", "plate_handover_00"), ("replay_task", "hold_screwdriver_00"))
+    },
     "practice": Source(
         f"intent improve pouring --short 0.9 --output {OUT / 'practice'}", None, _printed
     ),
     "practice_task": Source(
-        f"intent train bags/toolbox/train --output {OUT / 'toolbox.npz'} &&"
-        f" intent improve screw_handover --library {OUT / 'tasks'}"
-        f" --model {OUT / 'toolbox.npz'} --cost time",
+        f"{LEARN} && intent improve screw_handover --library {OUT / 'tasks'} --model {MODEL}"
+        " --cost time",
         None,
         _printed,
+    ),
+    "demo_short": Source(
+        f"intent demo --headless --interactions 5 --seed 2 --output {OUT / 'demo_short'}"
+        f" --json {OUT / 'demo_short.json'}",
+        OUT / "demo_short.json",
+        _demo,
     ),
     "demo": Source(
         f"intent demo --headless --seed 1 --output {OUT / 'demo'} --json {OUT / 'demo.json'}",
