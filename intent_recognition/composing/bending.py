@@ -94,32 +94,25 @@ def _by_task(asked: Sequence[tuple[str, int, ControlPoint]]) -> dict[int, list[C
 
 
 class BentLibrary:
-    """Via points in force, and the library through them.
+    """Via points, and how libraries pass through them: `through` is for `IntentEstimator.bend`.
 
     Args:
-        taught: the library without them.
+        points: what is asked for, checked (`check_via_points`).
+        arm: whose hand and limits are meant; None where that is not known.
 
     Attributes:
-        taught: the same.
-        points: in force.
-        not_passed: names of those that are left out: what could be passed through when it was
-            given may not be in another context, or by a library that has not its task.
+        points: the same.
+        not_passed: names of those that the last library does not pass: what could be passed through
+            when it was given may not be in another context, or by a library that has not its task.
     """
 
-    def __init__(self, taught: TaskLibrary):
-        self.taught = taught
-        self.points: tuple[ViaPoint, ...] = ()
-        self.not_passed: tuple[str, ...] = ()
-        self._arm: Arm | None = None
-
-    def choose(self, points: Sequence[ViaPoint], arm: Arm | None) -> None:
-        """Have other points in force; see `check_via_points` for what it raises."""
-        check_via_points(self.taught, points, arm)
+    def __init__(self, points: Sequence[ViaPoint] = (), arm: Arm | None = None):
         self.points, self._arm = tuple(points), arm
+        self.not_passed: tuple[str, ...] = ()
 
     def through(self, taught: TaskLibrary) -> TaskLibrary:
-        """Another library, through the points."""
-        self.taught, self.not_passed = taught, ()
+        """A library through the points."""
+        self.not_passed = ()
         try:
             return bend_all(taught, self.points, self._arm)
         except IntentError:

@@ -5,6 +5,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from intent_recognition.composing import (
+    BentLibrary,
     ViaPoint,
     check_via_points,
     hand_columns,
@@ -48,6 +49,8 @@ class ViaPointInput:
             " is passed less closely; empty: none.",
         )
         self._points = read_via_points(text)
+        self._estimator: IntentEstimator | None = None
+        self._bent = BentLibrary()
         self._refused: tuple[tuple[ViaPoint, ...], TaskLibrary] | None = None
         self._shown: tuple[tuple[ViaPoint, ...], tuple[str, ...]] | None = None
 
@@ -59,7 +62,7 @@ class ViaPointInput:
         """
         points = read_via_points(text)
         if estimator is not None:
-            check_via_points(estimator.bent.taught, points, arm)
+            check_via_points(estimator.taught, points, arm)
 
     def change(self, text: str) -> None:
         """Take a value that was checked; `use` puts it in force."""
@@ -67,23 +70,28 @@ class ViaPointInput:
 
     def use(self, estimator: IntentEstimator, arm: Arm | None) -> None:
         """Put the points in force, if other ones are, and tell which are."""
-        library = estimator.bent.taught
+        library = estimator.taught
+        if self._estimator is not estimator:  # nothing is in force in a new one
+            self._estimator, self._bent = estimator, BentLibrary()
         refused = self._refused is not None and (
             self._refused[0] == self._points and self._refused[1] is library
         )
-        if self._points != estimator.bent.points and not refused:
+        if self._points != self._bent.points and not refused:
             waits = arm is None and not hand_columns(estimator.library.controlled_names)
             if waits and any(point.of_hand for point in self._points):
                 return
             try:
-                estimator.set_via_points(self._points, arm)
+                check_via_points(library, self._points, arm)
             except IntentError as error:
                 self._refused = self._points, library
                 self._diagnostics.reject("bad_via_points", str(error))
-        self._tell(estimator)
+            else:
+                self._bent = BentLibrary(self._points, arm)
+                estimator.bend(self._bent.through)
+        self._show()
 
-    def _tell(self, estimator: IntentEstimator) -> None:
-        shown = tuple(estimator.bent.points), tuple(estimator.bent.not_passed)
+    def _show(self) -> None:
+        shown = self._bent.points, self._bent.not_passed
         if shown == self._shown:
             return
         self._shown, (asked, left_out) = shown, shown

@@ -7,15 +7,13 @@ times are stamps of measurements.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.composing import BentLibrary, ViaPoint
 from intent_recognition.errors import ArgumentError, ShapeError, check_type
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
-from intent_recognition.kinematics import Arm
 from intent_recognition.promp import (
     NONE,
     ControlGrid,
@@ -56,6 +54,10 @@ SMALLEST_SHARE = 1e-12
 """Probability of a task while `none` is certain. Numerical safeguard."""
 
 
+def _as_it_is(library: TaskLibrary) -> TaskLibrary:
+    return library
+
+
 class IntentEstimator:
     """Recognises and predicts over a stream of observations of the human.
 
@@ -72,8 +74,8 @@ class IntentEstimator:
             without a rest; if not, a movement is of one task, from rest to rest.
 
     Attributes:
-        library: in use: in the known context, through the via points.
-        bent: how it is made of the library that was learned (`set_via_points`).
+        taught: the library in the known context.
+        library: in use: what `bend` makes of it.
 
     Raises:
         ArgumentError: library is not a `TaskLibrary`, or the prior is not one over its tasks.
@@ -91,7 +93,8 @@ class IntentEstimator:
         switching: bool = True,
     ):
         check_type("library", library, TaskLibrary, LIBRARY_CURE)
-        self.library, self.bent = library, BentLibrary(library)
+        self.library = self.taught = library
+        self._bend: Callable[[TaskLibrary], TaskLibrary] = _as_it_is
         self._context, self._task_prior = KnownContext(library), task_prior
         self._labels = (*library.labels, NONE)
         self._n_scales = n_scales
@@ -296,20 +299,17 @@ class IntentEstimator:
         """
         return "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
 
-    def set_via_points(self, points: Sequence[ViaPoint], arm: Arm | None = None) -> None:
-        """Let the controlled agent pass through some points, and no others, until others come.
+    def bend(self, change: Callable[[TaskLibrary], TaskLibrary]) -> None:
+        """Predict by what a function makes of the library, from now on and in every context.
 
-        What is recognised does not change.
+        `composing.BentLibrary` makes one that passes through via points. What is recognised must
+        not change: the observed weights stay.
 
         Args:
-            points: what is asked for.
-            arm: whose hand and limits are meant; None where that is not known.
-
-        Raises:
-            IntentError: a task cannot pass through one (`check_via_points`); nothing has changed.
+            change: of the library in the known context, which it leaves as it is.
         """
-        self.bent.choose(points, arm)
-        self._use(self.bent.taught)
+        self._bend = change
+        self._use(self.taught)
 
     def answer(self, task: str) -> None:
         """Take what a person says the movement under way is, as evidence.
@@ -349,7 +349,7 @@ class IntentEstimator:
             return None
         start, used = None, POSTURE_UNKNOWN
         if self._posture is not None:
-            start, used = self._posture.given(self.bent.taught, task, self._movement.onset_ns)
+            start, used = self._posture.given(self.taught, task, self._movement.onset_ns)
         trajectory = self._movement.filter.controlled(task, n_points, start)
         names, units = self.library.controlled_names, self.library.controlled_units
         label, onset_ns = self.library.labels[task], self._movement.onset_ns
@@ -386,8 +386,8 @@ class IntentEstimator:
             return Trajectory(times, mean, np.zeros_like(mean), std)
         starts: list[StartPosture | None] = [None] * self.library.n_tasks
         if self._posture is not None:
-            given, taught = self._posture.given, self.bent.taught
-            starts = [given(taught, k, movement.onset_ns)[0] for k in range(len(starts))]
+            given = self._posture.given
+            starts = [given(self.taught, k, movement.onset_ns)[0] for k in range(len(starts))]
         since_s = np.maximum(times - movement.onset_ns * 1e-9, 0.0)
         around_s = np.concatenate([since_s, since_s + HALF_STEP_S, since_s - HALF_STEP_S])
         known = np.maximum(posterior.probabilities[:-1], SMALLEST_SHARE)
@@ -446,7 +446,8 @@ class IntentEstimator:
 
     def _use(self, library: TaskLibrary) -> None:
         """Go on with a library of the same DOFs."""
-        self.library = library = self.bent.through(library)
+        self.taught, self.library = library, self._bend(library)
+        library = self.library
         self._labels = (*library.labels, NONE)
         self._detector.use(library.onset)
         self.expectation.swap(library, self._task_prior)

@@ -98,13 +98,13 @@ def test_online_the_path_passes_whenever_the_point_came_and_recognition_stays():
     recording = movement(humans(), 1, np.random.default_rng(7))
     observations = list(merge(recording.observed))
     plain, early, late = (IntentEstimator(library) for _ in range(3))
-    early.set_via_points([point])
+    early.bend(BentLibrary([point]).through)
     half = len(observations) // 2
     expected = feed(plain, observations[:half])
     feed(late, observations[:half])
     for one, other in zip(expected, feed(early, observations[:half]), strict=True):
         same(one, other)
-    late.set_via_points([point])
+    late.bend(BentLibrary([point]).through)
     pairs = zip(feed(early, observations[half:90]), feed(late, observations[half:90]), strict=True)
     for one, other in pairs:
         same(one, other, 1e-9)
@@ -118,10 +118,10 @@ def test_online_the_path_passes_whenever_the_point_came_and_recognition_stays():
 def test_taken_back_nothing_is_left_of_it():
     library = reaches()
     estimator, plain = IntentEstimator(library), IntentEstimator(library)
-    estimator.set_via_points([joint(value=near(library, 1, 0.6), task="task_1")])
+    estimator.bend(BentLibrary([joint(value=near(library, 1, 0.6), task="task_1")]).through)
     estimator.swap(library)
     assert estimator.library is not library, "it is kept with another model"
-    estimator.set_via_points([])
+    estimator.bend(BentLibrary([]).through)
     assert estimator.library is library
     observations = list(merge(movement(humans(), 1, np.random.default_rng(8)).observed))[:60]
     feed(estimator, observations), feed(plain, observations)
@@ -169,10 +169,9 @@ def test_the_hand_of_an_arm_whose_joints_are_predicted_passes():
 )
 def test_what_no_task_can_pass_is_refused_in_one_line(point, error, text):
     library, arm = lwr()
-    bent = BentLibrary(library)
     with pytest.raises(error, match=text) as caught:
-        bent.choose([point], arm)
-    assert "\n" not in str(caught.value) and bent.points == ()
+        check_via_points(library, [point], arm)
+    assert "\n" not in str(caught.value)
 
 
 def test_without_a_description_the_hand_is_not_known_and_two_points_may_contradict(rng):
@@ -190,8 +189,7 @@ def test_without_a_description_the_hand_is_not_known_and_two_points_may_contradi
 def test_a_library_without_the_task_passes_through_the_other_points():
     library = reaches()
     points = [joint(n, near(library, int(n), 0.6), task=f"task_{n}") for n in "01"]
-    bent = BentLibrary(library)
-    bent.choose(points, None)
+    bent = BentLibrary(points)
     fewer = replace(library, labels=("other", *library.labels[1:]))
     found = bent.through(fewer)
     assert bent.not_passed == ("0",)
