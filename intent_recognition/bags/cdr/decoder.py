@@ -2,7 +2,8 @@
 """Decode single messages whose layout repeats, several times faster than a general decoder."""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from types import SimpleNamespace
 
 from rosbags.interfaces import Nodetype
@@ -17,6 +18,10 @@ from intent_recognition.bags.cdr.layout import (
 
 Decoder = Callable[[bytes], object]
 """Function from CDR bytes to a message with the attributes of its type."""
+
+
+Maker = Callable[[tuple], object]
+"""Function from all numbers of a message to a part of it."""
 
 
 def layout_decoder(type_name: str, general: Decoder) -> Decoder:
@@ -46,34 +51,38 @@ def layout_decoder(type_name: str, general: Decoder) -> Decoder:
 
 
 def _decoder_of(type_name: str, layout: Layout) -> Decoder:
-    """Decoder of the messages of one layout.
-
-    As for a dataclass, the constructor is compiled from the names of the fields: a call for each
-    of them would take twice as long.
-    """
+    """Decoder of the messages of one layout."""
     numbers, at, count = "<", 0, 0
-    indices: dict[str, str] = {}  # of each field among the numbers
+    places: dict[str, slice] = {}  # of each field among the numbers
     for field in layout.fields:
         run = layout.runs[field]
         numbers += f"{run.start - at}x{run.length}{run.dtype[1:]}"
-        indices[field] = f"{count}:{count + run.length}"
+        places[field] = slice(count, count + run.length)
         at, count = run.stop, count + run.length
 
-    def constructor(type_name: str, place: str) -> str:
-        arguments = []
+    def maker(type_name: str, place: str) -> Maker:
+        names, parts = [], []
         for name, (node, detail) in message_fields()[type_name][1]:
             field, single = place + name, node == Nodetype.BASE
+            names.append(name)
             if node == Nodetype.NAME:
-                value = constructor(detail, f"{field}.")
+                parts.append(maker(detail, f"{field}."))
             elif field in layout.texts:
-                value = f"texts['{field}'][0]" if single else f"[*texts['{field}']]"
+                parts.append(_text(layout.texts[field], single))
             else:
-                index = indices[field]
-                value = f"numbers[{index.split(':')[0]}]" if single else f"[*numbers[{index}]]"
-            arguments.append(f"{name}={value}")
-        return f"Message({', '.join(arguments)})"
+                there = places[field]
+                parts.append(itemgetter(there.start) if single else _list_of(there))
+        return lambda numbers: SimpleNamespace(
+            **dict(zip(names, [part(numbers) for part in parts], strict=True))
+        )
 
-    code = f"lambda numbers: {constructor(type_name, '')}"
-    make = eval(code, {"Message": SimpleNamespace, "texts": layout.texts})
-    unpack = struct.Struct(numbers).unpack_from
+    unpack, make = struct.Struct(numbers).unpack_from, maker(type_name, "")
     return lambda data: make(unpack(data))
+
+
+def _text(texts: Sequence[str], single: bool) -> Maker:
+    return (lambda _: texts[0]) if single else (lambda _: [*texts])
+
+
+def _list_of(there: slice) -> Maker:
+    return lambda numbers: [*numbers[there]]
