@@ -98,6 +98,7 @@ def _warper(name: str, **toward: str) -> NodeSpec:
         _from(stands_above="stands_above"),
         topics=own | {f"object/{topic}": there for topic, there in toward.items()},
         executable="object_warper",
+        frames=True,
     )
 
 
@@ -117,11 +118,12 @@ NODES = {
         clock="publish_clock",
         when="arm",
     ),
-    "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", _from("bodies")),
+    "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", _from("bodies"), frames=True),
     "intent_estimator": NodeSpec(
         "intent_recognition.nodes.intent_estimator",
         _from("model", "dofs", "transition_prior", "hand_link"),
         remappings=_STATES,
+        frames=True,
     ),
     "primitive_activation": NodeSpec(
         "intent_recognition.nodes.primitive_activation",

@@ -28,6 +28,7 @@ from intent_recognition.model import Model, check_dofs, frames_of, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
 from intent_recognition.nodes.diagnostics import MODEL, Diagnostics, Level, values_of
+from intent_recognition.nodes.frames import FrameOutput
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
@@ -117,6 +118,7 @@ class IntentEstimatorNode(ManagedNode):
             JointTrajectory, "intent/human_trajectory", qos.COMMAND
         )
         self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
+        self._frames = FrameOutput(self)
         serve(self, "reset", self._reset)
         serve(self, "reload_model", self._reload)
         self.create_subscription(
@@ -303,7 +305,11 @@ class IntentEstimatorNode(ManagedNode):
             self._postures.note(robot)
             self._publish_trajectory(robot)
             self._diagnostics.tick("intent/robot_trajectory")
-        shown = self._path.get_subscription_count() or self._markers.get_subscription_count()
+        shown = (
+            self._path.get_subscription_count()
+            or self._markers.get_subscription_count()
+            or self._frames.heard
+        )
         told = self._human_trajectory.get_subscription_count()
         human = self._estimator.predict_observed() if shown or told else None
         if human is not None and shown:
@@ -342,7 +348,10 @@ class IntentEstimatorNode(ManagedNode):
         columns = self._model.library.observed_dofs(group)[of_signal]
         positions = human.trajectory.positions[:, columns]
         turned = self._orientations(group, human)
-        self._path.publish(to_path(estimate.stamp_ns, self._inputs.frame, human, positions, turned))
+        path = to_path(estimate.stamp_ns, self._inputs.frame, human, positions, turned)
+        self._path.publish(path)
+        end = path.poses[-1].pose
+        self._frames.send(estimate.stamp_ns, self._inputs.frame, "predicted_hand", end)
         if self._markers.get_subscription_count():
             self._markers.publish(
                 self._marker_builder.build(

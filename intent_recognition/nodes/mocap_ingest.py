@@ -2,28 +2,47 @@
 """Node: raw tracker poses `mocap/<body>/pose` to world-frame odometry `human/<body>`."""
 
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.frames import FrameOutput, hear_frames
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
-from intent_recognition.nodes.runtime import LeftOvers, run, when_clock_goes_back
-from intent_recognition.nodes.serialized import SerializedOdometry, read_pose
+from intent_recognition.nodes.runtime import (
+    LeftOvers,
+    elapsed_s,
+    run,
+    steady_timer,
+    when_clock_goes_back,
+)
+from intent_recognition.nodes.serialized import PoseNumbers, SerializedOdometry, read_pose
 from intent_recognition.tracking import (
     IngestSettings,
     IngestState,
+    NoTransformError,
     Rejected,
+    TransformTree,
+    frame_name,
     ingest_pose,
+    multiply_quaternions,
     parse_extrinsics,
 )
+
+LOOK_S = 0.05
+"""Time between two looks for transforms that have not come [s]. Convention."""
+MAX_WAITING = 1000
+"""Poses of a body that wait for transforms at most. Convention: seconds of a fast tracker."""
 
 LIVE = {
     "max_speed": "max_speed_m_s",
@@ -47,6 +66,32 @@ class MocapIngest(Node):
         variance = self._settings.orientation_std_rad**2
         self._diagnostics = Diagnostics(self)
         self._states = dict.fromkeys(bodies, IngestState())
+        self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {
+            body: deque() for body in bodies
+        }
+        self._wait_s: float = fixed_parameter(
+            self,
+            "tf_wait",
+            0.2,
+            "Time for which a pose in a frame without extrinsics waits for its transform on /tf"
+            " [s]; a larger value allows a later one; 0: such poses are rejected at once.",
+            0.0,
+            10.0,
+        )
+        self._tree = TransformTree()
+        self._hears = self._wait_s > 0.0 and hear_frames(self, self._tree, self._look)
+        if self._hears:
+            self._timer = steady_timer(self, LOOK_S, self._look)
+        self._frames = FrameOutput(self)
+        self._frames.send_fixed(
+            self.get_clock().now().nanoseconds,
+            self._settings.world_frame,
+            {
+                frame: to_pose(transform.translation, transform.quaternion)
+                for frame, transform in self._settings.frames.items()
+                if frame != frame_name(self._settings.world_frame)
+            },
+        )
         self._outputs = {
             body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
         }
@@ -75,6 +120,8 @@ class MocapIngest(Node):
             {body: s.recent[-1][0] for body, s in self._states.items() if s.recent}
         )
         self._states = dict.fromkeys(self._states, IngestState())
+        for waiting in self._waiting.values():
+            waiting.clear()
 
     def _read_settings(self) -> IngestSettings:
         get, live = partial(fixed_parameter, self), partial(parameter, self)
@@ -140,7 +187,6 @@ class MocapIngest(Node):
 
     def _on_pose(self, body: str, data: bytes) -> None:
         """Take the bytes of a PoseStamped."""
-        start_s = time.perf_counter()
         self._diagnostics.tick(f"mocap/{body}/pose")
         try:
             measured = read_pose(data)
@@ -150,6 +196,50 @@ class MocapIngest(Node):
         if self._left_overs.include(body, measured.stamp_ns):
             self._diagnostics.count("left_over")
             return
+        waiting = self._waiting[body]
+        if waiting or (self._hears and frame_name(measured.frame_id) not in self._settings.frames):
+            if len(waiting) >= MAX_WAITING:
+                waiting.popleft()
+                self._diagnostics.count("no_transform")
+            waiting.append((elapsed_s(self), measured))
+            self._look()
+        else:
+            self._ingest(body, measured)
+
+    def _look(self) -> None:
+        """Go on with poses whose transforms have come, in order; refuse those that waited long."""
+        for body, waiting in self._waiting.items():
+            while waiting:
+                since_s, measured = waiting[0]
+                try:
+                    placed = self._in_world(measured)
+                except NoTransformError as error:
+                    if error.may_come and elapsed_s(self) - since_s < self._wait_s:
+                        break
+                    waiting.popleft()
+                    self._diagnostics.reject(error.reason, f"{body}: {error}")
+                    continue
+                waiting.popleft()
+                self._ingest(body, placed)
+
+    def _in_world(self, measured: PoseNumbers) -> PoseNumbers:
+        """A pose in the world frame, by the transform at its stamp.
+
+        Raises:
+            NoTransformError: there is none.
+        """
+        known = frame_name(measured.frame_id) in self._settings.frames
+        if known or measured.stamp_ns <= 0 or not np.isfinite(measured.pose).all():
+            return measured  # as it is, to be checked
+        world = self._settings.world_frame
+        frame = self._tree.lookup(world, measured.frame_id, measured.stamp_ns)
+        turned = multiply_quaternions(frame.quaternion, measured.pose[3:])
+        pose = np.concatenate([frame.apply(measured.pose[:3]), turned])
+        return measured._replace(frame_id=world, pose=pose)
+
+    def _ingest(self, body: str, measured: PoseNumbers) -> None:
+        """Check a pose, and send it on."""
+        start_s = time.perf_counter()
         self._states[body], result = ingest_pose(
             self._settings,
             self._states[body],
@@ -165,6 +255,9 @@ class MocapIngest(Node):
             self._diagnostics.count("track_restarted")
             self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")
         self._outputs[body].publish(self._templates[body].build(result))
+        if self._frames.heard:
+            pose = to_pose(result.position, result.orientation)
+            self._frames.send(result.stamp_ns, self._settings.world_frame, f"human_{body}", pose)
         self._diagnostics.tick(f"human/{body}")
         self._diagnostics.latency(time.perf_counter() - start_s)
 

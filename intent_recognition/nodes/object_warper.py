@@ -20,8 +20,9 @@ from sensor_msgs.msg import JointState, PointCloud2
 from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
-from intent_recognition.nodes.conversions import position_array, to_pose
+from intent_recognition.nodes.conversions import position_array, stamp_ns, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.frames import FrameOutput
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.seen_container import to_named_vector
@@ -84,6 +85,7 @@ class ObjectWarper(Node):
             0.1,
         )
         self._toward: PoseStamped | None = None
+        self._frames = FrameOutput(self)
         self._diagnostics = Diagnostics(self)
         self._cloud = self.create_publisher(PointCloud2, CLOUD, qos.STATE)
         self._vector = self.create_publisher(JointState, PARAMETERS, qos.STATE)
@@ -119,6 +121,7 @@ class ObjectWarper(Node):
         turn = Rotation.from_matrix(axes).as_quat()
         pose = to_pose(parameters.opening_centre, turn)
         self._pose.publish(PoseStamped(header=message.header, pose=pose))
+        self._frames.send(stamp_ns(message), message.header.frame_id, self.get_name(), pose)
         self._diagnostics.tick(PARAMETERS)
         self._diagnostics.latency(time.perf_counter() - start_s)
 

@@ -40,6 +40,12 @@ LATCHED = keep_last(1, latched=True)
 """Reliable, transient local: the last value reaches late subscribers (`robot_description`)."""
 
 
+TRANSFORMS = keep_last(100)
+"""Reliable, keep last 100: /tf, as tf2 has it."""
+
+FIXED_TRANSFORMS = keep_last(100, latched=True)
+"""Reliable, transient local, keep last 100: /tf_static, as tf2 has it."""
+
 FEEDBACK = keep_last(100)
 """Reliable, keep last 100: what is told of an execution, every line of it (`intent/feedback`)."""
 

@@ -37,6 +37,7 @@ LIFECYCLE_SERVICES = tuple(
     for name in ("change_state", "get_state", "get_available_states")
     + ("get_available_transitions", "get_transition_graph")
 )
+FRAMES = ("/tf", "/tf_static")
 LEARNING = ("start", "stop", "learn", "discard", "keep", "undo")
 
 
@@ -67,7 +68,7 @@ _ARM = Interface(
 )
 _WARPER = Interface(
     ("object/cloud", "object/toward"),
-    ("object/grasp", "object/labelled_cloud", "object/parameters", "object/pose"),
+    ("object/grasp", "object/labelled_cloud", "object/parameters", "object/pose", *FRAMES),
 )
 INTERFACES = {
     **dict.fromkeys(("cup_warper", "second_warper"), _WARPER),
@@ -77,11 +78,11 @@ INTERFACES = {
         ("intent/robot_trajectory", "intent/tasks"),
     ),
     **dict.fromkeys(ARMS, _ARM),
-    "mocap_ingest": Interface((f"mocap/{BODY}/pose",), (f"human/{BODY}",)),
+    "mocap_ingest": Interface((f"mocap/{BODY}/pose", *FRAMES), (f"human/{BODY}", *FRAMES)),
     "intent_estimator": Interface(
         (HEARD, "intent/answer", "intent/sequence", "joint_states", "robot_description"),
         ("intent/human_path", "intent/human_trajectory", "intent/markers", "intent/next_task")
-        + ("intent/robot_trajectory", "intent/tasks", "intent/via_points"),
+        + ("intent/robot_trajectory", "intent/tasks", "intent/via_points", *FRAMES),
         ("~/reload_model", "~/reset"),
         managed=True,
     ),

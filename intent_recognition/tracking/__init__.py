@@ -14,7 +14,8 @@ from intent_recognition.tracking.ingest import (
 )
 from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
 from intent_recognition.tracking.settings import UNKNOWN_VARIANCE, IngestSettings, frame_name
-from intent_recognition.tracking.transforms import multiply_quaternions
+from intent_recognition.tracking.transform_tree import NoTransformError, TransformTree
+from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
 
 __all__ = [
     "JUMP",
@@ -26,8 +27,11 @@ __all__ = [
     "Extrinsics",
     "IngestSettings",
     "IngestState",
+    "NoTransformError",
     "Rejected",
+    "RigidTransform",
     "TrackedPose",
+    "TransformTree",
     "frame_name",
     "ingest_pose",
     "ingest_poses",

@@ -36,9 +36,10 @@ def exchange(harness, messages, count, body="wrist"):
     publisher = harness.publisher(PoseStamped, f"mocap/{body}/pose", qos.SENSOR)
     harness.connect(publisher)
     harness.spin_until(lambda: harness.probe.count_publishers(f"human/{body}"))
-    for message in messages:
+    totals, stream = harness.nodes[-1]._diagnostics._totals, f"mocap/{body}/pose"
+    for sent, message in enumerate(messages, totals[stream] + 1):
         publisher.publish(message)
-        harness.executor.spin_once(timeout_sec=0.01)
+        harness.spin_until(lambda sent=sent: totals[stream] == sent, what="the pose taken")
     harness.spin_until(lambda: len(received) >= count, what="odometry")
     return received
 

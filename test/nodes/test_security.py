@@ -62,6 +62,9 @@ def given(graph: str, bag: str, **more: object) -> dict:
     return {name: value for name, value in every.items() if name in known and value != ""}
 
 
+FRAMES = {"/tf", "/tf_static"}
+
+
 @pytest.fixture
 def model(toolbox_model):
     return str(toolbox_model)
@@ -72,13 +75,13 @@ def test_a_node_may_do_what_it_does_and_hardly_more(harness, bag, model, name):
     graph = "replay" if name == "bag_player" else "demo"
     rules = allowed(policy(graph, given(graph, bag, model=model)))[name]
     node = make(harness, name, bag, **TURNED_ON.get(name, {}))
-    publishes = {p.topic_name for p in node.publishers}
-    subscribes = {s.topic_name for s in node.subscriptions}
+    publishes = {p.topic_name for p in node.publishers} - FRAMES  # where tf2_msgs is installed
+    subscribes = {s.topic_name for s in node.subscriptions} - FRAMES
     offers = {s.service_name for s in node.services}
     assert publishes <= rules["publish"] and subscribes <= rules["subscribe"]
     assert offers == rules["reply"]
     assert {f"/cell1/{c.srv_name}" for c in node.clients} <= rules.get("request", set())
-    later = {f"/cell1/{topic}" for topic in LATER.get(name, ())}
+    later = {f"/cell1/{topic}" for topic in (*LATER.get(name, ()), "tf", "tf_static")}
     every = {"/clock", "/diagnostics", "/parameter_events"}
     below_rclpy = {"/rosout", f"/cell1/{name}/transition_event"}
     assert rules["subscribe"] - subscribes - every <= later

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames on /tf: what a node hears of them and tells of them. Needs tf2_msgs; idle without."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Pose, TransformStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from intent_recognition.errors import IntentError
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns, to_stamp
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.tracking import RigidTransform, TransformTree
+
+
+def message_type() -> Any:
+    """`tf2_msgs/msg/TFMessage`, or None where it is not installed."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        return None
+    return TFMessage
+
+
+def hear_frames(node: Node, tree: TransformTree, changed: Callable[[], object]) -> bool:
+    """Keep a tree of transforms up to date; whether that is possible here.
+
+    Args:
+        node: has the subscriptions.
+        tree: takes the transforms.
+        changed: called after each message.
+    """
+    if (kind := message_type()) is None:
+        return False
+
+    def take(message: Any, fixed: bool) -> None:
+        for stamped in message.transforms:
+            at, turn = stamped.transform.translation, stamped.transform.rotation
+            try:
+                pose = RigidTransform(
+                    np.array([at.x, at.y, at.z]), np.array([turn.x, turn.y, turn.z, turn.w])
+                )
+            except IntentError:
+                continue
+            tree.add(
+                stamped.header.frame_id,
+                stamped.child_frame_id,
+                stamp_ns(stamped),
+                pose,
+                fixed=fixed,
+            )
+        changed()
+
+    node.create_subscription(kind, "/tf", lambda m: take(m, False), qos.TRANSFORMS)
+    node.create_subscription(kind, "/tf_static", lambda m: take(m, True), qos.FIXED_TRANSFORMS)
+    return True
+
+
+class FrameOutput:
+    """Tells poses as frames, where somebody listens.
+
+    Args:
+        node: has the publishers.
+    """
+
+    def __init__(self, node: Node) -> None:
+        wanted = fixed_parameter(
+            node, "broadcast_frames", True, "Tell poses as frames on /tf, where tf2_msgs is there."
+        )
+        self._told: Publisher | None = None
+        self._fixed: Publisher | None = None
+        self._type: Any = message_type() if wanted else None
+        if self._type is not None:
+            self._told = node.create_publisher(self._type, "/tf", qos.TRANSFORMS)
+            self._fixed = node.create_publisher(self._type, "/tf_static", qos.FIXED_TRANSFORMS)
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens."""
+        return self._told is not None and self._told.get_subscription_count() > 0
+
+    def send(self, time_ns: int, parent: str, child: str, pose: Pose) -> None:
+        """Tell where a frame is at a time [ns]; quaternions of zeros stand for no rotation."""
+        if self._told is not None and self.heard and parent:
+            stamped = [_stamped(time_ns, parent, child, pose)]
+            self._told.publish(self._type(transforms=stamped))
+
+    def send_fixed(self, time_ns: int, parent: str, poses: dict[str, Pose]) -> None:
+        """Tell once and for all where frames are."""
+        if self._fixed is not None and poses:
+            stamped = [_stamped(time_ns, parent, child, pose) for child, pose in poses.items()]
+            self._fixed.publish(self._type(transforms=stamped))
+
+
+def _stamped(time_ns: int, parent: str, child: str, pose: Pose) -> TransformStamped:
+    message = TransformStamped(child_frame_id=child)
+    message.header.stamp, message.header.frame_id = to_stamp(time_ns), parent
+    at = message.transform.translation
+    at.x, at.y, at.z = pose.position.x, pose.position.y, pose.position.z
+    message.transform.rotation = pose.orientation
+    return message

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames that move: a tree of transforms over time, as messages on /tf tell them."""
+
+from bisect import bisect_left, insort
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import IntentError
+from intent_recognition.tracking.settings import frame_name
+from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
+
+KEEP_S = 10.0
+"""How long a moving frame is remembered [s]. Convention: the length of tf2's buffer."""
+LARGEST_DEPTH = 100
+"""Frames from one to the root of its tree at most. Convention: more are a loop."""
+
+
+class NoTransformError(IntentError):
+    """A frame cannot be put into another one at a time.
+
+    Attributes:
+        reason: `unknown_frame`, `not_connected`, `before_transforms` or `after_transforms`.
+        may_come: whether a later message could change that.
+    """
+
+    def __init__(self, reason: str, text: str):
+        super().__init__(text)
+        self.reason = reason
+        self.may_come = reason != "before_transforms"
+
+
+class TransformTree:
+    """Poses of frames in their parents, interpolated between the times they were told for.
+
+    A frame has one parent; told another one, it moves there. Nothing is extrapolated.
+    """
+
+    def __init__(self) -> None:
+        self._parents: dict[str, str] = {}
+        self._fixed: dict[str, RigidTransform] = {}
+        self._moving: dict[str, list[tuple[int, RigidTransform]]] = {}
+
+    def add(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        transform: RigidTransform,
+        *,
+        fixed: bool = False,
+    ) -> None:
+        """Take the pose of `child` in `parent`.
+
+        Args:
+            parent: name of a frame; a leading slash is ignored.
+            child: likewise.
+            stamp_ns: when it holds [ns]; at all times where it is `fixed`.
+            transform: the pose.
+            fixed: whether it holds at all times.
+        """
+        parent, child = frame_name(parent), frame_name(child)
+        if self._parents.get(child) != parent:
+            self._fixed.pop(child, None)
+            self._moving.pop(child, None)
+            self._parents[child] = parent
+        if fixed:
+            self._fixed[child] = transform
+            return
+        track = self._moving.setdefault(child, [])
+        at = bisect_left(track, stamp_ns, key=_stamp)
+        if at < len(track) and track[at][0] == stamp_ns:
+            track[at] = stamp_ns, transform
+            return
+        insort(track, (stamp_ns, transform), key=_stamp)
+        oldest_ns = track[-1][0] - round(KEEP_S * 1e9)
+        del track[: bisect_left(track, oldest_ns, key=_stamp)]
+
+    def lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform:
+        """Pose of the frame `source` in the frame `target` at a time.
+
+        Raises:
+            NoTransformError: the frames are not known or not connected, or not told for that time.
+        """
+        target, source = frame_name(target), frame_name(source)
+        if target == source:
+            return RigidTransform.identity()
+        above_source, above_target = self._ancestors(source), self._ancestors(target)
+        common = next((frame for frame in above_source if frame in above_target), None)
+        if common is None:
+            known = {*self._parents, *self._parents.values()}
+            missing = [frame for frame in (source, target) if frame not in known]
+            if missing:
+                text = f"frame {missing[0]!r} is not on /tf"
+                raise NoTransformError("unknown_frame", text)
+            text = f"frames {source!r} and {target!r} are not connected on /tf"
+            raise NoTransformError("not_connected", text)
+        up = self._chain(above_source, common, stamp_ns)
+        return compose(self._chain(above_target, common, stamp_ns).inverse(), up)
+
+    def _ancestors(self, frame: str) -> list[str]:
+        """A frame, its parent, and so on."""
+        found = [frame]
+        while frame in self._parents and len(found) <= LARGEST_DEPTH:
+            frame = self._parents[frame]
+            found.append(frame)
+        return found
+
+    def _chain(self, ancestors: list[str], top: str, stamp_ns: int) -> RigidTransform:
+        """Pose of the first of `ancestors` in `top`, which is one of them."""
+        pose = RigidTransform.identity()
+        for child, _ in pairwise(ancestors[: ancestors.index(top) + 1]):
+            pose = compose(self._at(child, stamp_ns), pose)
+        return pose
+
+    def _at(self, child: str, stamp_ns: int) -> RigidTransform:
+        """Pose of a frame in its parent."""
+        if child in self._fixed:
+            return self._fixed[child]
+        track = self._moving[child]
+        after = bisect_left(track, stamp_ns, key=_stamp)
+        if after == len(track):
+            late_s = (stamp_ns - track[-1][0]) * 1e-9
+            text = f"frame {child!r} is told up to {late_s:.3f} s before the pose"
+            raise NoTransformError("after_transforms", text)
+        if track[after][0] == stamp_ns:
+            return track[after][1]
+        if after == 0:
+            early_s = (track[0][0] - stamp_ns) * 1e-9
+            text = f"frame {child!r} is told from {early_s:.3f} s after the pose on"
+            raise NoTransformError("before_transforms", text)
+        (start_ns, start), (end_ns, end) = track[after - 1 : after + 1]
+        return interpolate(start, end, (stamp_ns - start_ns) / (end_ns - start_ns))
+
+
+def _stamp(sample: tuple[int, RigidTransform]) -> int:
+    return sample[0]
+
+
+def compose(outer: RigidTransform, inner: RigidTransform) -> RigidTransform:
+    """The pose `inner` in a frame that has the pose `outer`."""
+    turned = multiply_quaternions(outer.quaternion, inner.quaternion)
+    return RigidTransform(outer.apply(inner.translation), turned)
+
+
+def interpolate(start: RigidTransform, end: RigidTransform, share: float) -> RigidTransform:
+    """Between two poses: the origin on a line, the orientation at constant rate (Shoemake 1985)."""
+    translation = (1.0 - share) * start.translation + share * end.translation
+    return RigidTransform(translation, _slerp(start.quaternion, end.quaternion, share))
+
+
+def _slerp(
+    start: NDArray[np.float64], end: NDArray[np.float64], share: float
+) -> NDArray[np.float64]:
+    cosine = float(start @ end)
+    if cosine < 0.0:  # the shorter way
+        end, cosine = -end, -cosine
+    angle = np.arctan2(np.linalg.norm(end - cosine * start), cosine)
+    if angle < 1e-9:
+        return (1.0 - share) * start + share * end
+    weights = np.sin([(1.0 - share) * angle, share * angle]) / np.sin(angle)
+    blended: NDArray[np.float64] = weights[0] * start + weights[1] * end
+    return blended
