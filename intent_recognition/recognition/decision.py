@@ -13,9 +13,9 @@ One pure function, used by the activation node and by a replay of a recording al
   estimator reports idle) or the evidence turns against it;
 - evidence turns against it when another task, or none, has been more probable than
   1 - `release_below` for `n_observations` consecutive observations: near their goals tasks may be
-  alike, and the robot goes on while nothing else is as probable. If another task fulfils the conditions above by then,
-  it takes over ("switched"), otherwise nothing is active ("withdrawn": none of the tasks, or not
-  yet clear which) until some task fulfils them.
+  alike, and the robot goes on while nothing else is as probable. If another task fulfils the
+  conditions above by then, it takes over ("switched"), otherwise nothing is active ("withdrawn":
+  none of the tasks, or not yet clear which) until some task fulfils them.
 
 Both counts make a single odd observation harmless; the gap between `threshold` and
 `release_below` keeps a task from flickering. Asking for evidence keeps a habit from moving the
