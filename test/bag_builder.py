@@ -3,6 +3,10 @@
 
 from pathlib import Path
 
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.typesys import Stores, get_typestore
+
+from intent_recognition.bags.definitions import serialize
 from intent_recognition.bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -77,3 +81,31 @@ def raw(path: Path, reader) -> list[tuple]:
         (m.topic, m.type, m.log_time_ns, m.publish_time_ns, m.data)
         for m in reader(path).raw_messages()
     ]
+
+
+COUNT = 25
+"""Messages on each topic of the bags below."""
+TOPICS = {"/mocap/wrist/pose": (POSE, pose), "/joint_states": (JOINTS, joints)}
+STORE = get_typestore(Stores.ROS2_JAZZY)
+NOETIC = get_typestore(Stores.ROS1_NOETIC)
+
+
+def contents() -> list[tuple[str, int, bytes]]:
+    """Topic, time and bytes of every message of a recording."""
+    return [
+        (topic, START_NS + i * STEP_NS, serialize(kind, make(i)))
+        for i in range(COUNT)
+        for topic, (kind, make) in TOPICS.items()
+    ]
+
+
+def write_ros1(path: Path) -> None:
+    """The same messages, as ROS 1 serializes them."""
+    with Ros1Writer(path) as writer:
+        connections = {
+            topic: writer.add_connection(topic, kind, typestore=NOETIC)
+            for topic, (kind, _) in TOPICS.items()
+        }
+        for topic, at_ns, data in contents():
+            ros1 = STORE.cdr_to_ros1(data, TOPICS[topic][0])
+            writer.write(connections[topic], at_ns, ros1)

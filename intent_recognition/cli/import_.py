@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent import`: demonstrations from CSV, NPZ, Parquet, LeRobot data sets and C3D."""
+"""`intent import`: demonstrations from files of motion capture and robot learning."""
 
 import argparse
+import sys
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import yaml
@@ -10,16 +13,18 @@ from rich.table import Table
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import DOFS
 from intent_recognition.cli.rejections import nothing_of, print_left_out
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import ResourceBusyError
+from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import (
+    ImportedBag,
     ImportedDemonstration,
     import_demonstrations,
     load_map,
-    write_demonstration,
+    suggest_map,
 )
 
 
@@ -27,12 +32,13 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "import",
-        help="make bags from CSV, NPZ, Parquet, C3D or LeRobot data sets",
-        description="Write each demonstration of a file, a folder of files or a LeRobot data set"
-        " as a bag, and a DOF file beside them. The map says which columns are which degrees of"
-        " freedom, where times come from, and where a demonstration begins and ends:"
-        " docs/import.md.",
+        help="make bags from CSV, C3D, BVH, HDF5, Parquet, LeRobot data sets and other bags",
+        description="Write each demonstration of a file, a folder of files or a data set as a"
+        " bag, and a DOF file beside them. The map says which columns are which degrees of freedom,"
+        " where times come from, and where a demonstration begins and ends: docs/import.md."
+        " --suggest writes a first one.",
         **examples(
+            ("a first map to correct", "intent import take.csv --suggest --output map.yaml"),
             (
                 "two files for each recording, as the map says",
                 "intent import handover_csv --map config/maps/baton.yaml --output out/baton",
@@ -46,11 +52,17 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "source", type=a_path, metavar="SOURCE", help="a file, a folder of files, or a data set"
     )
+    parser.add_argument("--map", type=a_path, metavar="MAP.yaml", help="map of the columns")
     parser.add_argument(
-        "--map", type=a_path, required=True, metavar="MAP.yaml", help="map of the columns"
+        "--output",
+        type=a_path,
+        metavar="BAGS",
+        help="folder of the new bags; with --suggest the file of the map",
     )
     parser.add_argument(
-        "--output", type=a_path, required=True, metavar="BAGS", help="folder of the new bags"
+        "--suggest",
+        action="store_true",
+        help="write or print a first map by what SOURCE holds, with comments; import nothing",
     )
     parser.set_defaults(run=run)
 
@@ -61,27 +73,44 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         DofError: the map is wrong.
         BagError: nothing at all could be imported.
+        ArgumentError: there is no map, or no folder to write to.
         ResourceBusyError: a bag of that name exists already.
     """
+    if args.suggest:
+        text = suggest_map(args.source)
+        if args.output is None:
+            sys.stdout.write(text)
+        else:
+            check_output("--output", args.output)
+            args.output.write_text(text, encoding="utf-8")
+        return 0
+    if args.map is None or args.output is None:
+        option = "--map" if args.map is None else "--output"
+        cure = "intent import SOURCE --suggest writes a first map."
+        raise ArgumentError.about(option, "a path", "none", cure)
     console = make_console()
     mapping = load_map(args.map)
     left_out: list[Rejection] = []
-    table = plain_table("bag", "task", ">samples", ">dropped")
+    table = plain_table("bag", "task", ">messages", ">not measured", ">dropped")
+    totals: Counter[str] = Counter()
     count = n_unlabelled = 0
     with busy(console, "importing"):
         for found in import_demonstrations(args.source, mapping):
             if isinstance(found, Rejection):
                 left_out.append(found)
                 continue
-            write_demonstration(args.output, found)
+            written = found.write(args.output)
+            totals.update(written)
             count += 1
             n_unlabelled += "task" not in found.custom_data
-            _add_row(table, found)
+            _add_row(table, found, written)
     if not count:
         raise nothing_of(str(args.source), "demonstrations", left_out, "Correct the map.")
     _write_dofs(args.output / DOFS, mapping.dofs)
     console.print(table)
     print_left_out(console, left_out)
+    for topic, total in sorted(totals.items()):
+        say(console, f"{topic}: {total} messages")
     dofs = args.output / DOFS
     say(console, f"{count} demonstrations in {args.output}; learn from them with --dofs {dofs}")
     if n_unlabelled:
@@ -90,10 +119,14 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _add_row(table: Table, found: ImportedDemonstration) -> None:
-    samples = " + ".join(str(part.stamps_ns.size) for part in found.samples)
-    row = (escape(found.name), escape(found.custom_data.get("task", "-")), samples)
-    table.add_row(*row, str(found.n_dropped))
+def _add_row(
+    table: Table, found: ImportedDemonstration | ImportedBag, written: Mapping[str, int]
+) -> None:
+    messages = " + ".join(map(str, written.values()))
+    row = [escape(found.name), escape(found.custom_data.get("task", "-")), messages]
+    if isinstance(found, ImportedDemonstration):
+        row += [str(found.not_measured(written)), str(found.n_dropped)]
+    table.add_row(*row)
 
 
 def _write_dofs(path: Path, dofs: DofSpec) -> None:

@@ -133,7 +133,7 @@ def report_json(model: Model, report: TrainingReport) -> dict:
             for k, label in enumerate(library.labels)
         },
         "regularisation": {
-            name: None if np.isnan(value) else value
+            name: value if isinstance(value, str) or not np.isnan(value) else None
             for name, value in report.chosen._asdict().items()
         },
     }

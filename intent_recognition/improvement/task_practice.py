@@ -43,7 +43,7 @@ from intent_recognition.motion import (
     scaled_limits,
 )
 from intent_recognition.promp import NormalizedRBFBasis
-from intent_recognition.tables import ImportedDemonstration, Samples, write_demonstration
+from intent_recognition.tables import ImportedDemonstration, Samples
 
 MOST_PEOPLE = 8
 """People with whom a task is executed in one rollout at most. Convention: 40 ms."""
@@ -200,7 +200,7 @@ class TaskPractice:
             known = {"task": self.task, "set": "practice", "simulated": "true"}
             samples = self._samples(stamps, one)
             bag = ImportedDemonstration(f"{number:02d}", {**known, **outcome, **labels}, samples)
-            write_demonstration(folder, bag)
+            bag.write(folder)
 
     def _samples(self, stamps: NDArray[np.int64], one: Rollout) -> tuple[Samples, ...]:
         """What is logged of an execution: the person's hand, and the arm's joints."""

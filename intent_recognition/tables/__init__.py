@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings from tables and to tables: CSV, NPZ, Parquet, LeRobot datasets and C3D."""
+"""Recordings from files of motion capture and robot learning, and to tables."""
 
 from intent_recognition.tables.exporting import export_columns, export_map, write_table
 from intent_recognition.tables.import_map import ImportMap, load_map
-from intent_recognition.tables.imported import ImportedDemonstration, Samples, write_demonstration
+from intent_recognition.tables.imported import ImportedDemonstration, Samples
+from intent_recognition.tables.imported_bags import ImportedBag
 from intent_recognition.tables.importing import import_demonstrations
+from intent_recognition.tables.suggesting import suggest_map
 
 __all__ = [
     "ImportMap",
+    "ImportedBag",
     "ImportedDemonstration",
     "Samples",
     "export_columns",
     "export_map",
     "import_demonstrations",
     "load_map",
-    "write_demonstration",
+    "suggest_map",
     "write_table",
 ]

@@ -46,21 +46,26 @@ class ImportedDemonstration:
     frame: str = "world"
     n_dropped: int = 0
 
+    def write(self, folder: Path) -> dict[str, int]:
+        """Write it as a bag below `folder`; gaps stay gaps. Returns the messages by topic.
 
-def write_demonstration(folder: Path, demonstration: ImportedDemonstration) -> Path:
-    """Write a demonstration as a bag below `folder`; gaps stay gaps.
+        Raises:
+            ResourceBusyError: it exists already.
+        """
+        counts = {f"/{samples.entry.topic}": 0 for samples in self.samples}
+        with BagWriter(folder / self.name, self.custom_data, flush_period_s=None) as writer:
+            for stamp_ns, topic, kind, content in _messages(self):
+                writer.write_message(topic, kind, content, stamp_ns)
+                counts[f"/{topic}"] += 1
+        return counts
 
-    Returns:
-        Directory of the bag.
-
-    Raises:
-        ResourceBusyError: it exists already.
-    """
-    path = folder / demonstration.name
-    with BagWriter(path, demonstration.custom_data, flush_period_s=None) as writer:
-        for stamp_ns, topic, kind, content in _messages(demonstration):
-            writer.write_message(topic, kind, content, stamp_ns)
-    return path
+    def not_measured(self, counts: Mapping[str, int]) -> int:
+        """Rows of the table without a message, of those that were written by topic."""
+        rows: dict[str, int] = {}
+        for samples in self.samples:
+            topic = f"/{samples.entry.topic}"
+            rows[topic] = max(rows.get(topic, 0), samples.stamps_ns.size)
+        return sum(count - counts.get(topic, 0) for topic, count in rows.items())
 
 
 def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, str, dict]]:

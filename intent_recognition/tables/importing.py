@@ -2,7 +2,7 @@
 """From tables to demonstrations."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.bags import NANOSECONDS
-from intent_recognition.demonstrations import check_label
+from intent_recognition.demonstrations import check_label, find_bags
 from intent_recognition.errors import BagError, MissingPackageError
 from intent_recognition.signals import Rejection, Signal, misfit, time_misfit
 from intent_recognition.tables.files import find_tables, open_table
@@ -24,6 +24,7 @@ from intent_recognition.tables.import_map import (
     TimeSource,
 )
 from intent_recognition.tables.imported import ImportedDemonstration, Samples
+from intent_recognition.tables.imported_bags import ImportedBag, bag_parts
 from intent_recognition.tables.table import (
     Table,
     Values,
@@ -38,6 +39,9 @@ from intent_recognition.tables.table import (
 LONGEST_NAME = 80
 """Characters of the name of a recording. Convention, as of labels."""
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
+
+
+Imported = ImportedDemonstration | ImportedBag
 
 
 @dataclass(frozen=True)
@@ -60,14 +64,12 @@ class _Rows:
     zero_ns: int
 
 
-def import_demonstrations(
-    source: Path, mapping: ImportMap
-) -> Iterator[ImportedDemonstration | Rejection]:
-    """All demonstrations of a file, a folder of files, or a data set.
+def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported | Rejection]:
+    """All demonstrations of a file, a folder of files, a data set, or bags.
 
     Args:
         source: its path.
-        mapping: what its columns mean.
+        mapping: what its columns mean; without columns the source is taken for bags.
 
     Yields:
         Demonstrations, and reasons why a file, or a part of one, is left out or is odd.
@@ -76,15 +78,24 @@ def import_demonstrations(
         BagError: there is nothing to read.
     """
     taken: set[str] = set()
-    for recording in _find(source, mapping):
+    are_bags = not any(column.columns for column in mapping.columns)
+    paths = find_bags(source) if are_bags else find_tables(source)
+    for recording in _find(source, paths, mapping):
         if isinstance(recording, Rejection):
             yield recording
             continue
         try:
-            for found in _demonstrations(recording, mapping):
-                if isinstance(found, ImportedDemonstration) and found.name in taken:
-                    raise _doubled(found.name)
-                if isinstance(found, ImportedDemonstration):
+            if are_bags:
+                _check_name(recording.name)
+                (path,) = recording.paths.values()
+                parts: Iterable[Imported | Rejection]
+                parts = bag_parts(recording.name, path, recording.named, mapping)
+            else:
+                parts = _demonstrations(recording, mapping)
+            for found in parts:
+                if not isinstance(found, Rejection):
+                    if found.name in taken:
+                        raise _doubled(found.name)
                     taken.add(found.name)
                 yield found
         except (BagError, MissingPackageError) as error:
@@ -92,8 +103,9 @@ def import_demonstrations(
             yield Rejection.of(recording.name if others else str(path), error)
 
 
-def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
-    paths = find_tables(source)
+def _find(
+    source: Path, paths: Sequence[Path], mapping: ImportMap
+) -> Iterator[_Recording | Rejection]:
     if not mapping.files:
         for path in paths:
             inside = path.relative_to(source) if path != source else Path(path.name)

@@ -7,20 +7,27 @@ import numpy as np
 import pytest
 import yaml
 import zstandard
-from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, raw, write_bag
+from bag_builder import (
+    COUNT,
+    NOETIC,
+    POSE,
+    STORE,
+    TOPICS,
+    contents,
+    pose,
+    raw,
+    write_bag,
+    write_ros1,
+)
 from mcap.writer import CompressionType, IndexType, Writer
-from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
-from rosbags.typesys import Stores, get_typestore
 
 from intent_recognition.bags import BagReader, recover
-from intent_recognition.bags.definitions import definition, serialize
+from intent_recognition.bags.definitions import definition
 from intent_recognition.cli.main import main
 from intent_recognition.errors import BagError
 
-COUNT = 25
-TOPICS = {"/mocap/wrist/pose": (POSE, pose), "/joint_states": (JOINTS, joints)}
 SWITCHES = ("repeat_channels", "repeat_schemas", "use_chunking", "use_statistics",
             "use_summary_offsets", "enable_crcs", "enable_data_crcs")  # fmt: skip
 IDL = """{line}
@@ -38,15 +45,6 @@ module geometry_msgs {{ module msg {{ struct Pose {{
   geometry_msgs::msg::Quaternion orientation;
 }}; }}; }};
 """.format(line="=" * 80)
-
-
-def contents() -> list[tuple[str, int, bytes]]:
-    """Topic, time and bytes of every message of the bags below."""
-    return [
-        (topic, START_NS + i * STEP_NS, serialize(kind, make(i)))
-        for i in range(COUNT)
-        for topic, (kind, make) in TOPICS.items()
-    ]
 
 
 def write_mcap(path, messages, schemas=None, encoding="cdr", profile="ros2", **options):
@@ -172,10 +170,6 @@ def test_a_storage_without_a_name_is_known_by_its_file(tmp_path):
     assert raw(folder, BagReader) == before
 
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
-NOETIC = get_typestore(Stores.ROS1_NOETIC)
-
-
 def write_db3(path, mode=CompressionMode.NONE):
     writer = Ros2Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
     if mode != CompressionMode.NONE:
@@ -188,18 +182,6 @@ def write_db3(path, mode=CompressionMode.NONE):
         }
         for topic, at_ns, data in contents():
             writer.write(connections[topic], at_ns, data)
-
-
-def write_ros1(path):
-    """The same messages, as ROS 1 serializes them."""
-    with Ros1Writer(path) as writer:
-        connections = {
-            topic: writer.add_connection(topic, kind, typestore=NOETIC)
-            for topic, (kind, _) in TOPICS.items()
-        }
-        for topic, at_ns, data in contents():
-            ros1 = STORE.cdr_to_ros1(data, TOPICS[topic][0])
-            writer.write(connections[topic], at_ns, ros1)
 
 
 def test_a_bag_of_ros1(tmp_path):

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from c3d_builder import c3d_file
 from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.errors import BagError
-from intent_recognition.tables import ImportMap, import_demonstrations
+from intent_recognition.tables import ImportMap, import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
 from intent_recognition.tables.table import SINCE_NS
 
@@ -255,6 +256,23 @@ def test_the_page_lists_them(repository):
     page = (repository / "docs/import.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| ([^|]+?) \|", page, re.MULTILINE))
     assert set(EXAMPLES) <= listed
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_a_suggested_map_imports_the_file(kind, tmp_path):
+    make, _, more = EXAMPLES[kind]
+    path = make(tmp_path)
+    text = suggest_map(path)
+    content = yaml.safe_load(text)
+    if kind in ("ALOHA, HDF5", "OpenPose, JSON"):
+        assert "give the rate in Hz" in text
+        content["time"] = more["time"]
+    is_place = kind not in ("ALOHA, HDF5", "CSV without names")
+    assert ("PoseStamped" if is_place else "JointState") in content["observed"][0]["type"]
+    found, *_ = import_demonstrations(path, ImportMap.from_dict({**content, "task": "t"}))
+    values = found.samples[0].values
+    if is_place and kind != "BVH":  # which has the hips first
+        np.testing.assert_allclose(values, PLACE / 1000, rtol=0.0, atol=1e-9)
 
 
 UNITS = {"mm": 1e-3, "MM": 1e-3, "millimeters": 1e-3, "Millimetres": 1e-3, "in": 0.0254, "cm": 1e-2,

@@ -2,6 +2,7 @@
 """`intent import`: what a table holds is in the bags, to the last bit, and gaps are gaps."""
 
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from bag_builder import write_ros1
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
@@ -265,6 +267,41 @@ def test_it_says_how_to_go_on_and_what_has_no_task(values, tmp_path, capsys):
     assert "with/bags/dofs.yaml" in (said := capsys.readouterr().out) and "without" not in said
     imported(source, tmp_path / "none", {k: v for k, v in MAP.items() if k != "task"})
     assert "1 without a task: name it under task" in " ".join(capsys.readouterr().out.split())
+
+
+def test_what_was_written_is_counted_by_topic_and_what_was_not_is_said(values, tmp_path, capsys):
+    values["t"][7] = values["t"][6]
+    imported(write_csv(tmp_path / "reach.csv", values), tmp_path, MAP)
+    said = capsys.readouterr().out
+    assert re.search(r"reach +give +9 \+ 11 +2 +2", said)
+    assert "/mocap/wrist/pose: 9 messages" in said and "/joint_states: 11 messages" in said
+
+
+def test_a_map_is_suggested_and_asked_for(values, tmp_path, capsys):
+    source = write_csv(tmp_path / "reach.csv", {**values, "what": ["give"] * 12})
+    assert main(["import", str(source), "--output", str(tmp_path / "bags")]) == 1
+    assert "--suggest writes a first map" in capsys.readouterr().err
+    assert main(["import", str(source), "--suggest"]) == 0
+    content = yaml.safe_load(text := capsys.readouterr().out)
+    assert content["observed"][0]["columns"] == ["x", "y", "z"]
+    assert content["controlled"][0]["columns"] == ["q0", "q1"]
+    assert content["time"] == {"column": "t", "unit": "s"} and "it says: give" in text
+
+
+def test_bags_of_other_storages_get_labels_and_are_cut(tmp_path):
+    for name in ("give_1.bag", "take_1.bag"):
+        write_ros1(tmp_path / name)
+    entries = {side: [{k: v for k, v in one.items() if k != "columns"} for one in MAP[side]]
+               for side in ("observed", "controlled")}  # fmt: skip
+    entries["controlled"][0]["joints"] = ["lwr_a1_joint", "lwr_a2_joint"]
+    content = {**entries, "files": "{task}_{number}.bag"}
+    found = imported(tmp_path, tmp_path, content)
+    assert [(d.name, d.task) for d in found] == [("give_1", "give"), ("take_1", "take")]
+    content["segments"] = [{"start": 0.0, "end": 0.1195}, {"start": 0.12, "end": 0.24}]
+    shutil.rmtree(tmp_path / "bags")
+    parts = imported(tmp_path, tmp_path, content)
+    assert [d.name for d in parts] == ["give_1_000", "give_1_001", "take_1_000", "take_1_001"]
+    assert parts[1].observed[0].stamps_ns.size == 13
 
 
 def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
