@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
-from intent_recognition.gaussian import Gaussian, GaussianBatch
+from intent_recognition.gaussian import Gaussian, GaussianBatch, state_width
 from intent_recognition.promp import PhaseDeviation, deviation_prior
 
 ROW = np.dtype(
@@ -115,7 +115,7 @@ class HypothesisTable:
         self._model, self._n_basis, self._offsets = deviation, n_basis + n_offset, n_offset > 0
         size = n_dofs * self._n_basis
         # The system hands out memory when it is touched: now, not later.
-        self._state = np.full((room, size + size * (size + 1) // 2), 0.0)
+        self._state = np.full((room, state_width(size)), 0.0)
         self._columns = np.zeros(room, dtype=ROW)
         self._prior = deviation_prior(deviation)
         self.deviation = np.ones((room, len(self._prior)))

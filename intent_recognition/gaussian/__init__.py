@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gaussian distributions: every way to condition them (dense, batched), and mixtures."""
 
-from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement
+from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement, state_width
 from intent_recognition.gaussian.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
 from intent_recognition.gaussian.linalg import (
     LOG_2_PI,
@@ -68,6 +68,7 @@ __all__ = [
     "product",
     "regression",
     "solve_lower",
+    "state_width",
     "student_log_density",
     "symmetrize",
     "tube_faces",

@@ -4,27 +4,22 @@
  * with the phase deviation of each, which has E values (E = 1: the plain update, Maeda et al. 2014, Eq. 6). `batch.py`
  * says the same in numpy, and calls this. Each covariance is read once and written once.
  *
- * A row of the state holds the D = P N means and then the upper triangle of the covariance, line by line.
+ * A row of the state holds the D = P N means and then the upper triangle of the covariance, line by line. Lines come in
+ * blocks of four, which begin at the same column and end at a multiple of four, so that they are handled together.
  */
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 #include <math.h>
 #include <string.h>
 
-#if defined(__GNUC__) && defined(__x86_64__)
-#define ON_EACH_PROCESSOR 1
-#endif
-#if defined(__GNUC__)
 #define INLINE static inline __attribute__((always_inline))
 #define FETCH(address) __builtin_prefetch(address, 1)
-#else
-#define INLINE static inline
-#define FETCH(address)
-#endif
 
 typedef Py_ssize_t Size;
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias)); /* of GCC and Clang */
+#define four(at) (*(const Four *)(at))
 typedef struct {
-    Size n_rows, n, P, N, m, E, D, width;
+    Size n_rows, n, P, N, m, E, D, columns, width; /* columns: D, rounded up to four */
     double *state, *deviation, *density, *likelihood, *scratch;
     const double *transition, *rows, *values, *noise;
     const int64_t *index, *dofs;
@@ -32,7 +27,12 @@ typedef struct {
     double exponent, freedom, constant;
 } Work;
 
-INLINE const double *line(const double *upper, Size D, Size a) { return upper + a * (2 * D - a - 1) / 2; }
+/* Where line a begins behind the means; its first column is a, rounded down to four. */
+INLINE Size line_at(Size columns, Size a) {
+    Size block = a / 4;
+    return 4 * block * columns - 8 * block * (block - 1) + (a % 4) * (columns - 4 * block);
+}
+INLINE const double *line(const double *upper, Size columns, Size a) { return upper + line_at(columns, a) - a / 4 * 4; }
 
 INLINE double dot(Size n, const double *a, const double *b) {
     double sum = 0.0;
@@ -41,24 +41,51 @@ INLINE double dot(Size n, const double *a, const double *b) {
     return sum;
 }
 
-/* The covariance of a DOF's value with all weights, (D,): its row of H C. */
-INLINE void project(Size D, Size N, const double *upper, const double *row, Size dof, double *restrict out) {
-    Size first = dof * N;
-    for (Size a = 0; a < first; a++) out[a] = dot(N, row, line(upper, D, a) + first);
-    for (Size a = first; a < D; a++) out[a] = 0.0;
-    for (Size a = first; a < first + N; a++) {
-        const double *c = line(upper, D, a), factor = row[a - first];
-        out[a] += dot(first + N - a - 1, row + (a - first) + 1, c + a + 1);
-        for (Size b = a; b < D; b++) out[b] += factor * c[b];
-    }
+/* The part of H C that `count` lines from a on give: what they say of the columns, and the columns of them. */
+INLINE void project_lines(Size columns, Size count, Size a, const double *c, const double *h, Size first, Size last,
+                          double *restrict out) {
+    Size length = columns - a, begin = a + 4 > first / 4 * 4 ? a + 4 : first / 4 * 4;
+    if (a < last && a + count > first)
+        for (Size b = 0; b < length; b += 4) {
+            Four sum = four(out + a + b);
+            for (Size k = 0; k < count; k++) sum += h[a + k] * four(c + k * length + b);
+            *(Four *)(out + a + b) = sum;
+        }
+    if (begin >= last) return;
+    Four sums[4] = {{0.0}, {0.0}, {0.0}, {0.0}};
+    for (Size b = begin; b < last; b += 4)
+        for (Size k = 0; k < count; k++) sums[k] += four(h + b) * four(c + k * length + b - a);
+    for (Size k = 0; k < count; k++) out[a + k] += (sums[k][0] + sums[k][1]) + (sums[k][2] + sums[k][3]);
+}
+
+/* The covariance of a DOF's value with all weights, its row of H C; h is zero but for the DOF's weights. */
+INLINE void project(Size D, Size columns, const double *upper, const double *h, Size first, Size last,
+                    double *restrict out) {
+    Size a = 0;
+    memset(out, 0, columns * sizeof(double));
+    for (; a + 4 <= D && a < last; a += 4)
+        project_lines(columns, 4, a, upper + line_at(columns, a), h, first, last, out);
+    if (a < D && a < last) project_lines(columns, D - a, a, upper + line_at(columns, a), h, first, last, out);
+}
+
+/* `count` lines from a on, less V^T V for one row of V, or for three. */
+INLINE void subtract_lines(Size columns, Size count, Size a, double *restrict c, const double *v, Size step) {
+    Size length = columns - a;
+    for (Size b = 0; b < length; b += 4)
+        for (Size k = 0; k < count; k++) {
+            Four *at = (Four *)(c + k * length + b), change = v[a + k] * four(v + a + b);
+            if (step) change += v[step + a + k] * four(v + step + a + b);
+            if (step) change += v[2 * step + a + k] * four(v + 2 * step + a + b);
+            *at -= change;
+        }
 }
 
 /* The covariance of the values of two DOFs that share a row. */
-INLINE double between(Size D, Size N, const double *upper, const double *row, Size one, Size other) {
+INLINE double between(Size columns, Size N, const double *upper, const double *row, Size one, Size other) {
     Size i = one < other ? one : other, j = one < other ? other : one;
     double sum = 0.0;
     for (Size k = 0; k < N; k++) {
-        const double *c = line(upper, D, i * N + k) + j * N;
+        const double *c = line(upper, columns, i * N + k) + j * N;
         sum += row[k] * (i < j ? dot(N, row, c) : row[k] * c[k] + 2.0 * dot(N - k - 1, row + k + 1, c + k + 1));
     }
     return sum;
@@ -104,7 +131,7 @@ INLINE int weigh(const Work *w, Size h, const double *mean, double *deviation, d
         for (Size k = 0; k < N; k++) row[k] += moved[e] * rows[e * N + k];
     for (Size i = 0; i < m; i++) {
         for (Size j = i; j < m; j++)
-            S[i * m + j] = noise[i * m + j] + between(w->D, N, mean + w->D, row, w->dofs[i], w->dofs[j]);
+            S[i * m + j] = noise[i * m + j] + between(w->columns, N, mean + w->D, row, w->dofs[i], w->dofs[j]);
         for (Size e = 0; e < E; e++)
             own[i * E + e] = apart[i * E + e] = y[i] - dot(N, rows + e * N, mean + w->dofs[i] * N);
     }
@@ -138,9 +165,9 @@ INLINE int weigh(const Work *w, Size h, const double *mean, double *deviation, d
 
 /* Returns -1, or the first hypothesis whose innovation covariance is not positive definite. */
 INLINE Size condition_all(const Work *w) {
-    const Size m = w->m, N = w->N, E = w->E, D = w->D, columns = D + 1;
-    double *V = w->scratch, *S = V + m * columns, *noise = S + m * m, *row = noise + m * m, *apart = row + N,
-           *own = apart + m * E, *moved = own + m * E;
+    const Size m = w->m, N = w->N, E = w->E, D = w->D, columns = w->columns, step = columns + 1;
+    double *V = w->scratch, *S = V + m * step, *noise = S + m * m, *h_row = noise + m * m, *apart = h_row + columns,
+           *own = apart + m * E, *moved = own + m * E, *row = moved + E;
     for (Size h = 0; h < w->n; h++) {
         Size at = w->index ? w->index[h] : h, next = h + 1 < w->n ? (w->index ? w->index[h + 1] : h + 1) : at;
         double *mean = w->state + at * w->width, *upper = mean + D;
@@ -149,41 +176,38 @@ INLINE Size condition_all(const Work *w) {
         memcpy(row, w->rows + h * N, N * sizeof(double));
         if (E > 1 && !weigh(w, h, mean, w->deviation + at * E, noise, row, S, apart, own, moved)) return h;
         for (Size i = 0; i < m; i++) {
-            double *v = V + i * columns;
-            project(D, N, upper, row, w->dofs[i], v);
-            v[D] = y[i] - dot(N, row, mean + w->dofs[i] * N);
+            Size first = w->dofs[i] * N;
+            memset(h_row, 0, columns * sizeof(double));
+            memcpy(h_row + first, row, N * sizeof(double));
+            project(D, columns, upper, h_row, first, first + N, V + i * step);
+            V[i * step + columns] = y[i] - dot(N, row, mean + first);
         }
         for (Size i = 0; i < m; i++)
-            for (Size j = i; j < m; j++) S[i * m + j] = noise[i * m + j] + dot(N, row, V + i * columns + w->dofs[j] * N);
-        if (!whiten(m, columns, S, V)) return h;
+            for (Size j = i; j < m; j++) S[i * m + j] = noise[i * m + j] + dot(N, row, V + i * step + w->dofs[j] * N);
+        if (!whiten(m, step, S, V)) return h;
         if (E == 1) {
             double squares = 0.0;
-            for (Size i = 0; i < m; i++) squares += V[i * columns + D] * V[i * columns + D];
+            for (Size i = 0; i < m; i++) squares += V[i * step + columns] * V[i * step + columns];
             w->density[h] = log_density(w, squares, S), w->likelihood[h] = 1.0;
         }
         for (Size i = 0; i < m; i++)
-            for (Size j = 0; j < D; j++) mean[j] += V[i * columns + D] * V[i * columns + j];
-        for (Size a = 0; a < D; a++) {
-            double *restrict c = upper + a * (2 * D - a - 1) / 2;
-            Size i = 0;
-            for (Size b = a; b < D; b += 8) FETCH(ahead + (c - mean) + b);
+            for (Size j = 0; j < D; j++) mean[j] += V[i * step + columns] * V[i * step + j];
+        for (Size a = 0; a < D; a += 4) {
+            double *c = upper + line_at(columns, a);
+            Size count = D - a < 4 ? D - a : 4, i = 0;
+            for (Size b = 0; b < count * (columns - a); b += 8) FETCH(ahead + (c - mean) + b);
             for (; i + 3 <= m; i += 3) {
-                const double *u = V + i * columns, *v = u + columns, *x = v + columns;
-                double p = u[a], q = v[a], r = x[a];
-                for (Size b = a; b < D; b++) c[b] -= p * u[b] + q * v[b] + r * x[b];
+                if (count == 4) subtract_lines(columns, 4, a, c, V + i * step, step);
+                else subtract_lines(columns, count, a, c, V + i * step, step);
             }
-            for (; i < m; i++) {
-                const double *u = V + i * columns;
-                double p = u[a];
-                for (Size b = a; b < D; b++) c[b] -= p * u[b];
-            }
+            for (; i < m; i++) subtract_lines(columns, count, a, c, V + i * step, 0);
         }
     }
     return -1;
 }
 
 static Size condition_anywhere(const Work *w) { return condition_all(w); }
-#ifdef ON_EACH_PROCESSOR
+#ifdef __x86_64__
 __attribute__((target("avx2,fma"))) static Size condition_avx2(const Work *w) { return condition_all(w); }
 #endif
 
@@ -212,7 +236,7 @@ static PyObject *condition(PyObject *module, PyObject *arguments) {
         return NULL;
     w.state = b[0].buf, w.index = b[1].buf, w.deviation = b[2].buf, w.transition = b[3].buf, w.dofs = b[4].buf;
     w.rows = b[5].buf, w.values = b[6].buf, w.noise = b[7].buf, w.density = b[8].buf, w.likelihood = b[9].buf;
-    w.D = w.P * w.N, w.width = w.D + w.D * (w.D + 1) / 2, w.n = b[8].len / 8, w.m = b[4].len / 8;
+    w.D = w.P * w.N, w.columns = (w.D + 3) / 4 * 4, w.width = w.D + line_at(w.columns, w.D), w.n = b[8].len / 8, w.m = b[4].len / 8;
     w.n_rows = w.width > 0 ? b[0].len / 8 / w.width : 0, w.E = w.n_rows ? b[2].len / 8 / w.n_rows : 1;
     w.values_step = b[6].len / 8 == w.m ? 0 : w.m, w.noise_step = b[7].len / 8 == w.m * w.m ? 0 : w.m * w.m;
     int fits = w.P > 0 && w.N > 0 && w.m > 0 && w.E > 0 && b[0].len == 8 * w.n_rows * w.width &&
@@ -223,14 +247,14 @@ static PyObject *condition(PyObject *module, PyObject *arguments) {
     for (Size i = 0; fits && i < w.m; i++) fits = w.dofs[i] >= 0 && w.dofs[i] < w.P;
     for (Size h = 0; fits && w.index && h < w.n; h++) fits = w.index[h] >= 0 && w.index[h] < w.n_rows;
     if (fits) {
-        w.scratch = PyMem_Malloc(sizeof(double) * (w.m * (w.D + 1 + 2 * w.m + 2 * w.E) + w.N + w.E));
+        w.scratch = PyMem_Malloc(sizeof(double) * (w.m * (w.columns + 1 + 2 * w.m + 2 * w.E) + w.columns + w.N + w.E));
         if (w.scratch) {
             w.constant = -0.5 * (double)w.m * log(2.0 * 3.14159265358979323846);
             if (!isinf(w.freedom))
                 w.constant = lgamma(0.5 * (w.freedom + w.m)) - lgamma(0.5 * w.freedom) -
                              0.5 * w.m * log(w.freedom * 3.14159265358979323846);
             found = refused(&w);
-#ifdef ON_EACH_PROCESSOR
+#ifdef __x86_64__
             if (found < 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found = condition_avx2(&w);
             else
 #endif

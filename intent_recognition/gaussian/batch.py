@@ -11,7 +11,7 @@ The work is done by `_kernel.c` where it was built, else by `_condition`, which 
 
 import os
 from functools import cache
-from math import inf, isqrt
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -66,14 +66,14 @@ class GaussianBatch:
     """n Gaussians over the D = P N weights of P DOFs with N basis functions each.
 
     Attributes:
-        state: (n, D + D (D + 1) / 2): means, then the upper triangles of the covariances line by
-            line, so that a covariance is symmetric to the last bit.
+        state: (n, ...): means, then the upper triangles of the covariances line by line, so that a
+            covariance is symmetric to the last bit (`state_width`).
         mean: the means, (n, D), a part of it.
     """
 
     def __init__(self, state: NDArray[np.float64], n_basis: int):
         self.state, self._n_basis = state, n_basis
-        self._size = state_size(state.shape[1])
+        self._size = _state_size(state.shape[1])
         self.mean = state[:, : self._size]
 
     @classmethod
@@ -81,8 +81,12 @@ class GaussianBatch:
         cls, mean: NDArray[np.float64], covariance: NDArray[np.float64], n_basis: int
     ) -> "GaussianBatch":
         """From means (n, D) and covariances (n, D, D), copied."""
-        rows, columns = np.triu_indices(mean.shape[1])
-        return cls(np.concatenate([mean, covariance[:, rows, columns]], axis=1), n_basis)
+        (n, size), columns = mean.shape, -(-mean.shape[1] // 4) * 4
+        whole = np.zeros((n, size, columns))
+        whole[:, :, :size] = covariance
+        lines, columns_of = _stored(size)
+        upper = np.take(whole.reshape(n, -1), lines * columns + columns_of, axis=1)
+        return cls(np.concatenate([mean, upper], axis=1), n_basis)
 
     def moments(
         self, index: NDArray[np.int64] | slice = slice(None)
@@ -143,17 +147,38 @@ class GaussianBatch:
         return found
 
 
-def state_size(width: int) -> int:
-    """D, the number of weights, of states of so many numbers."""
-    return (isqrt(9 + 8 * width) - 3) // 2
+@cache
+def _stored(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Lines and columns of what is stored of a covariance (D, D), in order.
+
+    Lines come in blocks of four, which begin at one column and end at a multiple of four: the
+    compiled update handles them together.
+    """
+    line, column = np.arange(size)[:, None], np.arange(-(-size // 4) * 4)
+    lines, columns = np.nonzero(column >= line // 4 * 4)
+    return lines, columns
+
+
+@cache
+def state_width(size: int) -> int:
+    """Numbers of a state with D weights."""
+    return size + len(_stored(size)[0])
+
+
+@cache
+def _state_size(width: int) -> int:
+    """D of states of so many numbers."""
+    return next(size for size in range(width) if state_width(size) == width)
 
 
 @cache
 def _square(size: int) -> NDArray[np.int64]:
     """Where in a state each element of the covariance is, (D, D)."""
+    lines, columns = _stored(size)
+    upper = (columns >= lines) & (columns < size)
+    lines, columns, places = lines[upper], columns[upper], size + np.flatnonzero(upper)
     where = np.empty((size, size), dtype=np.int64)
-    rows, columns = np.triu_indices(size)
-    where[rows, columns] = where[columns, rows] = size + np.arange(len(rows))
+    where[lines, columns] = where[columns, lines] = places
     return where
 
 
