@@ -169,7 +169,7 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
     library = report.library
     preprocessing = report.trained.preprocessing
     aligned = library_from_statistics(
-        report.trained.tasks, preprocessing, report.chosen._replace(aligned=True)
+        report.trained.tasks, preprocessing, report.chosen._replace(pace="aligned")
     )
     cut, left_out = (
         [cut_one(d, preprocessing.onset, preprocessing.controlled_onset) for d in part]
