@@ -12,10 +12,9 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import unquote
 
 import numpy as np
 import zstandard
@@ -49,6 +48,8 @@ LONGEST_TEXT = 1000
 """Characters of a text that is typed into the page. Convention."""
 MOST_NUMBERS = 64
 """Numbers in one message from a browser. Convention."""
+_HOST = re.compile(r"(?:\[(?P<number>[0-9A-Fa-f:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
+"""A `Host`: an address of IPv6 or a name, and a port."""
 _SCRIPT = re.compile(r"<script\b([^>]*)>(.*?)</script>", re.DOTALL | re.IGNORECASE)
 _PACKED = re.compile(r'data-c="([^"]+)"')
 """What viser 1.1.0 runs."""
@@ -73,6 +74,8 @@ class Admission:
     def __init__(self, host: str, port: int, token: str, names: Iterable[str] = ()):
         self._port, self._token = port, token
         self._cookie = f"intent_page_{port}"  # cookies are shared by all ports of a machine
+        # Programs on other ports set cookies of any form: ours is looked for, nothing else is read.
+        self._ours = re.compile(rf'(?<![^;,\s]){self._cookie}="?([^";,\s]*)')
         own = {host, "localhost", socket.gethostname(), f"{socket.gethostname()}.local", *names}
         self._names = frozenset(name.lower() for name in own)
         self._host = host
@@ -115,30 +118,24 @@ class Admission:
 
     def has_token(self, path: str) -> bool:
         """Whether the query of a path carries the token."""
-        try:
-            given = parse_qs(urlsplit(path).query, max_num_fields=8).get("token", [])
-        except ValueError:
-            return False
-        return len(given) == 1 and self._is_token(given[0])
+        pairs = path.partition("#")[0].partition("?")[2].split("&")
+        given = [pair.removeprefix("token=") for pair in pairs if pair.startswith("token=")]
+        return bool(given) and all(self._is_token(unquote(token)) for token in given)
 
     def _has_cookie(self, headers: list[str]) -> bool:
-        cookies: SimpleCookie = SimpleCookie()
-        try:
-            for header in headers:
-                cookies.load(header)
-        except CookieError:
-            return False
-        return self._cookie in cookies and self._is_token(cookies[self._cookie].value)
+        return any(self._is_token(t) for header in headers for t in self._ours.findall(header))
 
     def _is_token(self, given: str) -> bool:
-        return secrets.compare_digest(given.encode(), self._token.encode())
+        return secrets.compare_digest(given.encode(errors="replace"), self._token.encode())
 
     def _is_own(self, host: str) -> bool:
         """Whether a `Host` is this server's: a number, which no foreign name server can give to
         a page, or a name that is known.
         """
+        if not (found := _HOST.fullmatch(host)):
+            return False
+        name = (found["number"] or found["name"]).lower()
         try:
-            name = (urlsplit(f"//{host}").hostname or "").lower()
             if name in self._names:
                 return True
             ipaddress.ip_address(name)

@@ -8,6 +8,7 @@ to go on if viser did not come that way.
 """
 
 import asyncio
+import logging
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -50,7 +51,17 @@ WINDOW = 32
 """Messages that viser packs into one transmission, which is what a slow browser holds in memory.
 Convention: an update of the page has fewer."""
 CLIENT = Path(viser.__file__).parent / "client/build/index.html"
+_LOGGER = logging.getLogger("intent_recognition.page")
 WELCOME = '<!doctype html><meta http-equiv="refresh" content="0;url=/"><title>opening</title>'
+
+
+@_LOGGER.addFilter
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """What is no request at all, such as a port that is probed, is told without a traceback."""
+    if record.exc_info and record.exc_info[1]:
+        record.msg = f"{record.msg}: {one_line(record.exc_info[1])}"
+    record.exc_info = record.exc_text = None
+    return True
 
 
 def serve_page(
@@ -131,6 +142,7 @@ class _Guard:
                 "process_request": lambda c, request: guard.refuse(c, request) or pages(c, request),
                 "process_response": guard.protect,
                 "create_connection": Connection,
+                "logger": _LOGGER,
                 "max_size": LARGEST_MESSAGE,
                 "max_queue": MOST_WAITING,
             }

@@ -111,6 +111,19 @@ def test_every_answer_forbids_frames_and_foreign_scripts(page, changed):
     assert headers["X-Content-Type-Options"] == "nosniff"
 
 
+def test_what_is_no_request_is_one_line_in_the_log(page, caplog):
+    page.get()  # it answers
+    for raw in (b"", b"\x16\x03\x01\xff\n", b"GET /?token=\xff\xfe HTTP/1.1\r\nHost: a b\r\n\r\n"):
+        caplog.clear()
+        with socket.create_connection(("127.0.0.1", page.port), timeout=20) as probe:
+            probe.sendall(raw)
+            probe.shutdown(socket.SHUT_WR)
+            while probe.recv(4096):
+                pass
+        page.get()
+        assert len(caplog.records) <= 1 and "Traceback" not in caplog.text
+
+
 def test_one_operates_until_it_leaves_and_others_look_on():
     async def visit(page):
         async with page.connect() as first:
