@@ -18,6 +18,10 @@ _N_CORRECTED = 61
 """Points of a corrected path. Convention."""
 
 
+PAGE = "dashboard"
+"""Name of the node of the page, whose operator may move the arm by hand."""
+
+
 class ActivationOutput:
     """Publishes what has changed since it was last told.
 
@@ -25,12 +29,16 @@ class ActivationOutput:
         node: has the publishers.
         diagnostics: of the node.
         action: takes the commands; None: the topic `joint_trajectory` does.
+
+    Attributes:
+        shared: who else commands the arm, in words; empty for nobody.
     """
 
     def __init__(
         self, node: Node, diagnostics: Diagnostics, action: CommandAction | None = None
     ) -> None:
         self._logger, self._diagnostics, self._action = node.get_logger(), diagnostics, action
+        self._node, self.shared = node, ""
         self._commands = action or node.create_publisher(
             JointTrajectory, "joint_trajectory", qos.COMMAND
         )
@@ -59,6 +67,20 @@ class ActivationOutput:
         )
         self._commands.publish(message)
         self._diagnostics.tick("joint_trajectory")
+
+    def look_for_others(self) -> bool:
+        """Whether the shared state of the command topic has changed; the page is not counted."""
+        before, self.shared = self.shared, ""
+        if self._action is None:
+            own = self._node.get_name(), self._node.get_namespace()
+            there = self._node.get_publishers_info_by_topic(self._commands.topic_name)
+            names = [(info.node_name, info.node_namespace) for info in there]
+            if own in names:
+                names.remove(own)
+            if others := sorted({f"{space}/{name}" for name, space in names if name != PAGE}):
+                who = " and ".join(other.replace("//", "/") for other in others)
+                self.shared = f"shared arm: {who} publishes on joint_trajectory, too"
+        return self.shared != before
 
     def outcomes(self, activation: Activation) -> None:
         """Tell how a person has corrected the motion, and what became of an interaction."""
@@ -113,7 +135,7 @@ class ActivationOutput:
     def status(self, activation: Activation | None, silent: str) -> None:
         """Level and message: what the arm does, and who is silent."""
         level, text = _status(activation)
-        trouble = "" if self._action is None else self._action.trouble
+        trouble = self.shared if self._action is None else self._action.trouble
         if trouble:
             level = Level.ERROR
         elif silent:

@@ -114,6 +114,11 @@ class ActivationParameters:
         self._learned_end_std: dict[str, dict[str, float]] = {}
         self._decision()
 
+    @property
+    def allows_shared_arm(self) -> bool:
+        """Whether the arm is commanded although others command it, too."""
+        return bool(self._values["allow_shared_arm"])
+
     def changed(self, changes: Changes) -> "ActivationParameters":
         """The same with other values.
 

@@ -160,6 +160,11 @@ ANY_TIME = {
         3600.0,
     ),
     "return_home": ParameterSpec(True, "Go home after each interaction."),
+    "allow_shared_arm": ParameterSpec(
+        False,
+        "Command the arm although others publish on joint_trajectory, too; else it brakes and"
+        " begins nothing while they do. The package's page is not counted.",
+    ),
 }
 """Parameters that may change at any time, with effect from the next observation or plan on."""
 

@@ -98,7 +98,7 @@ class PrimitiveActivation(ManagedNode):
         self._starts_near = np.empty(0)
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
         self._streams = SilenceWatch(SENDERS)
-        self._silent = ""
+        self._silent, self._refused = "", False
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
         self._look = steady_timer(self, _LOOK_S, self._look_for_silence)
         self.start()
@@ -338,7 +338,13 @@ class PrimitiveActivation(ManagedNode):
             with suppress(RejectionError):  # predictions are rejected for it
                 self._keep_clear(self.joint_names)
         silent = self._streams.silent() if self.active else ""
-        if silent != self._silent:
+        changed = self._output.look_for_others() or silent != self._silent
+        refused = bool(self._output.shared) and not self._settings.allows_shared_arm
+        if refused and not self._refused and self.activation is not None:
+            self.diagnostics.reject("shared_arm", self._output.shared)
+            self._output.command(self.activation.halt(self._now_ns()))
+        self._refused = refused
+        if changed:
             self._silent = silent
             self._output.status(self.activation, self._silent)
             self.diagnostics.publish()
@@ -347,6 +353,8 @@ class PrimitiveActivation(ManagedNode):
 
     def _step(self, activation: Activation) -> bool:
         """Let the state machine act; whether a command was sent."""
+        if self._refused:
+            return False
         activation.take_person(self._person.person)
         self._sequences.update(activation, self._path_of, lambda: self._hand.arm)
         command = activation.step(self._now_ns())

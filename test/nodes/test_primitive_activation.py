@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from activation_graph import GOALS, HOME, LABELS, START_NS, Graph, hermite, predicted
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
+from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     stamp_ns,
     to_joint_state,
@@ -390,6 +393,33 @@ def test_a_joint_state_from_the_future_does_not_block_the_arm(harness, ahead_ns)
     graph.until(lambda: graph.mode == "executing", longest_s=0.5)
     assert graph.rejected("joint_state_not_increasing") == 0
     assert graph.rejected("joint_state_in_future") == (ahead_ns > 10**9)
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_two_who_command_are_an_error_and_refused(harness, allowed):
+    """Until the other is gone; the page may move the arm by hand."""
+    graph = Graph(harness, allow_shared_arm=allowed)
+    page = harness.add(Node("dashboard"))
+    page.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
+    graph.begin()
+    graph.until(lambda: graph.mode == "executing")
+    other = harness.probe.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
+    graph.until(lambda: graph.node._output.shared)
+    status, values = graph.report()
+    assert status.level == b"\x02" and "shared arm" in status.message
+    assert values.get("rejected shared_arm") == (None if allowed else "1")
+    if allowed:
+        assert graph.mode in ("executing", "arrived")
+        return
+    assert graph.commands[-1].points[-1].velocities.tolist() == [0.0] * 7
+    graph.until(lambda: graph.mode == "idle")
+    n = len(graph.commands)
+    for _ in range(30):
+        graph.step()
+    assert len(graph.commands) == n
+    harness.probe.destroy_publisher(other)
+    graph.until(lambda: not graph.node._output.shared)
+    graph.until(lambda: graph.mode == "executing")
 
 
 @pytest.mark.slow
