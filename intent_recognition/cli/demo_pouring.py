@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import boxed_table, busy
-from intent_recognition.cli.demo_session import PACE_PERIOD_S, watched_graph
+from intent_recognition.cli.demo_session import watched_graph
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.cli.session_watch import NodeWatch
 from intent_recognition.errors import ArgumentError, IntentError
@@ -165,7 +165,7 @@ def _observe(
 def _follow(
     args: argparse.Namespace, observer: "PouringObserver", watch: NodeWatch
 ) -> ObservedPour:
-    from intent_recognition.nodes.pace_keeper import PaceKeeper
+    from intent_recognition.nodes.pace_keeper import PACE_PERIOD_S, PaceKeeper
     from intent_recognition.nodes.runtime import steady_timer
 
     pace = PaceKeeper(observer, args.rate)

@@ -4,6 +4,7 @@
 import argparse
 import os
 import secrets
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -41,8 +42,6 @@ LAST_MOTION_S = 3.0
 """Simulated time after the session in which the arm ends its last motion [s]. Convention."""
 PRETRIGGER_THRESHOLD = 0.7
 """Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""
-PACE_PERIOD_S = 0.2
-"""Time between two looks at the lag [s]. Convention."""
 DOMAINS = (1, 101)
 """ROS domains whose ports lie below the ephemeral ports of Linux (ROS 2 documentation, "The
 ROS_DOMAIN_ID")."""
@@ -163,18 +162,14 @@ def _run_graph(
         console.print("the nodes found one another; the session begins")
         if args.dashboard:
             say(console, f"the page is at {_page(args)}")
-        slowest = _follow(args, observer, progress, watch)
+        pace = _follow(args, observer, progress, watch)
         log = observer.log()
         if args.dashboard:
             observer.close()
             say(console, f"the session is over; the page stays open at {_page(args)}")
             say(console, "teach a task there, or end it with Ctrl-C: the table of results follows")
             watch.until_interrupted()
-        if slowest < args.rate:
-            console.print(
-                f"the machine was busy: simulated time ran down to {slowest:.2f} x real time",
-                style="yellow",
-            )
+        console.print(f"simulated time ran at {pace:.2f} x real time")
         return log
 
 
@@ -199,25 +194,19 @@ def _follow(
     progress: ProgressLine,
     watch: NodeWatch,
 ) -> float:
-    """Show the session until the last motion is over; returns the slowest pace of its time."""
-    from intent_recognition.nodes.pace_keeper import PaceKeeper
-    from intent_recognition.nodes.runtime import steady_timer
-
-    lwr, other = ARMS
-    simulator = lwr if lwr in watch.processes.names else other
-    pace = PaceKeeper(observer, args.rate, simulator)
-
-    def keep_pace() -> None:
-        if not progress.over:
-            pace.update(observer.lag_s())
-
-    timer = steady_timer(observer, PACE_PERIOD_S, keep_pace)
+    """Show the session until the last motion is over; returns the pace of its time."""
     longest_s = START_S + LONGEST_INTERACTION_S * progress.total
+    began_s, began_ns = time.monotonic(), observer.get_clock().now().nanoseconds
     with progress:
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
-        watch.for_seconds(LAST_MOTION_S / args.rate)
-    timer.cancel()
-    return pace.slowest
+        over_ns = observer.get_clock().now().nanoseconds + round(LAST_MOTION_S * 1e9)
+        watch.until(
+            lambda: observer.get_clock().now().nanoseconds >= over_ns,
+            START_S,
+            "the end of the last motion",
+        )
+    simulated_s = (observer.get_clock().now().nanoseconds - began_ns) * 1e-9
+    return simulated_s / (time.monotonic() - began_s)
 
 
 def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, NodeCall]:
@@ -249,8 +238,16 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
             "models": str(args.output.resolve()),
         },
     )
+    from sim_bridge.arm import ANSWERING
+
+    own: dict[str, dict[str, object]] = {arm: {"wait_for_answers": list(ANSWERING)} for arm in ARMS}
     return {
-        call.name: replace(call, parameters=call.parameters | dict(scene.own.get(call.name, {})))
+        call.name: replace(
+            call,
+            parameters=call.parameters
+            | own.get(call.name, {})
+            | dict(scene.own.get(call.name, {})),
+        )
         for call in calls
     }
 

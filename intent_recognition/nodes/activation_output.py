@@ -73,7 +73,9 @@ class ActivationOutput:
         before, self.shared = self.shared, ""
         if self._action is None:
             own = self._node.get_name(), self._node.get_namespace()
-            there = self._node.get_publishers_info_by_topic(self._commands.topic_name)
+            there = self._node.get_publishers_info_by_topic(
+                self._node.resolve_topic_name("joint_trajectory")
+            )
             names = [(info.node_name, info.node_namespace) for info in there]
             if own in names:
                 names.remove(own)

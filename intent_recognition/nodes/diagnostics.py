@@ -11,7 +11,9 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from sensor_msgs.msg import JointState
 
+from intent_recognition.nodes import qos
 from intent_recognition.nodes.runtime import steady_timer
 
 PERIOD_S = 1.0
@@ -36,6 +38,11 @@ class Level(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
+
+
+ANSWERS = "clock_answers"
+"""Topic of what nodes have processed: name of the node in `frame_id`, topics, and how many messages
+of each it has taken and sent."""
 
 
 def key_values(values: Mapping[str, str]) -> list[KeyValue]:
@@ -84,6 +91,8 @@ class Diagnostics:
         self._level = bytes([Level.OK])
         self._message = "running"
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._answers = node.create_publisher(JointState, ANSWERS, qos.STATE)
+        self._answered = -1
         self._timer = steady_timer(node, period_s, self.publish)
 
     def count(self, reason: str, amount: int = 1) -> None:
@@ -106,6 +115,21 @@ class Diagnostics:
         """Note one message of `stream`, for its measured rate."""
         self._totals[stream] += 1
         self._in_period[stream] += 1
+
+    @property
+    def answers(self) -> bool:
+        """Whether simulated time waits for what nodes have processed."""
+        return bool(self._answers.get_subscription_count())
+
+    def answer(self) -> None:
+        """Tell how many messages were taken and sent, where simulated time waits for that."""
+        total = self._totals.total()
+        if total != self._answered and self.answers:
+            self._answered = total
+            message = JointState(name=list(self._totals))
+            message.header.frame_id = self._node.get_name()
+            message.position = [float(n) for n in self._totals.values()]
+            self._answers.publish(message)
 
     def latency(self, seconds: float) -> None:
         """Note the time one input took from arrival to output."""

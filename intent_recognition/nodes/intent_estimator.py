@@ -284,6 +284,7 @@ class IntentEstimatorNode(ManagedNode):
                 estimate.stamp_ns, estimate.probabilities, estimate.phase, estimate.log_evidence
             )
         )
+        self._diagnostics.tick("intent/tasks")
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False
             self._diagnostics.status(

@@ -11,6 +11,8 @@ LAG_LOW_S = 0.06
 """Lag below which time speeds up again [s]. Convention."""
 SLOWEST = 0.1
 """Simulated seconds per real second that are kept however large the lag. Convention."""
+PACE_PERIOD_S = 0.2
+"""Time between two looks at the lag [s]. Convention."""
 SLOWER, FASTER = 0.6, 1.15
 """Factors on the pace at each look; slowing down is quicker than speeding up. Convention."""
 

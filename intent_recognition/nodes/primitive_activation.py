@@ -291,9 +291,10 @@ class PrimitiveActivation(ManagedNode):
         elif stamp_ns(message) == 0:
             self.diagnostics.reject("joint_states_zero_stamp", "joint_states without a stamp")
         else:
-            self.activation.take_joint_state(
-                stamp_ns(message), position, velocity, now_ns=self._now_ns()
-            )
+            now_ns = self._now_ns()
+            self.activation.take_joint_state(stamp_ns(message), position, velocity, now_ns=now_ns)
+            if self.diagnostics.answers:  # time waits for this step, and for no timer
+                self._step(self.activation)
 
     def _on_next_task(self, message: JointState) -> None:
         self.diagnostics.tick("intent/next_task")
@@ -325,7 +326,7 @@ class PrimitiveActivation(ManagedNode):
             self._output.status(self.activation, self._silent)
 
     def _on_timer(self) -> None:
-        if self.active and self.activation is not None:
+        if self.active and self.activation is not None and not self.diagnostics.answers:
             self._step(self.activation)
 
     # Silence

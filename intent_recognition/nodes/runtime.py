@@ -271,9 +271,12 @@ class _Signals:
 def _spin(node: Node, signals: _Signals) -> None:
     executor = make_executor()
     executor.add_node(node)
+    diagnostics = getattr(node, "diagnostics", None) or getattr(node, "_diagnostics", None)
     try:
         while rclpy.ok() and not signals.received and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=SPIN_PERIOD_S)
+            if diagnostics is not None:
+                diagnostics.answer()
     finally:
         executor.shutdown()
 

@@ -3,6 +3,7 @@ from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
 from .clearances import BulletCell
 from .controllers import ControllerGains
 from .feedback_runs import Push, execute
+from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
 from .robots import NAMES, Robot, describe_robot, find_robot
 from .spread_control import SpreadControl
@@ -13,12 +14,16 @@ from .trajectory_follower import TrajectoryFollower
 from .urdf import lwr_urdf
 
 __all__ = [
+    "ANSWERING",
     "NAMES",
+    "NO_ANSWER_S",
     "STEPS_PER_SAMPLE",
     "TIME_STEP_S",
     "ArmState",
     "BulletCell",
     "ControllerGains",
+    "Edge",
+    "LockStep",
     "Pacer",
     "Push",
     "RejectedTrajectoryError",

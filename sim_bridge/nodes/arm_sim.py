@@ -21,13 +21,17 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.conversions import duration_s, stamp_ns
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.diagnostics import ANSWERS, Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.arm import (
+    ANSWERING,
     NAMES,
+    NO_ANSWER_S,
     TIME_STEP_S,
+    Edge,
+    LockStep,
     Pacer,
     RejectedTrajectoryError,
     Robot,
@@ -54,6 +58,8 @@ BURST = 8
 """Joint states sent at once when catching up: fewer than their queue holds (`qos.STATE`)."""
 LARGEST_PUSH_N = 500.0
 """Stronger pushes are rejected [N]. Convention."""
+LEFT_S = 0.2
+"""Time without an answer after which a node may have left the graph [s]. Convention."""
 WORLD_FRAME = "world"
 CONTROLLERS = ("low_gain", "stochastic_feedback")
 DOUBLES: Any = Parameter.Type.DOUBLE_ARRAY
@@ -101,6 +107,10 @@ class ArmSim(Node):
             self.get_parameter("use_sim_time").value and not self._publishes_clock
         )
         self._pacer: Pacer | None = None
+        self._lock_step = LockStep(self._answering)
+        self._waits_since_s: float | None = None
+        if self._answering:
+            self.create_subscription(JointState, ANSWERS, self._on_answer, STATE)
         self.add_post_set_parameters_callback(self._on_parameters)
         self._pacing_timers = [
             steady_timer(self, TICK_S, self._tick),
@@ -141,6 +151,15 @@ class ArmSim(Node):
                 " 'name x y z length width height [qx qy qz qw]' [m].",
             )
         )
+        self._answering: list[str] = get(
+            "wait_for_answers",
+            [],
+            "Nodes that /clock waits for until they have processed what was sent to them, of"
+            f" {', '.join(ANSWERING)}.",
+        )
+        if self._answering and not self._publishes_clock:
+            cure = "Set publish_clock, or leave it empty."
+            raise ArgumentError.about("wait_for_answers", "publish_clock", self._answering, cure)
         self._seed = get("seed", 0, "Seed of the sensor noise.", 0)
         self._controller = get("controller", CONTROLLERS[0], f"One of {', '.join(CONTROLLERS)}.")
 
@@ -249,12 +268,45 @@ class ArmSim(Node):
             return
         zero_ns = 0 if self._publishes_clock else self._zero_ns(self._pacer, now_s)
         for _ in range(n_due):
+            if self._waits():
+                return
             self.arm.step()
             n = self.arm.n_steps
             if int(n * TIME_STEP_S * self._rate_hz + 1e-9) != int(
                 (n - 1) * TIME_STEP_S * self._rate_hz + 1e-9
             ):
                 self._publish(zero_ns + self._elapsed_ns(self._pacer))
+
+    def _on_answer(self, message: JointState) -> None:
+        node = message.header.frame_id
+        if node in self._answering:
+            counts = dict(zip(message.name, map(int, message.position), strict=True))
+            self._lock_step.hear(node, counts)
+            if self._waits_since_s is not None and not self._lock_step.missing():
+                self._tick()
+
+    def _waits(self) -> bool:
+        """Whether time stands still until a node has answered; one that does not is named."""
+        missing = self._lock_step.missing() if self._answering else None
+        if missing is None:
+            self._waits_since_s = None
+            return False
+        now_s = time.monotonic()
+        since_s = self._waits_since_s = self._waits_since_s or now_s
+        gone = self._gone(missing) if now_s - since_s >= LEFT_S else ""
+        late = missing.taker or missing.sender
+        if not gone and now_s - since_s < NO_ANSWER_S:
+            return True
+        if not gone:
+            self.diagnostics.reject("no_answer", f"{late} has not answered for {NO_ANSWER_S:g} s")
+        self._lock_step.leave(gone or late)
+        self._waits_since_s = None
+        return False
+
+    def _gone(self, edge: Edge) -> str:
+        """Which end of an edge has left the graph; empty for neither."""
+        there = {"", *self.get_node_names()}
+        return next((name for name in (edge.sender, edge.taker) if name not in there), "")
 
     def _zero_ns(self, pacer: Pacer, now_s: float) -> int:
         """The ROS time at which the physics' time zero was, were it paced without a gap [ns]."""
@@ -278,6 +330,8 @@ class ArmSim(Node):
         if self._clock_out is not None:
             self._clock_out.publish(ClockMessage(clock=stamp))
         self._states.publish(message)
+        self._lock_step.note("/clock")
+        self._lock_step.note("joint_states")
         self.diagnostics.tick("joint_states")
         if not self.arm.gravity_compensation:
             error = float(np.abs(self.arm.reference.q - state.q).max())
@@ -285,6 +339,7 @@ class ArmSim(Node):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         self.diagnostics.tick("joint_trajectory")
+        self._lock_step.note("joint_trajectory")
         if self.arm.gravity_compensation:
             self.diagnostics.reject("gravity_compensation", "joint_trajectory while guided")
             return

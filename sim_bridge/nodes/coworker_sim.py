@@ -8,6 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError
@@ -67,6 +68,8 @@ class CoworkerSim(Node):
         self._timer: Timer | None = None
         self._message = PoseStamped()
         self._message.header.frame_id = self._frame
+        if self.get_parameter("use_sim_time").value:
+            self.create_subscription(Clock, "/clock", self._on_clock, STATE)
         self._start_timer = steady_timer(self, POLL_S, self._start)
 
     def _make_plan(self) -> SessionPlan:
@@ -112,9 +115,9 @@ class CoworkerSim(Node):
             return
         self._start_timer.cancel()
         self.first_stamp_ns = now_ns
-        self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._tick)
+        self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._on_timer)
         self.diagnostics.status(Level.OK, "running")
-        self._tick()
+        self._tick(now_ns)
 
     def _missing(self, now_ns: int) -> str:
         """What the session waits for; empty: it can begin."""
@@ -125,9 +128,18 @@ class CoworkerSim(Node):
         n_missing = self._wait_for - self._poses.get_subscription_count()
         return f"{n_missing} subscribers of the poses" if n_missing > 0 else ""
 
-    def _tick(self) -> None:
+    def _on_timer(self) -> None:
+        if not self.diagnostics.answers:  # else time waits for `_on_clock`
+            self._tick(self.get_clock().now().nanoseconds)
+
+    def _on_clock(self, message: Clock) -> None:
+        self.diagnostics.tick("/clock")
+        if self.diagnostics.answers and self._timer is not None and not self._timer.is_canceled():
+            self._tick(message.clock.sec * 1_000_000_000 + message.clock.nanosec)
+
+    def _tick(self, now_ns: int) -> None:
         """Publish the samples whose time has come."""
-        elapsed_ns = self.get_clock().now().nanoseconds - self.first_stamp_ns
+        elapsed_ns = now_ns - self.first_stamp_ns
         samples = self.plan.samples
         due = min((elapsed_ns + EARLY_NS) // SAMPLE_NS + 1, len(samples.times_s))
         last = min(due, self._next_sample + BURST)
@@ -158,7 +170,7 @@ class CoworkerSim(Node):
         position.x, position.y, position.z = samples.positions_m[k].tolist()
         turn.x, turn.y, turn.z, turn.w = samples.orientations[k].tolist()
         self._poses.publish(message)
-        self.diagnostics.tick("pose")
+        self.diagnostics.tick("mocap/wrist/pose")
 
     def _finish(self) -> None:
         """Say that the session is over."""

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated time that waits for the nodes that must answer, so that a busy machine changes nothing.
+
+Nodes say how many messages of each topic they have taken and sent. Time goes on when all that was
+sent along the way from the clock to the arm has been taken: nobody sleeps, and nobody is guessed.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+
+class Edge(NamedTuple):
+    """A topic from one node to another, and under which name that counts it where it differs."""
+
+    topic: str
+    sender: str
+    taker: str
+    taken: str = ""
+
+
+ARM = ""
+"""Name of the arm itself in edges."""
+EDGES = (
+    Edge("/clock", ARM, "coworker_sim"),
+    Edge("joint_states", ARM, "primitive_activation"),
+    Edge("mocap/wrist/pose", "coworker_sim", "mocap_ingest"),
+    Edge("human/wrist", "mocap_ingest", "intent_estimator", "mocap/wrist/pose"),
+    Edge("intent/tasks", "intent_estimator", "primitive_activation"),
+    Edge("intent/robot_trajectory", "intent_estimator", "primitive_activation"),
+    Edge("joint_trajectory", "primitive_activation", ARM),
+)
+"""From the clock to the person, the estimate, the command and back to the arm."""
+ANSWERING = tuple(dict.fromkeys(edge.taker for edge in EDGES if edge.taker))
+"""Nodes that answer."""
+NO_ANSWER_S = 10.0
+"""Time without an answer after which a node is named, and time goes on [s]. Convention."""
+
+
+class LockStep:
+    """Whether the nodes have taken what was sent.
+
+    What a node missed before its first answer does not count.
+
+    Args:
+        nodes: whose answers count; those that have not answered yet are not waited for.
+    """
+
+    def __init__(self, nodes: Sequence[str]) -> None:
+        known = {ARM, *nodes}
+        self._edges = [edge for edge in EDGES if {edge.sender, edge.taker} <= known]
+        self._counts: dict[str, dict[str, int]] = {ARM: {}}
+        self._lost: dict[Edge, int] = {}
+
+    def hear(self, node: str, counts: Mapping[str, int]) -> None:
+        """Take how many messages of each topic a node has taken and sent since its start."""
+        before = self._counts.get(node, {})
+        if any(counts.get(topic, 0) < n for topic, n in before.items()):  # it has started again
+            self.leave(node)
+        self._counts[node] = dict(counts)
+        for edge in self._edges:
+            self._due(edge)  # what was missed before the first answer
+
+    def note(self, topic: str) -> None:
+        """The arm has sent or taken a message of a topic."""
+        own = self._counts[ARM]
+        own[topic] = own.get(topic, 0) + 1
+
+    def missing(self) -> Edge | None:
+        """Where not all that was sent has been taken; None if nothing is missing."""
+        return next((edge for edge in self._edges if self._due(edge)), None)
+
+    def _due(self, edge: Edge) -> bool:
+        """Whether something is missing on an edge, both ends of which have answered."""
+        sender, taker = self._counts.get(edge.sender), self._counts.get(edge.taker)
+        if sender is None or taker is None:
+            return False
+        due = max(sender.get(edge.topic, 0) - taker.get(edge.taken or edge.topic, 0), 0)
+        lost = self._lost[edge] = min(self._lost.get(edge, due), due)
+        return due > lost
+
+    def leave(self, node: str) -> None:
+        """Wait for a node no longer, until it answers again."""
+        self._counts.pop(node, None)
+        self._lost = {e: n for e, n in self._lost.items() if node not in (e.sender, e.taker)}

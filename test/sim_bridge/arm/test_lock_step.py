@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated time goes on when all that was sent has been taken, whatever delays there are."""
+
+from collections import Counter, deque
+
+import numpy as np
+import pytest
+
+from sim_bridge.arm.lock_step import ANSWERING, ARM, EDGES, LockStep
+
+CHAIN = EDGES[2:5]
+"""From the person's pose to the estimate."""
+
+
+def hear(lock: LockStep, node: str, **counts: int) -> None:
+    lock.hear(node, {topic.replace("__", "/"): n for topic, n in counts.items()})
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_tick_before_all_of_the_one_before_was_processed(seed):
+    """Messages and answers take random numbers of turns, in the order of each sender."""
+    rng, lock = np.random.default_rng(seed), LockStep(ANSWERING)
+    counts: dict[str, Counter] = {node: Counter() for node in ANSWERING}
+    under_way: dict[tuple, deque] = {}
+    processed = Counter()
+    for node in ANSWERING:
+        lock.hear(node, counts[node])
+
+    def send(key, value):
+        under_way.setdefault(key, deque()).append(value)
+
+    def take(edge, tick):
+        counts[edge.taker][edge.taken or edge.topic] += 1
+        processed[edge.taker] = tick
+        for following in EDGES:
+            if following.sender == edge.taker and (edge in CHAIN or edge.topic == "/clock"):
+                counts[edge.taker][following.topic] += 1
+                send(following, tick)
+        send(edge.taker, dict(counts[edge.taker]))
+
+    tick = turns = 0
+    while tick < 40 and turns < 100_000:
+        turns += 1
+        if lock.missing() is None:
+            assert tick == 0 or processed == Counter(dict.fromkeys(ANSWERING, tick))
+            tick += 1
+            for edge in EDGES[:2]:
+                lock.note(edge.topic)
+                send(edge, tick)
+        waiting = [key for key, queue in under_way.items() if queue]
+        key = waiting[rng.integers(len(waiting))]
+        value = under_way[key].popleft()
+        if key in EDGES and key.taker == ARM:
+            lock.note(key.topic)
+        elif key in EDGES:
+            take(key, value)
+        else:
+            lock.hear(key, value)
+    assert tick == 40
+
+
+def test_only_who_has_answered_is_waited_for():
+    lock = LockStep(["mocap_ingest", "primitive_activation"])
+    lock.note("joint_states")
+    assert lock.missing() is None
+    hear(lock, "primitive_activation", joint_states=0)
+    assert lock.missing() is None  # it started later
+    lock.note("joint_states")
+    assert lock.missing().taker == "primitive_activation"
+    hear(lock, "primitive_activation", joint_states=1)
+    assert lock.missing() is None
+
+
+@pytest.mark.parametrize("how", ["leaves", "starts again"])
+def test_a_node_that_is_gone_is_not_waited_for(how):
+    lock = LockStep(["primitive_activation"])
+    hear(lock, "primitive_activation", joint_states=0)
+    for _ in range(3):
+        lock.note("joint_states")
+    hear(lock, "primitive_activation", joint_states=2)
+    assert lock.missing()
+    if how == "leaves":
+        lock.leave("primitive_activation")
+    else:
+        hear(lock, "primitive_activation", joint_states=0)
+    assert lock.missing() is None
