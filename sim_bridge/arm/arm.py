@@ -173,6 +173,10 @@ class SimulatedArm:
             self._n_steps += 1
             self._read()
 
+    def begin_noise(self, rng: np.random.Generator) -> None:
+        """Draw the sensor noise from another generator from now on."""
+        self._rng = rng
+
     def state(self) -> ArmState:
         """Return the measured joint state, with sensor noise if the arm was given any."""
         exact = ArmState(self._q.copy(), self._qd.copy(), self._torque.copy(), self.time_s)

@@ -109,6 +109,7 @@ class ArmSim(Node):
         self._pacer: Pacer | None = None
         self._lock_step = LockStep(self._answering)
         self._waits_since_s: float | None = None
+        self._person = False
         if self._answering:
             self.create_subscription(JointState, ANSWERS, self._on_answer, STATE)
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -282,6 +283,9 @@ class ArmSim(Node):
         if node in self._answering:
             counts = dict(zip(message.name, map(int, message.position), strict=True))
             self._lock_step.hear(node, counts)
+            if not self._person and counts.get("mocap/wrist/pose"):
+                self._person = True
+                self.arm.begin_noise(np.random.default_rng(self._seed))
             if self._waits_since_s is not None and not self._lock_step.missing():
                 self._tick()
 
