@@ -12,19 +12,6 @@ PACKAGE = "intent_recognition"
 SHARE = f"share/{PACKAGE}"
 ROOT = Path(__file__).resolve().parent
 
-NODES = {
-    "mocap_ingest": PACKAGE,
-    "intent_estimator": PACKAGE,
-    "primitive_activation": PACKAGE,
-    "bag_recorder": PACKAGE,
-    "bag_player": PACKAGE,
-    "object_warper": PACKAGE,
-    "task_teacher": PACKAGE,
-    "warped_primitive": PACKAGE,
-    "arm_sim": "sim_bridge",
-    "lwr_sim": "sim_bridge",
-    "coworker_sim": "sim_bridge",
-}
 
 # The limited API has had buffers since Python 3.11: from there on, one file serves all versions.
 STABLE = sys.version_info >= (3, 11)
@@ -45,6 +32,11 @@ class DistributionWithDataFiles(Distribution):
     def has_data(self):
         """Whether `install_data` runs."""
         return self.has_data_files()
+
+
+def run(name: str) -> dict:
+    """What a file of the package defines that imports nothing of it."""
+    return runpy.run_path(str(ROOT / PACKAGE / name))
 
 
 def version() -> str:
@@ -100,7 +92,7 @@ setup(
         "zstandard",
     ],
     extras_require={
-        **runpy.run_path(str(ROOT / PACKAGE / "extras.py"))["requirements"](),
+        **run("extras.py")["requirements"](),
         # What `intent experiments alignment` compares with; it runs without.
         "dtw": ["dtaidistance>=2.3"],
         "docs": ["sphinx>=7", "myst-parser>=3", "furo", "matplotlib>=3.8", "sphinx-gallery>=0.17"],
@@ -110,8 +102,7 @@ setup(
     entry_points={
         "console_scripts": [
             "intent = intent_recognition.cli.main:main",
-            f"dashboard = {PACKAGE}.dashboard.start:main",
-            *(f"{name} = {room}.nodes.start:{name}" for name, room in NODES.items()),
+            *(f"{name} = {PACKAGE}.nodes.start:{name}" for name in run("registry.py")["NODES"]),
         ]
     },
     distclass=DistributionWithDataFiles,

@@ -5,8 +5,6 @@
 of its names is used for the first time. No name needs ROS, a simulator or a display.
 """
 
-import intent_recognition.interrupts  # noqa: F401, I001  before all else: quiet while importing
-
 import lazy_loader
 
 __version__ = "0.3.0"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables are quiet from their first import on.
+"""The executables are quiet while they import what they need.
 
 Importing a node takes a second or two. An interrupt meanwhile would leave a traceback from the
 middle of a library; here it ends the process, which has nothing to clean up yet.
@@ -7,20 +7,11 @@ middle of a library; here it ends the process, which has nothing to clean up yet
 
 import os
 import signal
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType
 
-NODES = (
-    *("mocap_ingest", "intent_estimator", "primitive_activation", "bag_recorder", "bag_player"),
-    *("object_warper", "task_teacher", "warped_primitive", "dashboard"),
-    *("arm_sim", "lwr_sim", "coworker_sim"),
-)
-NODE = "node"
-"""What a process is called whose command line says no more; see `nodes.processes`."""
-COMMAND, MODULE = "intent", "intent_recognition.cli.main"
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What ends a command that has started others."""
 SAME_S = 1.0
@@ -30,17 +21,15 @@ INTERRUPTED = 130
 """Exit code of an interrupted command; a node that was asked to end ends with 0."""
 
 
-def end_at_interrupt() -> None:
-    """End at SIGINT, a node also at SIGTERM, if this process is an executable of the package."""
-    name = sys.argv[0].rsplit(os.sep, 1)[-1] if sys.argv else ""
-    if MODULE in sys.orig_argv:  # python -m: the name is not known yet
-        name = COMMAND
-    with suppress(ValueError):  # imported in another thread than the main one
-        if name in (NODE, *NODES):
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, _end_node)
-        elif name == COMMAND:
-            signal.signal(signal.SIGINT, _end_command)
+def end_node_at_interrupts() -> None:
+    """From here on SIGINT and SIGTERM end the process of a node."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end_node)
+
+
+def end_command_at_interrupt() -> None:
+    """From here on Ctrl-C ends the process of a command."""
+    signal.signal(signal.SIGINT, _end_command)
 
 
 def raise_interrupts() -> None:
@@ -143,6 +132,3 @@ def _end_node(*_: object) -> None:
 
 def _end_command(*_: object) -> None:
     os._exit(INTERRUPTED)
-
-
-end_at_interrupt()

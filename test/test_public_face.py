@@ -35,7 +35,7 @@ def run(code: str) -> str:
 
 def test_the_root_alone_loads_no_room():
     code = "import sys, intent_recognition; print(*[m for m in sys.modules if m[:6] == 'intent'])"
-    assert set(run(code).split()) == {"intent_recognition", "intent_recognition.interrupts"}
+    assert set(run(code).split()) == {"intent_recognition"}
 
 
 def test_importing_the_root_is_quick():

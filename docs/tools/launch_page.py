@@ -3,6 +3,7 @@
 
 from intent_recognition.nodes.arguments import Argument
 from intent_recognition.nodes.graph import GRAPHS, NODES, GraphSpec
+from intent_recognition.share import PACKAGE
 
 INTRODUCTION = """\
 # Launch files
@@ -49,6 +50,6 @@ def _kind(argument: Argument) -> str:
 
 def _node(name: str) -> str:
     shown = f"`{name}`"
-    if NODES[name].module:
+    if NODES[name].package == PACKAGE:
         shown = f"[{shown}](nodes.md#{NODES[name].executable or name})"
     return f"{shown} (with `{NODES[name].when}`)" if NODES[name].when else shown

@@ -19,43 +19,20 @@ from rclpy.parameter import Parameter
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn
 from intent_recognition.model import Model, save_model
+from intent_recognition.registry import NODES
 from intent_recognition.share import share_path
 
 NAMESPACE = "/elsewhere"
 """Names that do not begin with it are absolute."""
 
-NODES = {
-    "mocap_ingest": "intent_recognition.nodes",
-    "intent_estimator": "intent_recognition.nodes",
-    "primitive_activation": "intent_recognition.nodes",
-    "task_teacher": "intent_recognition.nodes",
-    "object_warper": "intent_recognition.nodes",
-    "warped_primitive": "intent_recognition.nodes",
-    "dashboard": "intent_recognition.dashboard",
-    "bag_recorder": "intent_recognition.nodes",
-    "bag_player": "intent_recognition.nodes",
-    "arm_sim": "sim_bridge.nodes",
-    "lwr_sim": "sim_bridge.nodes",
-    "coworker_sim": "sim_bridge.nodes",
+HOW = {
+    "task_teacher": "../teach.md#teach-while-it-runs",
+    "object_warper": "../warping.md",
+    "warped_primitive": "../pouring.md#in-a-graph-of-nodes",
+    "dashboard": "../dashboard.md",
+    "lwr_sim": "#arm_sim",
 }
-PURPOSES = {
-    "mocap_ingest": "Checks raw tracker poses and turns them into world-frame odometry.",
-    "intent_estimator": "Recognises the human's task and predicts how both agents go on.",
-    "primitive_activation": "Decides when to act, and turns predictions into commands of the arm.",
-    "task_teacher": "Records a demonstration while the graph runs, learns it, and hands the model"
-    " to the estimator ([how](../teach.md#teach-while-it-runs)).",
-    "object_warper": "Measures a seen container with the help of an annotated one"
-    " ([how](../warping.md)).",
-    "warped_primitive": "Plans a pour for the containers seen, from a learned one"
-    " ([how](../pouring.md#in-a-graph-of-nodes)).",
-    "dashboard": "Serves the web page ([what it shows](../dashboard.md)).",
-    "bag_recorder": "Records topics of any type, bit for bit.",
-    "bag_player": "Replays a bag on its topics in the recorded rhythm.",
-    "arm_sim": "A torque-controlled arm in PyBullet, 1 kHz physics: one of four, or any URDF.",
-    "lwr_sim": "[`arm_sim`](#arm_sim) with the KUKA LWR 4+: the same, but for `robot`, `tip` and"
-    " `base_position`.",
-    "coworker_sim": "A simulated worker whose wrist a simulated tracker follows.",
-}
+"""Where more is said about what a node does."""
 BAG = "bags/toolbox/test/plate_handover_00"
 EVERY_NODES = ("/rosout", "/parameter_events", "/diagnostics")
 NOT_SHOWN = ("start_type_description_service", "qos_overrides")
@@ -88,7 +65,7 @@ def nodes_page() -> str:
     """The page as Markdown."""
     with TemporaryDirectory() as folder, _running():
         overrides = _overrides(Path(folder))
-        parts = [_section(name, module, overrides.get(name, {})) for name, module in NODES.items()]
+        parts = [_section(name, overrides.get(name, {})) for name in NODES]
     return "\n".join([INTRODUCTION, *parts])
 
 
@@ -123,9 +100,14 @@ def _overrides(folder: Path) -> dict[str, dict]:
     }
 
 
-def _section(name: str, module: str, overrides: dict) -> str:
+def _does(name: str) -> str:
+    does = NODES[name].does
+    return f"{does[:-1]} ([more]({HOW[name]}))." if name in HOW else does
+
+
+def _section(name: str, overrides: dict) -> str:
     """All about one node."""
-    path = f"{module}.node" if name == "dashboard" else f"{module}.{name}"
+    path = NODES[name].module
     kind = next(
         member
         for member in vars(importlib.import_module(path)).values()
@@ -147,7 +129,7 @@ def _section(name: str, module: str, overrides: dict) -> str:
     finally:
         Node.declare_parameter = original
     try:
-        parts = [f"## {name}", PURPOSES[name]]
+        parts = [f"## {name}", _does(name)]
         if name != "lwr_sim":
             parts += [_parameters(declared), _topics(node), _services(node)]
     finally:

@@ -16,7 +16,12 @@ from intent_recognition.cli.completion import add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.cli.options import CommandParser
 from intent_recognition.errors import IntentError, missing_package, one_line
-from intent_recognition.interrupts import INTERRUPTED, ignore_interrupts, raise_interrupts
+from intent_recognition.interrupts import (
+    INTERRUPTED,
+    end_command_at_interrupt,
+    ignore_interrupts,
+    raise_interrupts,
+)
 
 CURES = {
     MemoryError: "Give it fewer or smaller files, or more memory.",
@@ -59,6 +64,8 @@ class _Version(argparse.Action):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; an error of this package is one line on stderr and exit code 1."""
+    if argv is None:
+        end_command_at_interrupt()
     _print_whatever_comes()
     words = list(sys.argv[1:] if argv is None else argv)
     known = words[0] in COMMANDS if words else False

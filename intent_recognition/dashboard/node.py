@@ -25,7 +25,7 @@ from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import fixed_parameter
-from intent_recognition.nodes.runtime import steady_timer
+from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.share import share_path
 
 MOST_BAGS = 500
@@ -163,3 +163,6 @@ def _is_model(path: Path, changed_ns: int) -> bool:
     except IntentError:
         return False
     return True
+
+
+main = partial(run, Dashboard)

@@ -9,22 +9,11 @@ sets nothing: the parameter file or the node's own default applies.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from intent_recognition import registry
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.arguments import ARGUMENTS, Argument
+from intent_recognition.registry import ARMS, OWN_TOPICS, RECORDED
 from intent_recognition.share import PACKAGE
-
-RECORDED = (
-    "mocap/wrist/pose",
-    "joint_states",
-    "intent/tasks",
-    "intent/robot_trajectory",
-    "intent/active_task",
-    "intent/next_task",
-    "joint_trajectory",
-    "coworker/task",
-)
-OWN_TOPICS = ("intent/", "human/", "joint_trajectory", "clock", "diagnostics", "rosout")
-"""Topics that the nodes publish themselves; a recording must not be played onto them."""
 
 TRANSFORMS = (("/tf", "tf"), ("/tf_static", "tf_static"))
 """Relative, so that two robots in two namespaces keep their frames apart."""
@@ -38,7 +27,6 @@ class NodeSpec:
     """A node of a graph.
 
     Attributes:
-        module: module whose `main` runs it; empty for a node of another package.
         parameters: parameter name to the argument that sets it.
         fixed: parameters with a value of their own.
         remappings: topic name to the argument that sets it.
@@ -53,7 +41,6 @@ class NodeSpec:
         waits: nodes that must be ready before it begins to play or to move, if they are started.
     """
 
-    module: str
     parameters: Mapping[str, str] = field(default_factory=dict)
     fixed: Mapping[str, object] = field(default_factory=dict)
     remappings: Mapping[str, str] = field(default_factory=dict)
@@ -79,8 +66,6 @@ def _from(*same: str, **other: str) -> dict[str, str]:
 
 
 RECOGNITION = ("mocap_ingest", "intent_estimator", "primitive_activation")
-ARMS = ("lwr_sim", "arm_sim")
-"""Nodes of a simulated arm, of which one is started."""
 _STATES = {"joint_states": "joint_states_topic"}
 _ARM = _STATES | {"joint_trajectory": "command_topic"}
 _SIMULATED = _from(
@@ -94,7 +79,6 @@ def _warper(name: str, **toward: str) -> NodeSpec:
     """The object_warper of one of two containers."""
     own = {f"object/{topic}": f"{name}/{topic}" for topic in _SEEN}
     return NodeSpec(
-        "intent_recognition.nodes.object_warper",
         _from(stands_above="stands_above"),
         topics=own | {f"object/{topic}": there for topic, there in toward.items()},
         executable="object_warper",
@@ -105,45 +89,37 @@ def _warper(name: str, **toward: str) -> NodeSpec:
 _SEEN = ("cloud", "grasp", "labelled_cloud", "parameters", "pose")
 NODES = {
     "lwr_sim": NodeSpec(
-        "sim_bridge.nodes.lwr_sim",
         _SIMULATED,
         remappings=_ARM,
         clock="publish_clock",
         unless="arm",
     ),
     "arm_sim": NodeSpec(
-        "sim_bridge.nodes.arm_sim",
         _SIMULATED | {"robot": "arm"},
         remappings=_ARM,
         clock="publish_clock",
         when="arm",
     ),
-    "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", _from("bodies"), frames=True),
+    "mocap_ingest": NodeSpec(_from("bodies"), frames=True),
     "intent_estimator": NodeSpec(
-        "intent_recognition.nodes.intent_estimator",
         _from("model", "dofs", "transition_prior", "hand_link"),
         remappings=_STATES,
         frames=True,
     ),
     "primitive_activation": NodeSpec(
-        "intent_recognition.nodes.primitive_activation",
         _from("model", "pretrigger_threshold", "hand_link", "sequences", "command_action")
         | {"autostart": "activate"},
         remappings=_ARM,
     ),
     "cup_warper": _warper("cup", toward="second/pose"),
     "second_warper": _warper("second"),
-    "warped_primitive": NodeSpec(
-        "intent_recognition.nodes.warped_primitive", _from("skill", "fluid"), remappings=_STATES
-    ),
+    "warped_primitive": NodeSpec(_from("skill", "fluid"), remappings=_STATES),
     "coworker_sim": NodeSpec(
-        "sim_bridge.nodes.coworker_sim",
         _from("seed", "task_list", "scenario"),
         when="coworker",
         waits=(*ARMS, *RECOGNITION, "bag_recorder"),
     ),
     "bag_player": NodeSpec(
-        "intent_recognition.nodes.bag_player",
         _from("bag", "rate", "loop", "start_paused"),
         fixed={"clock": True, "without": list(OWN_TOPICS)},
         remappings=_STATES,
@@ -152,7 +128,6 @@ NODES = {
         waits=("mocap_ingest", "intent_estimator"),
     ),
     "bag_recorder": NodeSpec(
-        "intent_recognition.nodes.bag_recorder",
         _from(output="record"),
         fixed={"topics": list(RECORDED)},
         remappings=_ARM,
@@ -160,21 +135,19 @@ NODES = {
         respawns=False,
     ),
     "task_teacher": NodeSpec(
-        "intent_recognition.nodes.task_teacher",
         _from("model", "library", "dofs", "hand_link"),
         remappings=_ARM,
         when="dashboard",
     ),
     "dashboard": NodeSpec(
-        "intent_recognition.dashboard.start",
         _from("port", "models", "hand_link", "scene"),
         remappings=_ARM,
         when="dashboard",
     ),
     "robot_state_publisher": NodeSpec(
-        "", remappings=_STATES, frames=True, when="rviz", package="robot_state_publisher"
+        remappings=_STATES, frames=True, when="rviz", package="robot_state_publisher"
     ),
-    "rviz2": NodeSpec("", frames=True, when="rviz", package="rviz2", respawns=False),
+    "rviz2": NodeSpec(frames=True, when="rviz", package="rviz2", respawns=False),
 }
 PAGE = ("task_teacher", "dashboard")
 
@@ -338,13 +311,14 @@ def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
         parameters["wait_for_nodes"] = waits
     topics = [(topic, str(values[a])) for topic, a in spec.remappings.items() if a in values]
     frames = TRANSFORMS if spec.frames else ()
+    executable = spec.executable or name
     return NodeCall(
         name,
         spec.package,
-        spec.module,
+        registry.NODES[executable].module if spec.package == PACKAGE else "",
         str(values.get("namespace", "")).strip("/"),
         parameters,
         (*spec.topics.items(), *topics, *frames),
-        spec.executable or name,
+        executable,
         spec.respawns and values.get("respawn") is not False,
     )

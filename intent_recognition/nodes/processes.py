@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from intent_recognition.errors import IntentError
-from intent_recognition.interrupts import NODE
 from intent_recognition.share import share_path
 
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -106,8 +105,9 @@ class NodeProcesses:
             remappings: pairs of topics, from and to.
             params_file: of parameters that are laid over these.
         """
-        named = f"import sys; sys.argv[0] = {NODE!r}; import {module} as m; sys.exit(m.main())"
-        command = [sys.executable, "-c", named]
+        quietly = "from intent_recognition.interrupts import end_node_at_interrupts as e; e();"
+        code = f"{quietly} import sys, {module} as m; sys.exit(m.main())"
+        command = [sys.executable, "-c", code]
         command += ["--ros-args"]
         for key, value in parameters.items():
             command += ["-p", f"{key}:={_text(value)}"]

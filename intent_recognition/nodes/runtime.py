@@ -86,13 +86,10 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _START_ERRORS as error:
-        half_built = None if node else _half_built(error)
-        _log_fatal(node or half_built, getattr(make_node, "__name__", "node"), one_line(error))
-        if half_built is not None:
-            try:
-                end(half_built)
-            except AttributeError:  # its class counts on what was not made
-                Node.destroy_node(half_built)
+        if node is None:  # let go of what was made of it, which has its name
+            traceback.clear_frames(error.__traceback__)
+            gc.collect()
+        _log_fatal(node, getattr(make_node, "__name__", "node"), one_line(error))
         return 1
     finally:
         _close(node)
@@ -281,21 +278,12 @@ def _spin(node: Node, signals: _Signals) -> None:
         executor.shutdown()
 
 
-def _half_built(error: BaseException) -> Node | None:
-    """The node whose making the error ended, if it got as far as to have a name."""
-    for frame, _ in traceback.walk_tb(error.__traceback__):
-        node = frame.f_locals.get("self")
-        if isinstance(node, Node) and hasattr(node, "_logger"):
-            return node
-    return None
-
-
 def _log_fatal(node: Node | None, class_name: str, text: str) -> None:
     """Log why a node ends, under its name; on stderr where it could have none."""
     try:
         if node is None:  # the same remapping gives a node in its place the name it would have had
             name = re.sub(r"(?<!^)(?=[A-Z])", "_", class_name.removesuffix("Node")).lower()
-            node = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
+            node = rclpy.create_node(name, start_parameter_services=False)
             node.get_logger().fatal(text)
             end(node)
         else:

@@ -8,25 +8,16 @@ Each node has an enclave of its own, `/NAMESPACE/NODE`, which the launch files n
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 from xml.etree import ElementTree
 
+from intent_recognition import registry
 from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.model import load_model
-from intent_recognition.nodes.graph import (
-    ARMS,
-    GRAPHS,
-    NODES,
-    OWN_TOPICS,
-    RECORDED,
-    NodeCall,
-    arguments_of,
-    resolve,
-)
+from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall, arguments_of, resolve
+from intent_recognition.registry import BODY, HEARD, SAMPLED
+from intent_recognition.share import PACKAGE
 
-BODY, HEARD, SAMPLED = "{body}", "{heard}", "{sampled}"
-"""Stand for each tracked body; for what the estimator hears of each DOF, and where it is from."""
 PARAMETER_SERVICES = tuple(
     f"~/{name}"
     for name in ("describe_parameters", "get_parameter_types", "get_parameters")
@@ -37,91 +28,6 @@ LIFECYCLE_SERVICES = tuple(
     for name in ("change_state", "get_state", "get_available_states")
     + ("get_available_transitions", "get_transition_graph")
 )
-FRAMES = ("/tf", "/tf_static")
-LEARNING = ("start", "stop", "learn", "discard", "keep", "undo")
-
-
-class Interface(NamedTuple):
-    """Names that a node uses beside those of every node; relative, `~/` is its own.
-
-    Those that only some of its parameters make it use are among them.
-
-    Attributes:
-        subscribes: topics.
-        publishes: topics.
-        offers: services.
-        calls: services of others.
-        managed: whether it is a lifecycle node.
-    """
-
-    subscribes: tuple[str, ...] = ()
-    publishes: tuple[str, ...] = ()
-    offers: tuple[str, ...] = ()
-    calls: tuple[str, ...] = ()
-    managed: bool = False
-
-
-_ARM = Interface(
-    ("intent/active_task", "intent/robot_trajectory", "joint_trajectory", "~/push"),
-    ("balls", "cup/cloud", "intent/feedback", "joint_states", "robot_description", "second/cloud"),
-    ("~/gravity_compensation",),
-)
-_WARPER = Interface(
-    ("object/cloud", "object/toward"),
-    ("object/grasp", "object/labelled_cloud", "object/parameters", "object/pose", *FRAMES),
-)
-INTERFACES = {
-    **dict.fromkeys(("cup_warper", "second_warper"), _WARPER),
-    "warped_primitive": Interface(
-        ("cup/parameters", "cup/pose", "joint_states", "pour")
-        + ("second/parameters", "second/pose"),
-        ("intent/robot_trajectory", "intent/tasks"),
-    ),
-    **dict.fromkeys(ARMS, _ARM),
-    "mocap_ingest": Interface((f"mocap/{BODY}/pose", *FRAMES), (f"human/{BODY}", *FRAMES)),
-    "intent_estimator": Interface(
-        (HEARD, "intent/answer", "intent/sequence", "joint_states", "robot_description"),
-        ("intent/human_path", "intent/human_trajectory", "intent/markers", "intent/next_task")
-        + ("intent/robot_trajectory", "intent/tasks", "intent/via_points", *FRAMES),
-        ("~/reload_model", "~/reset"),
-        managed=True,
-    ),
-    "primitive_activation": Interface(
-        ("intent/human_trajectory", "intent/next_task", "intent/robot_trajectory")
-        + ("intent/tasks", "intent/via_points", f"human/{BODY}")
-        + ("joint_states", "robot_description"),
-        ("intent/active_task", "intent/correction", "intent/feedback", "intent/question")
-        + ("intent/sequence", "joint_trajectory"),
-        ("~/reset",),
-        managed=True,
-    ),
-    "coworker_sim": Interface((), ("coworker/task", "mocap/wrist/pose")),
-    "bag_recorder": Interface(RECORDED, (), ("~/start", "~/stop")),
-    "bag_player": Interface(
-        (),
-        (SAMPLED, *(topic for topic in RECORDED if not topic.startswith(OWN_TOPICS))),
-        ("~/pause", "~/resume"),
-    ),
-    "task_teacher": Interface(
-        (SAMPLED, "joint_states", "robot_description")
-        + ("intent/active_task", "intent/correction", "intent/feedback"),
-        ("teach/skills", "teach/status"),
-        tuple(f"~/{name}" for name in (*LEARNING, "practise", "accept")),
-        ("intent_estimator/reload_model", "intent_estimator/set_parameters"),
-    ),
-    "dashboard": Interface(
-        ("coworker/task", "intent/active_task", "intent/markers", "intent/robot_trajectory")
-        + ("intent/tasks", "joint_states", f"mocap/{BODY}/pose", "robot_description")
-        + ("intent/question", "intent/via_points", "teach/skills", "teach/status"),
-        ("intent/answer", "intent/feedback", "joint_trajectory", f"mocap/{BODY}/pose"),
-        (),
-        ("intent_estimator/reset", "primitive_activation/reset", "intent_estimator/set_parameters")
-        + ("primitive_activation/change_state", "primitive_activation/get_state")
-        + tuple(f"task_teacher/{name}" for name in LEARNING)
-        + tuple(f"{arm}/gravity_compensation" for arm in ARMS),
-    ),
-}
-"""Of each node of ours; a test compares them with the nodes themselves."""
 
 
 def policy(graph: str, given: Mapping[str, object]) -> str:
@@ -146,7 +52,7 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
     root = ElementTree.Element("policy", version="0.2.0")
     enclaves = ElementTree.SubElement(root, "enclaves")
     for call in resolve(graph, given):
-        if call.name in INTERFACES:
+        if call.package == PACKAGE:
             _add(enclaves, call, sorted(tracked.union(bodies)), stand_for)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
@@ -168,7 +74,7 @@ def _add(
     bodies: Sequence[str],
     stand_for: Mapping[str, Sequence[str]],
 ) -> None:
-    own, renamed = INTERFACES[call.name], dict(call.remappings)
+    own, renamed = registry.NODES[call.executable], dict(call.remappings)
 
     def names(some: Sequence[str]) -> list[str]:
         found: list[str] = []

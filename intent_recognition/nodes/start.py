@@ -2,12 +2,13 @@
 """The executables of the nodes: they start a node, or say what it is or what is missing for it."""
 
 import importlib
-import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from intent_recognition.errors import missing_package, one_line
+from intent_recognition.interrupts import end_node_at_interrupts
+from intent_recognition.registry import NODES
 
 HELP = """\
 {name}: {does}
@@ -20,29 +21,38 @@ Its parameters, topics and services are listed in docs/reference/nodes.md, and b
 """
 
 
-def start(module: str, args: Sequence[str] | None = None) -> int:
-    """Run the node `main` of a module, which has the node's name.
+def __getattr__(name: str) -> Callable[..., int]:
+    """What the executable of a node calls, such as `start.mocap_ingest()`."""
+    if name not in NODES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return partial(start, name)
+
+
+def start(name: str, args: Sequence[str] | None = None) -> int:
+    """Run the node of this name, quiet from its first import on.
 
     Args:
-        module: of the node; the first line of its docstring says what it does.
+        name: one of `registry.NODES`.
         args: command line with the program's name first; None takes the process's own.
 
     Returns:
-        The exit code: 1 with one line on stderr where there is no ROS 2.
+        The exit code: 1 with one line on stderr where a package is missing for it, such as ROS 2.
     """
-    name = module.rpartition(".")[2]
+    if args is None:
+        end_node_at_interrupts()
     try:
-        node = importlib.import_module(module)
+        node = importlib.import_module(NODES[name].module)
     except ImportError as error:
         tell_missing(name, error)
         return 1
-    if explained(name, node.__doc__ or "", args):
+    if {"-h", "--help"} & set((sys.argv if args is None else args)[1:]):
+        sys.stdout.write(HELP.format(name=name, does=NODES[name].does))
         return 0
     return int(node.main(args))
 
 
 def tell_missing(name: str, error: ImportError) -> None:
-    """Say on stderr that ROS 2 is missing.
+    """Say on stderr which package is missing.
 
     Raises:
         ImportError: something else is.
@@ -50,22 +60,3 @@ def tell_missing(name: str, error: ImportError) -> None:
     if (told := missing_package(error)) is None:
         raise error
     sys.stderr.write(f"{name}: {one_line(told)}\n")
-
-
-def explained(name: str, docstring: str, args: Sequence[str] | None) -> bool:
-    """Print what a node does and how it is started, if the command line asks for help."""
-    if not {"-h", "--help"} & set((sys.argv if args is None else args)[1:]):
-        return False
-    does = re.sub("^(Node|The node `[a-z_]+`): ", "", docstring.partition("\n")[0])
-    sys.stdout.write(HELP.format(name=name, does=does))
-    return True
-
-
-mocap_ingest = partial(start, "intent_recognition.nodes.mocap_ingest")
-intent_estimator = partial(start, "intent_recognition.nodes.intent_estimator")
-primitive_activation = partial(start, "intent_recognition.nodes.primitive_activation")
-bag_recorder = partial(start, "intent_recognition.nodes.bag_recorder")
-bag_player = partial(start, "intent_recognition.nodes.bag_player")
-object_warper = partial(start, "intent_recognition.nodes.object_warper")
-task_teacher = partial(start, "intent_recognition.nodes.task_teacher")
-warped_primitive = partial(start, "intent_recognition.nodes.warped_primitive")

@@ -56,8 +56,8 @@ def test_a_library_that_swallows_a_signal_while_it_loads_does_not_keep_the_comma
 ):
     (tmp_path / "swallows.py").write_text(SWALLOWS.replace("SIGINT", number))
     code = (
-        "import sys; sys.argv[0] = 'intent'\n"
-        f"from intent_recognition import interrupts as i; {prepared}\n"
+        "import sys; from intent_recognition import interrupts as i\n"
+        f"i.end_command_at_interrupt(); {prepared}\n"
         f"sys.path.append({str(tmp_path)!r})\n"
         "import swallows; print('went on')"
     )
@@ -92,10 +92,10 @@ def test_processes_started_for_work_hear_no_ctrl_c():
 def test_an_interrupt_that_comes_when_a_command_is_over_leaves_its_exit_code():
     """Python gives signals back to the system while it ends, which would end it by them."""
     code = (
-        "import atexit, os, signal, sys; sys.argv = ['intent', '--help-me']\n"
+        "import atexit, os, signal, sys; sys.argv = ['intent', 'inspect', '/no/such/bag']\n"
         "atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))\n"
         "from intent_recognition.cli.main import main\n"
-        "sys.exit(main(['inspect', '/no/such/bag']))"
+        "sys.exit(main())"
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert ended.returncode == 1

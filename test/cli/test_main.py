@@ -176,11 +176,7 @@ def test_an_interrupt_during_imports_is_quiet(tmp_path, n_imports):
     command = [sys.executable, "-v", str(script), "evaluate", "/no/bag"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
-        next(
-            line
-            for line in process.stderr
-            if line.startswith("import 'intent_recognition.interrupts' ")
-        )
+        next(line for line in process.stderr if line.startswith("import 'numpy.version' "))
         for _ in range(n_imports):  # each import is a line
             next(process.stderr)
         process.send_signal(signal.SIGINT)
@@ -304,10 +300,8 @@ def test_every_command_that_needs_ros_says_so_where_there_is_none(tmp_path):
 WITHOUT_ROS = """
 import sys
 
-import intent_recognition.dashboard.start
 from intent_recognition.cli.main import main
 from intent_recognition.nodes import start
-import sim_bridge.nodes.start as bridge
 
 class NoRos:
     def find_spec(self, name, path=None, target=None):
@@ -315,9 +309,7 @@ class NoRos:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, NoRos())
-mains = {"dashboard": intent_recognition.dashboard.start.main, "arm_sim": bridge.arm_sim}
 for line in sys.stdin:
     name, *words = sys.argv = line.split()
-    run = mains.get(name) or getattr(start, name, None)
-    assert (main(words) if name == "intent" else run()) == 1, line
+    assert (main(words) if name == "intent" else getattr(start, name)()) == 1, line
 """

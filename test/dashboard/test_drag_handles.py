@@ -24,8 +24,8 @@ def cell():
     """An arm and the page in processes of their own; the page's port."""
     chromium()
     port = free_port()
-    start = {"sim_bridge.nodes.lwr_sim": [], "intent_recognition.dashboard.start": []}
-    start["intent_recognition.dashboard.start"] = ["-p", f"port:={port}", "-p", "rate:=10.0"]
+    start = {"sim_bridge.nodes.lwr_sim": [], "intent_recognition.dashboard.node": []}
+    start["intent_recognition.dashboard.node"] = ["-p", f"port:={port}", "-p", "rate:=10.0"]
     processes = []
     try:
         for module, parameters in start.items():

@@ -31,7 +31,7 @@ NODES = {
     "intent_recognition.nodes.intent_estimator": {"model": "{model}"},
     "intent_recognition.nodes.primitive_activation": {"model": "{model}"},
     "intent_recognition.nodes.task_teacher": {"model": "{model}", "library": "{library}"},
-    "intent_recognition.dashboard.start": {
+    "intent_recognition.dashboard.node": {
         "port": "{port}",
         "rate": "10.0",
         "bags": "{bags}",

@@ -7,8 +7,8 @@ import yaml
 from dashboard.browser import free_port
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.dashboard.node import main
 from intent_recognition.dashboard.scene_file import load_scene
-from intent_recognition.dashboard.start import main
 from intent_recognition.errors import ArgumentError
 from sim_bridge.scenarios.toolbox.scene import STANDS_M, stand_pose
 

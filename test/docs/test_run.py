@@ -23,7 +23,8 @@ from ros_harness import NodeProcess
 
 from intent_recognition.cli import main as cli
 from intent_recognition.evaluation import evaluate
-from intent_recognition.nodes.graph import GRAPHS, NODES, resolve
+from intent_recognition.nodes.graph import GRAPHS, resolve
+from intent_recognition.registry import NODES
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_basis_functions")]
 

@@ -126,7 +126,7 @@ def test_topics_are_offered_as_the_contract_says(harness, bag, name):
 @pytest.mark.parametrize("name", NODES)
 def test_every_node_ends_quietly_when_asked_to(harness, bag, name):
     kind = NODES[name][0]
-    module = "intent_recognition.dashboard.start" if name == "dashboard" else kind.__module__
+    module = kind.__module__
     pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in needed(name, bag).items())
     arguments = ["--ros-args", *(word for pair in pairs for word in pair)]
     reports = harness.collect(DiagnosticArray, "/diagnostics")

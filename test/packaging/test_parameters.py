@@ -3,7 +3,6 @@
 
 import importlib
 import re
-from pathlib import Path
 
 import pytest
 import yaml
@@ -12,21 +11,16 @@ from dashboard.browser import free_port
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from intent_recognition.registry import NODES
 from intent_recognition.share import share_path
 
-MODULES = {
-    "arm_sim": "sim_bridge.nodes.arm_sim",
-    "lwr_sim": "sim_bridge.nodes.lwr_sim",
-    "coworker_sim": "sim_bridge.nodes.coworker_sim",
-    "dashboard": "intent_recognition.dashboard.node",
-}
 TEXT = share_path("config/params.yaml").read_text(encoding="utf-8")
 SECTIONS = yaml.safe_load(TEXT)
 
 
 def node_class(name):
     """The node of an executable: the Node its module defines."""
-    module = importlib.import_module(MODULES.get(name, f"intent_recognition.nodes.{name}"))
+    module = importlib.import_module(NODES[name].module)
     (found,) = [
         member
         for member in vars(module).values()
@@ -75,7 +69,4 @@ def needed(name, folder):
 
 
 def test_every_node_has_a_section():
-    """One for each executable but `intent`."""
-    setup = (Path(__file__).parents[2] / "setup.py").read_text(encoding="utf-8")
-    nodes = re.findall(r'^    "(\w+)": (?:PACKAGE|"sim_bridge"),$', setup, re.MULTILINE)
-    assert {f"/**/{name}" for name in (*nodes, "dashboard")} == set(SECTIONS)
+    assert {f"/**/{name}" for name in NODES} == set(SECTIONS)

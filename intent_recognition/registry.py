@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes of the package: where they are, what they do, and which topics and services they use.
+
+One list feeds the executables (setup.py), the launch files, the policies of SROS 2 and the
+reference. This file imports nothing of ours, so that setup.py can run it before anything is
+installed.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+BODY, HEARD, SAMPLED = "{body}", "{heard}", "{sampled}"
+"""Stand for each tracked body; for what the estimator hears of each DOF, and where it is from."""
+RECORDED = (
+    "mocap/wrist/pose",
+    "joint_states",
+    "intent/tasks",
+    "intent/robot_trajectory",
+    "intent/active_task",
+    "intent/next_task",
+    "joint_trajectory",
+    "coworker/task",
+)
+"""Topics that `bag_recorder` records of a cell."""
+OWN_TOPICS = ("intent/", "human/", "joint_trajectory", "clock", "diagnostics", "rosout")
+"""Topics that the nodes publish themselves; a recording must not be played onto them."""
+FRAMES = ("/tf", "/tf_static")
+"""Topics with the frames of bodies and robots."""
+ARMS = ("lwr_sim", "arm_sim")
+"""Nodes of a simulated arm, of which one is started."""
+LEARNING = ("start", "stop", "learn", "discard", "keep", "undo")
+"""Services of `task_teacher` that the page calls."""
+
+
+class RegisteredNode(NamedTuple):
+    """A node, and the names it uses beside those of every node; relative, `~/` is its own.
+
+    Names that only some of its parameters make it use are among them.
+
+    Attributes:
+        module: whose `main` runs it.
+        does: in one sentence.
+        subscribes: topics.
+        publishes: topics.
+        offers: services.
+        calls: services of others.
+        managed: whether it is a lifecycle node.
+    """
+
+    module: str
+    does: str
+    subscribes: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    offers: tuple[str, ...] = ()
+    calls: tuple[str, ...] = ()
+    managed: bool = False
+
+
+_ARM = RegisteredNode(
+    "sim_bridge.nodes.arm_sim",
+    "A torque-controlled arm in PyBullet, 1 kHz physics: one of four, or any URDF.",
+    subscribes=("intent/active_task", "intent/robot_trajectory", "joint_trajectory", "~/push"),
+    publishes=(
+        "balls",
+        "cup/cloud",
+        "intent/feedback",
+        "joint_states",
+        "robot_description",
+        "second/cloud",
+    ),
+    offers=("~/gravity_compensation",),
+)
+NODES: Mapping[str, RegisteredNode] = {
+    "mocap_ingest": RegisteredNode(
+        "intent_recognition.nodes.mocap_ingest",
+        "Checks raw tracker poses and turns them into world-frame odometry.",
+        subscribes=(f"mocap/{BODY}/pose", *FRAMES),
+        publishes=(f"human/{BODY}", *FRAMES),
+    ),
+    "intent_estimator": RegisteredNode(
+        "intent_recognition.nodes.intent_estimator",
+        "Recognises the human's task and predicts how both agents go on.",
+        subscribes=(HEARD, "intent/answer", "intent/sequence", "joint_states", "robot_description"),
+        publishes=(
+            "intent/human_path",
+            "intent/human_trajectory",
+            "intent/markers",
+            "intent/next_task",
+            "intent/robot_trajectory",
+            "intent/tasks",
+            "intent/via_points",
+            *FRAMES,
+        ),
+        offers=("~/reload_model", "~/reset"),
+        managed=True,
+    ),
+    "primitive_activation": RegisteredNode(
+        "intent_recognition.nodes.primitive_activation",
+        "Decides when to act, and turns predictions into commands of the arm.",
+        subscribes=(
+            "intent/human_trajectory",
+            "intent/next_task",
+            "intent/robot_trajectory",
+            "intent/tasks",
+            "intent/via_points",
+            f"human/{BODY}",
+            "joint_states",
+            "robot_description",
+        ),
+        publishes=(
+            "intent/active_task",
+            "intent/correction",
+            "intent/feedback",
+            "intent/question",
+            "intent/sequence",
+            "joint_trajectory",
+        ),
+        offers=("~/reset",),
+        managed=True,
+    ),
+    "task_teacher": RegisteredNode(
+        "intent_recognition.nodes.task_teacher",
+        "Records a demonstration while the graph runs, learns it, and hands the model to the"
+        " estimator.",
+        subscribes=(
+            SAMPLED,
+            "joint_states",
+            "robot_description",
+            "intent/active_task",
+            "intent/correction",
+            "intent/feedback",
+        ),
+        publishes=("teach/skills", "teach/status"),
+        offers=tuple(f"~/{name}" for name in (*LEARNING, "practise", "accept")),
+        calls=("intent_estimator/reload_model", "intent_estimator/set_parameters"),
+    ),
+    "object_warper": RegisteredNode(
+        "intent_recognition.nodes.object_warper",
+        "Measures a seen container with the help of an annotated one.",
+        subscribes=("object/cloud", "object/toward"),
+        publishes=(
+            "object/grasp",
+            "object/labelled_cloud",
+            "object/parameters",
+            "object/pose",
+            *FRAMES,
+        ),
+    ),
+    "warped_primitive": RegisteredNode(
+        "intent_recognition.nodes.warped_primitive",
+        "Plans a pour for the containers seen, from a learned one.",
+        subscribes=(
+            "cup/parameters",
+            "cup/pose",
+            "joint_states",
+            "pour",
+            "second/parameters",
+            "second/pose",
+        ),
+        publishes=("intent/robot_trajectory", "intent/tasks"),
+    ),
+    "dashboard": RegisteredNode(
+        "intent_recognition.dashboard.node",
+        "Serves the web page.",
+        subscribes=(
+            "coworker/task",
+            "intent/active_task",
+            "intent/markers",
+            "intent/robot_trajectory",
+            "intent/tasks",
+            "joint_states",
+            f"mocap/{BODY}/pose",
+            "robot_description",
+            "intent/question",
+            "intent/via_points",
+            "teach/skills",
+            "teach/status",
+        ),
+        publishes=("intent/answer", "intent/feedback", "joint_trajectory", f"mocap/{BODY}/pose"),
+        calls=(
+            "intent_estimator/reset",
+            "primitive_activation/reset",
+            "intent_estimator/set_parameters",
+            "primitive_activation/change_state",
+            "primitive_activation/get_state",
+            *(f"task_teacher/{name}" for name in LEARNING),
+            *(f"{arm}/gravity_compensation" for arm in ARMS),
+        ),
+    ),
+    "bag_recorder": RegisteredNode(
+        "intent_recognition.nodes.bag_recorder",
+        "Records topics of any type, bit for bit.",
+        subscribes=RECORDED,
+        offers=("~/start", "~/stop"),
+    ),
+    "bag_player": RegisteredNode(
+        "intent_recognition.nodes.bag_player",
+        "Replays a bag on its topics in the recorded rhythm.",
+        publishes=(
+            SAMPLED,
+            *(topic for topic in RECORDED if not topic.startswith(OWN_TOPICS)),
+        ),
+        offers=("~/pause", "~/resume"),
+    ),
+    "arm_sim": _ARM,
+    "lwr_sim": _ARM._replace(
+        module="sim_bridge.nodes.lwr_sim",
+        does="Is arm_sim with the KUKA LWR 4+: the same, but for robot, tip and base_position.",
+    ),
+    "coworker_sim": RegisteredNode(
+        "sim_bridge.nodes.coworker_sim",
+        "A simulated worker whose wrist a simulated tracker follows.",
+        publishes=("coworker/task", "mocap/wrist/pose"),
+    ),
+}
+"""By the name of the executable, in the order of the reference."""
