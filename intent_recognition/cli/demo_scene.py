@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 LIVE = ("toolbox", "assembly")
 """Scenarios with a worker and an arm in a graph of nodes."""
 LWR = "lwr"
+STANDS_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.45, -0.05, 0.15))
+"""Where the base of a user's arm may stand, world [m]: the first from where it reaches all places.
+Convention: toward the worker; an arm of 0.4 m reaches them from the last."""
+REACHED_M = 0.01
+"""A place is reached if the hand comes so near to it [m]. Convention: below the demo's errors."""
 
 
 class Scene(NamedTuple):
@@ -76,15 +81,15 @@ def _toolbox(args: argparse.Namespace) -> Scene:
 
     tasks = session_tasks(args)
     plan = plan_session(args.seed, tasks)
+    places_m = toolbox_places(plan)
     plain = args.arm == LWR and not (args.base or args.tip)
-    arm = None if plain else _arm(args, HOME_HAND_M)
+    arm = None if plain else _arm(args, HOME_HAND_M, places_m)
     home = HOME.tolist() if arm is None else arm.home.tolist()
     named = {"arm": "", "hand_link": ""}
     of_arm: dict[str, object] = {"initial_position": home}
     if arm is not None:
         named = {"arm": _file(args, arm.robot), "hand_link": arm.robot.tip}
-        of_arm["tip"] = arm.robot.tip
-    places_m = toolbox_places(plan)
+        of_arm |= {"tip": arm.robot.tip, "base_position": list(arm.robot.base_position_m)}
     scoring = Scoring(places_m) if arm is None else Scoring(places_m, arm.hand)
     return Scene(
         "bags/toolbox/train",
@@ -110,7 +115,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
         raise ArgumentError.about("--changes", "0 with --scenario assembly", args.changes, cure)
     session = plan_live(args.seed, args.task_list, args.interactions or 0, SessionTiming())
     places_m = np.array([one.assistant[-1][1].goal_m for one in session.interactions])
-    arm = _arm(args, REST_M)
+    arm = _arm(args, REST_M, np.empty((0, 3)))
     named = _file(args, arm.robot)
     return Scene(
         "bags/assembly",
@@ -125,24 +130,38 @@ def _assembly(args: argparse.Namespace) -> Scene:
     )
 
 
-def _arm(args: argparse.Namespace, home_m: NDArray[np.float64]) -> "ToolboxArm":
-    """The arm that the options name, and the link that is its hand.
+def _arm(
+    args: argparse.Namespace,
+    home_m: NDArray[np.float64],
+    places_m: NDArray[np.float64],
+) -> "ToolboxArm":
+    """The arm that the options name; one from a file stands where it reaches the places (n, 3).
 
     Raises:
         ArgumentError: there is no such arm, or it cannot reach home.
     """
-    from sim_bridge.arm import find_robot
+    from sim_bridge.arm import NAMES, find_robot
     from sim_bridge.scenarios.toolbox import ToolboxArm
 
-    arm = ToolboxArm(find_robot(args.arm, base=args.base, tip=args.tip), home_m)
-    try:
-        _ = arm.home
-    except KinematicsError as error:
+    fixed = args.arm in NAMES or not len(places_m)
+    best, most, reason = None, -1, None
+    for at in (None,) if fixed else STANDS_M:
+        robot = find_robot(args.arm, base=args.base, tip=args.tip, base_position_m=at)
+        arm = ToolboxArm(robot, home_m)
+        try:
+            _ = arm.home
+        except KinematicsError as error:
+            reason = reason or error
+            continue
+        reached = len(places_m) if fixed else arm.n_reached(places_m, REACHED_M)
+        if reached > most:
+            best, most = arm, reached
+        if most == len(places_m):
+            break
+    if best is None:
         cure = "Name another --tip or --base, or a larger arm."
-        raise ArgumentError(
-            f"--arm {args.arm}: its hand does not reach home. {error} {cure}"
-        ) from error
-    return arm
+        raise ArgumentError(f"--arm {args.arm}: its hand does not reach home. {reason} {cure}")
+    return best
 
 
 def _file(args: argparse.Namespace, robot: "Robot") -> str:

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from kinematics.trees import TREES, urdf
 
 from intent_recognition.cli import demo
 from intent_recognition.cli.main import main
@@ -64,3 +65,30 @@ def test_in_the_assembly_an_arm_is_in_a_persons_place(run, arm):
     goals = [one.goal_m for one in scene.plan.interactions]
     away = np.linalg.norm(scene.scoring.places_m - goals, axis=1)
     assert np.all((away > 0.05) & (away < 0.4))  # beside the worker's wrist, not where it is
+
+
+@pytest.mark.parametrize(
+    ("tree", "length_m", "options", "tip", "where"),
+    [
+        ("ur", 0.16, (), "tool0", [0.0, 0.0, 0.0]),
+        ("so101", 0.09, (), "gripper_link", [0.45, -0.05, 0.15]),
+        ("pr2_right", 0.16, ("--base", "torso", "--tip", "r_palm"), "r_palm", [0.0, 0.0, 0.0]),
+    ],
+)
+def test_an_arm_of_a_file_stands_where_it_reaches(
+    run, tmp_path, tree, length_m, options, tip, where
+):
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf(TREES[tree].branches, length_m=length_m))
+    _, ((_, output, scene),) = run("--arm", str(path), *options)
+    assert scene.own["arm_sim"]["base_position"] == where
+    assert scene.arguments["hand_link"] == scene.own["arm_sim"]["tip"] == tip
+    assert scene.arguments["arm"] == str(output / "arm.urdf")
+    assert 'name="head_pan_joint" type="fixed"' in (output / "arm.urdf").read_text() or not options
+
+
+def test_the_hand_must_be_named_where_there_are_two_arms(run, tmp_path, capsys):
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf(TREES["baxter"].branches))
+    assert run("--arm", str(path))[0] == 1
+    assert "right_gripper or left_gripper" in capsys.readouterr().err

@@ -32,6 +32,11 @@ class ToolboxArm:
         """
         return self._arm.inverse_kinematics(self._home_m)
 
+    def n_reached(self, places_m: NDArray[np.float64], within_m: float) -> int:
+        """How many places (n, 3), world, the hand comes that near to."""
+        near = (self._arm.nearest(place, self.home).distance_m for place in places_m)
+        return sum(distance_m <= within_m for distance_m in near)
+
     def hand(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions of the hand in the world (..., 3) [m] for measured joints, fingers last."""
         return self._arm.forward_kinematics(q[..., : self.robot.n_joints])[..., :3, 3]
