@@ -26,7 +26,9 @@ from intent_recognition.evaluation.unknown_movements import compare, follow_unkn
 from intent_recognition.learning import (
     TrainingSettings,
     accumulate,
+    angle_references,
     cut_to_movement,
+    in_turns,
     learn,
 )
 from intent_recognition.signals import (
@@ -85,6 +87,8 @@ def evaluate(
         expected, cure = "recordings to train and to test on", "See docs/recognition.md."
         raise ArgumentError(describe("demonstrations", expected, reasons, cure))
     doubts = stream_doubts([*map(correlate_speeds, usable)])
+    angles = angle_references(usable)
+    usable = [in_turns(recorded, angles) for recorded in usable]
     recordings, segment = usable, settings.segmentation
     if segment == "movement":
         usable = cut_to_movement(usable)

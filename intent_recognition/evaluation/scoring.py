@@ -23,7 +23,8 @@ from intent_recognition.filtering import (
     fixed_prior_grid,
     make_prior_grid,
 )
-from intent_recognition.promp import StartPosture, TaskLibrary
+from intent_recognition.learning import in_turns
+from intent_recognition.promp import StartPosture, TaskLibrary, angle_starts
 from intent_recognition.recognition import TaskPosterior, task_posterior
 from intent_recognition.signals import Demonstration, merge
 
@@ -96,7 +97,7 @@ def score_demonstration(
     Raises:
         IntentError: the demonstration has no duration.
     """
-    duration = (test.end_ns - test.start_ns) * 1e-9
+    duration, test = test.duration_s, in_turns(test, angle_starts(library))
     if duration <= 0:
         raise IntentError(describe(test.name, "a positive duration", duration, "Leave it out."))
     times = TRUTH_PHASES * duration

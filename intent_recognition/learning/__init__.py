@@ -47,7 +47,12 @@ from intent_recognition.learning.mixture import (
     cluster,
     mixture_features,
 )
-from intent_recognition.learning.preprocessing import Preprocessing, SignalNames
+from intent_recognition.learning.preprocessing import (
+    Preprocessing,
+    SignalNames,
+    angle_references,
+    in_turns,
+)
 from intent_recognition.learning.selection import Hyperparameters
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, summarize
@@ -102,6 +107,7 @@ __all__ = [
     "accumulate",
     "add_demonstration",
     "add_statistics",
+    "angle_references",
     "change_rule",
     "choose_again",
     "choose_components",
@@ -111,6 +117,7 @@ __all__ = [
     "cut_one",
     "cut_to_movement",
     "fit_interaction_promp",
+    "in_turns",
     "inferred_weights",
     "is_outdated",
     "keep_correction",

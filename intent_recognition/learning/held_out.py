@@ -58,6 +58,34 @@ class Progress(NamedTuple):
         return Deviations(sample_phases()[: self.n_samples], filtered, likelihood)
 
 
+class LeftOutExample(NamedTuple):
+    """One demonstration, and its task without it.
+
+    Attributes:
+        task: number of its task.
+        mean: weights of its task, (D N,).
+        covariance: of the observed weights, shared by the tasks, (P N, P N).
+        gain: of the controlled weights on the observed ones, (Q N, P N).
+        rivals: numbers of the other tasks it is compared with.
+        observed: its samples, (m, P).
+        seen: the same at the scored phases, (s, P).
+        truth: of the controlled DOFs there, (s, Q).
+        duration_s: of the demonstration.
+        log_duration: mean of the logarithms of the others' durations [log s].
+    """
+
+    task: int
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    rivals: NDArray[np.int64]
+    observed: NDArray[np.float64]
+    seen: NDArray[np.float64]
+    truth: NDArray[np.float64]
+    duration_s: float
+    log_duration: float
+
+
 def filter_samples(
     library: TaskLibrary,
     prior: Gaussian,

@@ -6,15 +6,26 @@ other times, or by other processes, can be merged.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
+
+import numpy as np
 
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.learning.examples import TrainingExample, cut_one, make_examples
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.timing import Timing, estimate_timing
 from intent_recognition.promp import NONE, NormalizedRBFBasis
-from intent_recognition.signals import Demonstration, OnsetSettings, Signal, onset_settings
+from intent_recognition.signals import (
+    ANGLE_UNIT,
+    Demonstration,
+    OnsetSettings,
+    Signal,
+    begin_near,
+    first_values,
+    onset_settings,
+    turn_reference,
+)
 
 
 class SignalNames(NamedTuple):
@@ -35,6 +46,8 @@ class Preprocessing:
         timing: templates that recordings are aligned with.
         source: name of the recording that the DOFs are from.
         context: names of each context signal.
+        angles: where each DOF that is an angle begins, in the turn that all recordings are brought
+            to [rad], observed ones first; None for other DOFs.
     """
 
     settings: TrainingSettings
@@ -45,6 +58,7 @@ class Preprocessing:
     timing: Timing
     source: str = ""
     context: tuple[SignalNames, ...] = ()
+    angles: tuple[float | None, ...] = ()
 
     def basis_of(self, aligned: bool) -> NormalizedRBFBasis:
         """The basis functions over recorded phase, or over reference phase of aligned examples."""
@@ -63,7 +77,8 @@ class Preprocessing:
         return tuple(s.unit for s in (*self.observed, *self.controlled) for _ in s.names)
 
     def cut(self, recorded: Demonstration) -> Demonstration:
-        """The recording cut to the movement, or whole if the settings say so."""
+        """The recording in the turn of all, cut to the movement or whole as the settings say."""
+        recorded = in_turns(recorded, self.angles)
         if self.settings.segmentation == "movement":
             return cut_one(recorded, self.onset, self.controlled_onset)
         return recorded
@@ -73,7 +88,8 @@ def settle_preprocessing(
     recordings: Sequence[Demonstration], settings: TrainingSettings
 ) -> Preprocessing:
     """Thresholds, templates and DOFs from usable recordings, at least one."""
-    first = recordings[0]
+    first, angles = recordings[0], angle_references(recordings)
+    recordings = [in_turns(recorded, angles) for recorded in recordings]
     onset = onset_settings([recorded.observed for recorded in recordings])
     controlled_onset = onset_settings([recorded.controlled for recorded in recordings])
     if settings.segmentation == "movement":
@@ -87,7 +103,39 @@ def settle_preprocessing(
         timing=estimate_timing(recordings),
         source=first.name,
         context=_names(first.context),
+        angles=angles,
     )
+
+
+def angle_references(recordings: Sequence[Demonstration]) -> tuple[float | None, ...]:
+    """Where each angle begins, in the turn that recordings are brought to; None for other DOFs."""
+    starts = np.array(
+        [
+            np.concatenate(
+                [first_values(signal, one.start_ns) for signal in (*one.observed, *one.controlled)]
+            )
+            for one in recordings
+            if all(signal.stamps_ns.size for signal in (*one.observed, *one.controlled))
+        ]
+    )
+    signals = (*recordings[0].observed, *recordings[0].controlled)
+    units = [signal.unit for signal in signals for _ in signal.names]
+    if not len(starts):
+        return (None,) * len(units)
+    return tuple(
+        turn_reference(of_dof) if unit == ANGLE_UNIT else None
+        for unit, of_dof in zip(units, starts.T, strict=True)
+    )
+
+
+def in_turns(recorded: Demonstration, angles: Sequence[float | None]) -> Demonstration:
+    """The recording, each angle in the turn in which it begins nearest to its reference."""
+    if all(angle is None for angle in angles):
+        return recorded
+    n_observed = sum(len(signal.names) for signal in recorded.observed)
+    observed = begin_near(recorded.observed, recorded.start_ns, angles[:n_observed])
+    controlled = begin_near(recorded.controlled, recorded.start_ns, angles[n_observed:])
+    return replace(recorded, observed=observed, controlled=controlled)
 
 
 def examples_of(

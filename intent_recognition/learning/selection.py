@@ -19,9 +19,15 @@ from numpy.typing import NDArray
 from intent_recognition.filtering import deviations_at
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
-from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
+from intent_recognition.learning.duration_evidence import (
+    EXPONENTS,
+    N_DURATIONS,
+    choose_duration_evidence,
+)
+from intent_recognition.learning.examples import TrainingExample, scored_phases
 from intent_recognition.learning.held_out import (
     MAX_FLOATS,
+    LeftOutExample,
     Progress,
     filter_samples,
     nearest_tasks,
@@ -62,6 +68,7 @@ class Hyperparameters(NamedTuple):
     Attributes:
         pace: one of `PACES`.
         noise_scale: factor of the observed DOFs' noise variance.
+        duration_evidence: exponent of the evidence in the posterior of the duration.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
         score: both together, in nats; NaN where nothing could be left out.
@@ -69,6 +76,7 @@ class Hyperparameters(NamedTuple):
 
     pace: str = "own"
     noise_scale: float = 4.0
+    duration_evidence: float = EXPONENTS[0]
     log_loss: float = float("nan")
     error: float = float("nan")
     score: float = float("nan")
@@ -93,28 +101,6 @@ class Choice(NamedTuple):
     tried: tuple[Hyperparameters, ...]
 
 
-class _LeftOut(NamedTuple):
-    """One demonstration, and its task without it.
-
-    Attributes:
-        task: number of its task.
-        mean: weights of its task, (D N,).
-        covariance: of the observed weights, shared by the tasks, (P N, P N).
-        gain: of the controlled weights on the observed ones, (Q N, P N).
-        rivals: numbers of the other tasks it is compared with.
-        observed: its samples, (m, P).
-        truth: of the controlled DOFs, (s, Q).
-    """
-
-    task: int
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    gain: NDArray[np.float64]
-    rivals: NDArray[np.int64]
-    observed: NDArray[np.float64]
-    truth: NDArray[np.float64]
-
-
 def choose(
     candidates: Mapping[str, tuple[TaskLibrary, Mapping[str, TaskStatistics]]],
     recorded: Mapping[str, TaskStatistics],
@@ -125,34 +111,47 @@ def choose(
         candidates: by pace a library, with the statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
-    tried, couplings = list[Hyperparameters](), list[ResidualCoupling]()
+    tried, everything = list[Hyperparameters](), []
     for pace, (library, tasks) in candidates.items():
         left_out = _leave_out(tasks, recorded, library.units)
         if not left_out:
             return Choice(Hyperparameters(), None, (Hyperparameters(),))
         for noise_scale in NOISE_SCALES:
             scaled = replace(library, noise_scale=noise_scale)
-            log_loss, error, coupling = validate(scaled, left_out, tasks)
+            log_loss, error = validate(scaled, left_out, tasks)
             score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
-            tried.append(Hyperparameters(pace, noise_scale, log_loss, error, score))
-            couplings.append(coupling)
+            tried.append(Hyperparameters(pace, noise_scale, EXPONENTS[0], log_loss, error, score))
+            everything.append((scaled, left_out))
     best = min(range(len(tried)), key=lambda k: tried[k].score)
-    coupled = bool(np.any(couplings[best].gain))
-    return Choice(tried[best], couplings[best] if coupled else None, tuple(tried))
+    library, left_out = everything[best]
+    at_once = _at_once(library, N_DURATIONS)
+    variance = _variance(library, left_out)
+    exponent, coupling = choose_duration_evidence(library, left_out, FRACTIONS, variance, at_once)
+    chosen = tried[best]._replace(duration_evidence=exponent)
+    return Choice(chosen, coupling if np.any(coupling.gain) else None, tuple(tried))
+
+
+def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> NDArray[np.float64]:
+    """Variance of the controlled DOFs, by which their squared errors are divided, (Q,)."""
+    truth = np.concatenate([one.truth for one in left_out])
+    size = np.where(is_spatial(library.controlled_units), 1.0, np.abs(truth).max(axis=0))
+    return np.maximum(np.var(truth, axis=0), 1e-12 * np.where(size > 0.0, size, 1.0) ** 2)
+
+
+def _at_once(library: TaskLibrary, n_hypotheses: int) -> int:
+    """Demonstrations filtered at a time, each under so many hypotheses."""
+    return max(1, MAX_FLOATS // (library.n_observed_weights**2 * n_hypotheses))
 
 
 def validate(
-    library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
-) -> tuple[float, float, ResidualCoupling]:
-    """Log loss of the task, relative error of the controlled agent, and the residuals' coupling.
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
+) -> tuple[float, float]:
+    """Log loss of the task and relative error of the controlled agent, the duration known.
 
-    The duration is known. The error is that which the coupling leaves.
+    The error is that which the coupling of the residuals leaves.
     """
-    truth = np.concatenate([one.truth for one in left_out])
-    size = np.where(is_spatial(library.controlled_units), 1.0, np.abs(truth).max(axis=0))
-    variance = np.maximum(np.var(truth, axis=0), 1e-12 * np.where(size > 0.0, size, 1.0) ** 2)
-    n_hypotheses = 1 + max(len(one.rivals) for one in left_out)
-    most = max(1, MAX_FLOATS // (library.n_observed_weights**2 * n_hypotheses))
+    variance = _variance(library, left_out)
+    most = _at_once(library, 1 + max(len(one.rivals) for one in left_out))
     parts = [
         _follow(library, left_out[start : start + most], tasks)
         for start in range(0, len(left_out), most)
@@ -165,12 +164,12 @@ def validate(
         np.concatenate(observed, axis=1),
         np.concatenate(controlled, axis=1),
     )
-    coupling, left = learn_coupling(residuals, variance, library.durations_s)
-    return float(np.concatenate(loss).mean()), float(np.mean(left / variance)), coupling
+    _, left = learn_coupling(residuals, variance, library.durations_s)
+    return float(np.concatenate(loss).mean()), float(np.mean(left / variance))
 
 
 def _follow(
-    library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Log loss of demonstrations (n,), and residuals of both agents after each of `FRACTIONS`.
 
@@ -181,7 +180,7 @@ def _follow(
     samples = np.repeat(np.array([one.observed for one in left_out]), sizes, axis=0)
     samples = np.swapaxes(samples, 0, 1)
     truth = np.array([one.truth for one in left_out])
-    seen = np.array([_at_scored_phases(one.observed) for one in left_out])
+    seen = np.array([one.seen for one in left_out])
     loss, observed, controlled, shares = np.zeros(len(left_out)), [], [], list(FRACTIONS)
     for progress in filter_samples(library, prior, np.ones(len(prior.mean)), samples):
         evidence = np.logaddexp.reduceat(progress.log_evidence, own)
@@ -197,12 +196,13 @@ def _follow(
 
 def _at_scored_phases(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     """Samples of the observed agent (m, P) at the scored phases, (s, P)."""
-    columns = [np.interp(scored_phases(), sample_phases(), column) for column in samples.T]
+    phases = (np.arange(len(samples)) + 0.5) / len(samples)
+    columns = [np.interp(scored_phases(), phases, column) for column in samples.T]
     return np.stack(columns, axis=1)
 
 
 def _priors(
-    library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[Gaussian, NDArray[np.int64]]:
     """Observed weights under the own task and the rivals of each; where each own task stands."""
     size, count = library.n_observed_weights, np.array([task.n for task in tasks.values()])
@@ -217,7 +217,7 @@ def _priors(
 
 def _predict(
     library: TaskLibrary,
-    left_out: Sequence[_LeftOut],
+    left_out: Sequence[LeftOutExample],
     progress: Progress,
     own: NDArray[np.int64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -244,7 +244,7 @@ def _leave_out(
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
     units: Sequence[str],
-) -> list[_LeftOut]:
+) -> list[LeftOutExample]:
     """Demonstrations of tasks that have two or more, each with its task without it."""
     statistics = list(tasks.values())
     floor, _ = variance_scales(tasks, units)
@@ -264,7 +264,7 @@ def _without(
     units: Sequence[str],
     example: TrainingExample,
     as_recorded: TrainingExample,
-) -> _LeftOut:
+) -> LeftOutExample:
     task, n_observed = tasks[number], example.observed.shape[1]
     size = n_observed * example.weights.shape[1]
     deviation, own = example.weights - task.mean, task.moments
@@ -280,5 +280,16 @@ def _without(
     mean = (task.mean - deviation / (task.n - 1)).ravel()
     others = np.delete(np.arange(len(tasks)), number)
     rivals = nearest_tasks(tasks, example, others, units[:n_observed])
-    truth, samples = as_recorded.controlled, as_recorded.observed
-    return _LeftOut(number, mean, shared, gain, rivals, samples, truth)
+    samples, log_s = as_recorded.observed, float(np.log(as_recorded.duration_s))
+    return LeftOutExample(
+        number,
+        mean,
+        shared,
+        gain,
+        rivals,
+        samples,
+        _at_scored_phases(samples),
+        as_recorded.controlled,
+        as_recorded.duration_s,
+        task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1),
+    )

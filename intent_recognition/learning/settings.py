@@ -25,7 +25,7 @@ class TrainingSettings:
         none_prior: prior probability that a movement is none of the tasks; above one less the
             decision's threshold, no task is acted on without evidence against none.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration, in
-            (0, 1]; on real recordings 0.2 predicts better than 1 (docs/decisions).
+            (0, 1]; None lets held-out validation choose it.
         switching: learn what must speak for a change of mind, for the online estimator to follow
             one; takes longer than all the rest.
 
@@ -39,7 +39,7 @@ class TrainingSettings:
     ridge: float = 3e-3
     segmentation: str = "movement"
     none_prior: float = 0.11
-    duration_evidence: float = 0.2
+    duration_evidence: float | None = None
     switching: bool = True
 
     def __post_init__(self) -> None:
@@ -53,7 +53,7 @@ class TrainingSettings:
                     "segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one."
                 )
             )
-        if not 0 < self.duration_evidence <= 1:
+        if self.duration_evidence is not None and not 0 < self.duration_evidence <= 1:
             raise ArgumentError(
                 describe(
                     "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.2."

@@ -212,6 +212,7 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
         trained.library,
         basis=preprocessing.basis_of(chosen.aligned),
         phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
+        duration_evidence=preprocessing.settings.duration_evidence or chosen.duration_evidence,
         coupling=coupling,
         **learned_from(trained.tasks, preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},

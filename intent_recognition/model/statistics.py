@@ -250,6 +250,7 @@ def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:
         timing=timing,
         source=content["source"],
         context=signals(content.get("context", [])),
+        angles=tuple(content.get("angles", ())),
     )
 
 

@@ -31,6 +31,7 @@ from intent_recognition.promp.phase_deviation import (
 from intent_recognition.promp.prediction import (
     USUAL_END_STD,
     StartPosture,
+    angle_starts,
     controlled_spread,
     controlled_weights,
     end_std_limits,
@@ -76,6 +77,7 @@ __all__ = [
     "TaskLibrary",
     "Trajectory",
     "WeightFit",
+    "angle_starts",
     "as_context",
     "blend",
     "check_points",

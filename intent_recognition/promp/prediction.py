@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from intent_recognition.gaussian import Gaussian, condition, symmetrize
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.trajectory import dof_variance
-from intent_recognition.signals import SPATIAL_UNITS
+from intent_recognition.signals import ANGLE_UNIT, SPATIAL_UNITS
 
 USUAL_END_STD = {"rad": 0.35, "m": 0.1}
 """Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m].
@@ -65,6 +65,18 @@ def largest_by_unit(std: NDArray[np.float64], units: Sequence[str]) -> dict[str,
     for value, unit in zip(std.tolist(), units, strict=True):
         largest[unit] = max(value, largest.get(unit, value))
     return largest
+
+
+def angle_starts(library: TaskLibrary) -> tuple[float | None, ...]:
+    """Where each DOF that is an angle begins [rad], observed ones first; None for other DOFs.
+
+    Half-way between the tasks' extreme means: all tasks were learned in one turn about it.
+    """
+    start = library.basis.design_matrix(np.zeros(1))[0]
+    mean = library.weight_mean.reshape(library.n_tasks, len(library.units), -1) @ start
+    middle = (0.5 * (mean.min(axis=0) + mean.max(axis=0))).tolist()
+    pairs = zip(library.units, middle, strict=True)
+    return tuple(at if unit == ANGLE_UNIT else None for unit, at in pairs)
 
 
 def controlled_spread(library: TaskLibrary) -> NDArray[np.float64]:

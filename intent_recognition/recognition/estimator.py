@@ -34,6 +34,7 @@ from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movement, MovementAfterStop
+from intent_recognition.recognition.observed_turns import ObservedTurns
 from intent_recognition.recognition.posterior import TaskPosterior, answered
 from intent_recognition.recognition.start_posture import (
     POSTURE_UNKNOWN,
@@ -101,6 +102,7 @@ class IntentEstimator:
         self._posture = OnsetPosture() if start_posture else None
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._detector = MotionDetector(library.observed_groups, library.onset)
+        self._turns = ObservedTurns(library)
         self._switching = switching
         self._answer = ""
         self._movement: Movement | None = None
@@ -187,6 +189,7 @@ class IntentEstimator:
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
+        observation = self._turns.bring(observation)
         self._detector.add(observation)
         if self._movement is None:
             self.expectation.forget_if_long_ago(observation.stamp_ns)
@@ -347,10 +350,12 @@ class IntentEstimator:
         task = int(np.argmax(self._posterior.probabilities))
         if task == self.library.n_tasks:
             return None
-        start, used = None, POSTURE_UNKNOWN
+        start, used, turns = None, POSTURE_UNKNOWN, np.zeros(self.library.n_controlled)
         if self._posture is not None:
             start, used = self._posture.given(self.taught, task, self._movement.onset_ns)
+            turns = self._posture.turns(task, turns)
         trajectory = self._movement.filter.controlled(task, n_points, start)
+        trajectory = trajectory._replace(positions=trajectory.positions + turns)
         names, units = self.library.controlled_names, self.library.controlled_units
         label, onset_ns = self.library.labels[task], self._movement.onset_ns
         return Prediction(label, onset_ns, trajectory, used, names, units)
@@ -384,17 +389,19 @@ class IntentEstimator:
                 for part in rest_posture(self.library, self.expectation.prior)
             )
             return Trajectory(times, mean, np.zeros_like(mean), std)
+        known = np.maximum(posterior.probabilities[:-1], SMALLEST_SHARE)
         starts: list[StartPosture | None] = [None] * self.library.n_tasks
+        turns = np.zeros(self.library.n_controlled)
         if self._posture is not None:
             given = self._posture.given
             starts = [given(self.taught, k, movement.onset_ns)[0] for k in range(len(starts))]
+            turns = self._posture.turns(int(np.argmax(known)), turns)
         since_s = np.maximum(times - movement.onset_ns * 1e-9, 0.0)
         around_s = np.concatenate([since_s, since_s + HALF_STEP_S, since_s - HALF_STEP_S])
-        known = np.maximum(posterior.probabilities[:-1], SMALLEST_SHARE)
         mean, std = movement.filter.mixture_at(around_s, known, starts)
         mean, after, before = np.split(mean, 3)
         velocities = (after - before) / (2.0 * HALF_STEP_S)
-        return Trajectory(times, mean, velocities, std[: len(times)])
+        return Trajectory(times, mean + turns, velocities, std[: len(times)])
 
     def predicted_end_std(self) -> dict[str, float] | None:
         """Largest standard deviation at the predicted end over the controlled DOFs of each unit.
@@ -431,6 +438,7 @@ class IntentEstimator:
         if self._posture is not None:
             self._posture.clear()
         self._detector.clear()
+        self._turns.forget()
         self._context.forget_stamps()
 
     def swap(self, library: TaskLibrary, task_prior: NDArray[np.float64] | None = None) -> None:

@@ -16,6 +16,7 @@ from intent_recognition.filtering import (
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.arguments import LIBRARY_CURE
 from intent_recognition.recognition.estimate import Estimate
+from intent_recognition.recognition.observed_turns import ObservedTurns
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals import as_numbers, as_stamp_ns, check_times, observations_of
 
@@ -128,11 +129,11 @@ def _filtered(
     """The hypotheses conditioned on the samples from onset on, and the stamp of the last one."""
     stamps_ns, values = _checked(library, times_s, human)
     onset_ns = int(stamps_ns[0]) if onset_s is None else as_stamp_ns("onset_s", onset_s)
-    run = MovementFilter(library, hypotheses, onset_ns)
+    run, turns = MovementFilter(library, hypotheses, onset_ns), ObservedTurns(library)
     last_ns = None
     for observation in observations_of(library.observed_groups, stamps_ns, values):
         if observation.stamp_ns >= onset_ns:
-            run.observe(observation)
+            run.observe(turns.bring(observation))
             last_ns = observation.stamp_ns
     if last_ns is None:
         cure = "Pass at least one measured sample of the movement."

@@ -19,6 +19,7 @@ from intent_recognition.promp import (
     controlled_spread,
     distance_to,
 )
+from intent_recognition.signals import ANGLE_UNIT, whole_turns
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
@@ -102,6 +103,7 @@ class OnsetPosture:
         self._onset_ns, self._final = onset_ns, False
         self._position: NDArray[np.float64] | None = None
         self._known: dict[int, tuple[StartPosture | None, str]] = {}
+        self._turns: dict[int, NDArray[np.float64]] = {}
 
     def clear(self) -> None:
         """Forget everything."""
@@ -111,6 +113,14 @@ class OnsetPosture:
     def library_changed(self) -> None:
         """Another library has other starts."""
         self._known.clear()
+        self._turns.clear()
+
+    def turns(self, task: int) -> NDArray[np.float64] | float:
+        """Whole turns by which the arm is away from where the task was learned, (Q,) [rad].
+
+        Zero where its posture is not used.
+        """
+        return self._turns.get(task, 0.0)
 
     def given(
         self, library: TaskLibrary, task: int, onset_ns: int
@@ -127,17 +137,27 @@ class OnsetPosture:
         if not self._final:
             self._position = self.history.at(onset_ns)
             self._final = self.history.passed(onset_ns)
-            self._known.clear()
+            self.library_changed()
         position = self._position
         if position is None or position.shape != (library.n_controlled,):
             return None, POSTURE_UNKNOWN
         if task not in self._known:
-            if within_trained_starts(library, task, position):
-                start = StartPosture(position, start_variance(library))
+            turns = _turns_of_start(library, task, position)
+            if within_trained_starts(library, task, position - turns):
+                start = StartPosture(position - turns, start_variance(library))
                 self._known[task] = start, POSTURE_USED
+                self._turns[task] = turns
             else:
                 self._known[task] = None, POSTURE_OUTSIDE
         return self._known[task]
+
+
+def _turns_of_start(
+    library: TaskLibrary, task: int, position: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Whole turns between a posture and where a task begins, zero where a DOF is no angle, (Q,)."""
+    turns = whole_turns(position - start_mean(library, task))
+    return np.where(np.array(library.controlled_units) == ANGLE_UNIT, turns, 0.0)
 
 
 def start_variance(library: TaskLibrary) -> NDArray[np.float64]:

@@ -39,6 +39,14 @@ from intent_recognition.signals.signal import (
     Signal,
 )
 from intent_recognition.signals.streams import common_span, stream_defect
+from intent_recognition.signals.turns import (
+    ANGLE_UNIT,
+    begin_near,
+    first_values,
+    jumps,
+    turn_reference,
+    whole_turns,
+)
 from intent_recognition.signals.units import (
     SPATIAL_UNITS,
     Known,
@@ -50,6 +58,7 @@ from intent_recognition.signals.units import (
 )
 
 __all__ = [
+    "ANGLE_UNIT",
     "LABEL",
     "LARGEST_ANGLE_RAD",
     "LATEST_S",
@@ -76,6 +85,7 @@ __all__ = [
     "as_numbers",
     "as_stamp_ns",
     "at_rest",
+    "begin_near",
     "can_name_task",
     "check_times",
     "commensurate",
@@ -84,9 +94,11 @@ __all__ = [
     "detect_onset",
     "end_velocity",
     "every_second",
+    "first_values",
     "from_tangent",
     "is_slow",
     "is_spatial",
+    "jumps",
     "mean_orientation",
     "merge",
     "misfit",
@@ -103,4 +115,6 @@ __all__ = [
     "time_misfit",
     "to_tangent",
     "to_tangent_covariance",
+    "turn_reference",
+    "whole_turns",
 ]

@@ -15,6 +15,7 @@ from intent_recognition.signals.arrays import as_numbers, check_times
 from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
+from intent_recognition.signals.turns import continuous
 from intent_recognition.signals.units import Known
 
 UNNAMED = "demonstration"
@@ -39,6 +40,8 @@ class Demonstration:
         context: one signal per context entry; what it says holds from its stamp on, also before
             and after the movement.
         frames: by observed topic the frames its poses are in, where the recording names any.
+        wrapped: names of the angles that jumped by whole turns; these are taken out
+            (`signals.turns`).
         known: what is known beforehand of each controlled signal, such as the limits of the arm's
             joints; empty for nothing.
     """
@@ -56,9 +59,15 @@ class Demonstration:
     context: tuple[Signal, ...] = ()
     frames: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     known: tuple[Known | None, ...] = ()
+    wrapped: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Copy the mappings, so that nobody else can change them."""
+        """Copy the mappings, so that nobody else can change them; make angles continuous."""
+        for agent in ("observed", "controlled"):
+            made = [continuous(signal) for signal in getattr(self, agent)]
+            object.__setattr__(self, agent, tuple(signal for signal, _ in made))
+            names = (*self.wrapped, *(name for _, jumped in made for name in jumped))
+            object.__setattr__(self, "wrapped", names)
         object.__setattr__(self, "metadata", dict(self.metadata))
         object.__setattr__(self, "rejected", dict(self.rejected))
         object.__setattr__(self, "frames", dict(self.frames))

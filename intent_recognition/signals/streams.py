@@ -51,6 +51,10 @@ class Recorded(Protocol):
         """What is known of the arm of each controlled signal; empty for nothing."""
 
     @property
+    def wrapped(self) -> tuple[str, ...]:
+        """Names of the angles that jumped by whole turns."""
+
+    @property
     def delays_s(self) -> tuple[float, ...]:
         """Median time from stamp to log time of each signal [s]."""
 
@@ -80,7 +84,17 @@ def recording_doubts(recorded: Recorded) -> list[str]:
         *_sparse(recorded),
         *(reason for is_certain, reason in _misfits(recorded) if not is_certain),
         *_resting(recorded),
+        *_wrapped(recorded),
     ]
+
+
+def _wrapped(recorded: Recorded) -> Iterator[str]:
+    """Which angles jumped by whole turns."""
+    if recorded.wrapped:
+        yield (
+            f"{', '.join(recorded.wrapped)} jumps by 2 pi: a wrapped angle. It is taken as"
+            " continuous; publish the angle without wrapping it where the driver can."
+        )
 
 
 def _misfits(recorded: Recorded) -> Iterator[tuple[bool, str]]:

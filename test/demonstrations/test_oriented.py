@@ -126,7 +126,7 @@ def test_what_is_predicted_is_near_what_was_done_within_its_spread(world):
     assert np.all(trajectory.std[-1, :3] < 0.3) and not trajectory.std[:, 3].any()
     steps = np.diff(trajectory.times_s)[:, None]
     mean_rates = 0.5 * (trajectory.velocities[1:] + trajectory.velocities[:-1])
-    np.testing.assert_allclose(np.diff(trajectory.positions, axis=0) / steps, mean_rates, atol=0.02)
+    np.testing.assert_allclose(np.diff(trajectory.positions, axis=0) / steps, mean_rates, atol=0.05)
 
 
 def test_the_limit_of_small_angles_is_euclidean(tmp_path):

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Observed angles, brought to the turn that the tasks were learned in."""
+
+import numpy as np
+
+from intent_recognition.promp import TaskLibrary, angle_starts
+from intent_recognition.signals import Observation, jumps, whole_turns
+
+
+class ObservedTurns:
+    """Takes whole turns out of the angles among the observations of one stream.
+
+    The first value of an angle is brought nearest to where the tasks begin; later ones do not jump
+    by whole turns (`signals.turns`), as in training.
+
+    Args:
+        library: the learned tasks.
+    """
+
+    def __init__(self, library: TaskLibrary):
+        starts = angle_starts(library)[: library.n_observed]
+        self._library = library
+        self._starts = np.array([np.nan if at is None else at for at in starts])
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin with another stream."""
+        self._last = self._starts.copy()
+        self._seen = np.zeros(len(self._starts), dtype=bool)
+
+    def bring(self, observation: Observation) -> Observation:
+        """The observation, its angles in the turn of those before."""
+        dofs = self._library.observed_dofs(observation.group, observation.dofs)
+        if observation.derivative or np.all(np.isnan(self._starts[dofs])):
+            return observation
+        apart = observation.values - self._last[dofs]
+        turns = np.where(self._seen[dofs], jumps(apart), whole_turns(apart))
+        values = observation.values - np.nan_to_num(turns)
+        angles = ~np.isnan(self._starts[dofs])
+        self._last[dofs[angles]], self._seen[dofs] = values[angles], True
+        return observation._replace(values=values)

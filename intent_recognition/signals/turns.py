@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Angles that differ by whole turns are one angle: brought to one turn in time and across signals.
+
+Drivers wrap an angle to one turn, so that it jumps by 2 pi; and a joint that turns more than once
+may begin a recording in another turn than the last. Only whole turns are added, so that an angle
+stays what it is on the circle.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.signals.signal import Signal
+
+ANGLE_UNIT = "rad"
+TURN = 2.0 * np.pi
+WRAP_TOLERANCE = 1.0
+"""How far a jump may be from a whole turn to be taken for one [rad].
+
+Convention: an angle may move that far between two samples; components of a rotation vector, which
+is no angle, jump by less than a turn.
+"""
+
+
+def whole_turns(difference: ArrayLike) -> NDArray[np.float64]:
+    """The whole turns in differences of angles, (...) [rad]."""
+    return TURN * np.round(np.asarray(difference, dtype=np.float64) / TURN)
+
+
+def jumps(difference: ArrayLike) -> NDArray[np.float64]:
+    """The whole turns by which angles jump from one sample to the next, zero for none, (...)."""
+    turns = whole_turns(difference)
+    return np.where(np.abs(difference - turns) < WRAP_TOLERANCE, turns, 0.0)
+
+
+def continuous(signal: Signal) -> tuple[Signal, tuple[str, ...]]:
+    """The signal without jumps by whole turns, and the names of the DOFs that had some."""
+    if signal.unit != ANGLE_UNIT or len(signal.values) < 2:
+        return signal, ()
+    turns = np.cumsum(jumps(np.diff(signal.values, axis=0)), axis=0)
+    wrapped = np.any(turns, axis=0)
+    if not wrapped.any():
+        return signal, ()
+    values = signal.values.copy()
+    values[1:] -= turns
+    names = tuple(name for name, jumped in zip(signal.names, wrapped, strict=True) if jumped)
+    return Signal(signal.names, signal.stamps_ns, values, signal.unit), names
+
+
+def turn_reference(angles: NDArray[np.float64]) -> float:
+    """The middle of some angles on the circle (n,): opposite to the widest gap between them [rad].
+
+    Angles brought within half a turn of it are divided where they are farthest apart. Of the turns
+    it takes the one that most of the angles are in already.
+    """
+    around = np.sort(np.mod(angles, TURN))
+    gaps = np.diff(around, append=around[0] + TURN)
+    widest = int(np.argmax(gaps))
+    middle = around[widest] + 0.5 * gaps[widest] + 0.5 * TURN
+    turns, counts = np.unique(whole_turns(angles - middle), return_counts=True)
+    return float(middle + turns[np.argmax(counts)])
+
+
+def begin_near(
+    signals: Sequence[Signal], start_ns: int, references: Sequence[float | None]
+) -> tuple[Signal, ...]:
+    """The signals, each angle in the turn in which it begins nearest to its reference.
+
+    Args:
+        signals: of one agent.
+        start_ns: when they begin.
+        references: of the DOFs of all signals; None for what is no angle.
+    """
+    found, first = [], 0
+    for signal in signals:
+        own = references[first : first + len(signal.names)]
+        first += len(signal.names)
+        if any(reference is not None for reference in own) and len(signal.values):
+            begin = first_values(signal, start_ns)
+            near = [b if r is None else r for b, r in zip(begin, own, strict=True)]
+            turns = whole_turns(begin - near)
+            if turns.any():
+                signal = Signal(signal.names, signal.stamps_ns, signal.values - turns, signal.unit)
+        found.append(signal)
+    return tuple(found)
+
+
+def first_values(signal: Signal, start_ns: int) -> NDArray[np.float64]:
+    """Its sample at a stamp or after, or else the last before it, (d,)."""
+    row = int(np.searchsorted(signal.stamps_ns, start_ns))
+    return signal.values[min(row, len(signal.values) - 1)]
