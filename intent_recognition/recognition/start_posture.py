@@ -115,12 +115,12 @@ class OnsetPosture:
         self._known.clear()
         self._turns.clear()
 
-    def turns(self, task: int) -> NDArray[np.float64] | float:
+    def turns(self, task: int, otherwise: NDArray[np.float64]) -> NDArray[np.float64]:
         """Whole turns by which the arm is away from where the task was learned, (Q,) [rad].
 
-        Zero where its posture is not used.
+        Something else where its posture is not used.
         """
-        return self._turns.get(task, 0.0)
+        return self._turns.get(task, otherwise)
 
     def given(
         self, library: TaskLibrary, task: int, onset_ns: int

@@ -9,7 +9,7 @@ stays what it is on the circle.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from intent_recognition.signals.signal import Signal
 
@@ -23,12 +23,12 @@ is no angle, jump by less than a turn.
 """
 
 
-def whole_turns(difference: ArrayLike) -> NDArray[np.float64]:
+def whole_turns(difference: NDArray[np.float64]) -> NDArray[np.float64]:
     """The whole turns in differences of angles, (...) [rad]."""
-    return TURN * np.round(np.asarray(difference, dtype=np.float64) / TURN)
+    return TURN * np.round(difference / TURN)
 
 
-def jumps(difference: ArrayLike) -> NDArray[np.float64]:
+def jumps(difference: NDArray[np.float64]) -> NDArray[np.float64]:
     """The whole turns by which angles jump from one sample to the next, zero for none, (...)."""
     turns = whole_turns(difference)
     return np.where(np.abs(difference - turns) < WRAP_TOLERANCE, turns, 0.0)
