@@ -1,19 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one prediction and one plan cost."""
+"""What one observation, one prediction and one plan cost, and which part of them costs what."""
 
 import time
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from functools import partial
-from statistics import median
+from statistics import mean, median
+from unittest import mock
+
+import numpy as np
 
 from benchmarks.measure import Result, at_most, seconds
+from benchmarks.synthetic import movement, synthetic_library
+from intent_recognition.filtering.births import Births
+from intent_recognition.filtering.pruning import Pruning
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.motion import JointReference, NominalTiming, make_path, plan_interaction
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
+from intent_recognition.recognition import movement as movements
 from intent_recognition.signals import Demonstration, merge
 
 PLAN_AFTER_S = 1.0
+N_TASKS = 300
+PREDICT_EVERY = 4
+"""Observations: 25 predictions a second at 100 Hz."""
 
 
 def online(library: TaskLibrary, recorded: Demonstration) -> Iterator[Result]:
@@ -36,6 +48,7 @@ def online(library: TaskLibrary, recorded: Demonstration) -> Iterator[Result]:
         f"of {len(times)}; 50 points; the tracker sends one every 10 ms",
     )
     yield _plan(estimator)
+    yield _many_tasks()
 
 
 def _plan(estimator: IntentEstimator) -> Result:
@@ -52,4 +65,47 @@ def _plan(estimator: IntentEstimator) -> Result:
         20.0,
         "ms",
         "half the period of 25 commands a second",
+    )
+
+
+def _many_tasks() -> Result:
+    """A reach there and back with births, in a library of many tasks; what each part takes."""
+    spent: dict[str, list[float]] = defaultdict(list)
+
+    def timed(name: str, work: Callable) -> Callable:
+        def run(*arguments: object) -> object:
+            start_s = time.thread_time()
+            found = work(*arguments)
+            spent[name].append(time.thread_time() - start_s)
+            return found
+
+        return run
+
+    rng, whole = np.random.default_rng(1), list[float]()
+    estimator = IntentEstimator(synthetic_library(rng, N_TASKS))
+    there = movement(estimator.library, 0, rng, rest_s=0.6, noise_std=0.001)
+    back = [one._replace(stamp_ns=2 * there[-1].stamp_ns - one.stamp_ns) for one in there[-2::-1]]
+    with ExitStack() as patches:
+        for owner, name in (
+            (Pruning, "condition"),
+            (Births, "observe"),
+            (movements, "task_belief"),
+        ):
+            patch = mock.patch.object(owner, name, timed(name, getattr(owner, name)))
+            patches.enter_context(patch)
+        predict = timed("predict_controlled", estimator.predict_controlled)
+        for k, one in enumerate([*there, *back]):
+            start_s = time.thread_time()
+            moving = estimator.update(one).moving
+            if k % PREDICT_EVERY == 0:
+                predict()
+            if moving:
+                whole.append(time.thread_time() - start_s)
+    each = ", ".join(f"{name} {1e3 * mean(times):.2f}" for name, times in spent.items())
+    return at_most(
+        f"... {N_TASKS} tasks, births, 25 predictions a second, p99",
+        1e3 * float(np.percentile(whole, 99)),
+        10.0,
+        "ms",
+        f"mean {1e3 * mean(whole):.2f}, at an onset {1e3 * max(whole):.0f}; a call of {each} ms",
     )

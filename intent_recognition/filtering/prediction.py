@@ -320,14 +320,13 @@ def _smoothed(
     likelihood: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Deviations at the measurements given all of them, (S, n, E): the backward recursion."""
-    later = np.ones_like(filtered[0])
-    smoothed = []
+    later, smoothed = np.ones_like(filtered[0]), []
+    moved = deviation_transition(model, np.diff(times_s)[:, None] / durations_s)
     for k in range(len(times_s) - 1, -1, -1):
         now = filtered[k] * later
         smoothed.append(now / now.sum(axis=1, keepdims=True))
         if k:
-            moved = deviation_transition(model, (times_s[k] - times_s[k - 1]) / durations_s)
-            later = np.einsum("sef,sf->se", moved, later * likelihood[k])
+            later = np.matmul(moved[k - 1], (later * likelihood[k])[..., None])[..., 0]
             later /= later.max(axis=1, keepdims=True)
     return np.stack(smoothed[::-1], axis=1)
 

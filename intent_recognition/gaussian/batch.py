@@ -159,10 +159,11 @@ def _stored(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return lines, columns
 
 
-@cache
 def state_width(size: int) -> int:
     """Numbers of a state with D weights."""
-    return size + len(_stored(size)[0])
+    blocks, rest = divmod(size, 4)
+    columns = -(-size // 4) * 4
+    return size + 4 * blocks * (columns - 2 * (blocks - 1)) + rest * (columns - 4 * blocks)
 
 
 @cache
