@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LIVE = ("toolbox", "assembly")
 """Scenarios with a worker and an arm in a graph of nodes."""
 LWR = "lwr"
-STANDS_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.45, -0.05, 0.15))
+BASES_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.5, -0.1, 0.15))
 """Where the base of a user's arm may stand, world [m]: the first from where it reaches all places.
 Convention: toward the worker; an arm of 0.4 m reaches them from the last."""
 REACHED_M = 0.01
@@ -77,13 +77,21 @@ def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
 def _toolbox(args: argparse.Namespace) -> Scene:
     """The LWR by its joints, as it was taught; another arm by its hand."""
     from sim_bridge.coworker import plan_session
-    from sim_bridge.scenarios.toolbox import HOME, HOME_HAND_M, Scoring, toolbox_places
+    from sim_bridge.scenarios.toolbox import (
+        HOME,
+        HOME_HAND_M,
+        LIFT_M,
+        STANDS_M,
+        Scoring,
+        toolbox_places,
+    )
 
     tasks = session_tasks(args)
     plan = plan_session(args.seed, tasks)
     places_m = toolbox_places(plan)
     plain = args.arm == LWR and not (args.base or args.tip)
-    arm = None if plain else _arm(args, HOME_HAND_M, places_m)
+    fetched_m = np.concatenate([list(STANDS_M.values()), np.add(list(STANDS_M.values()), LIFT_M)])
+    arm = None if plain else _arm(args, HOME_HAND_M, np.concatenate([places_m, fetched_m]))
     home = HOME.tolist() if arm is None else arm.home.tolist()
     named = {"arm": "", "hand_link": ""}
     of_arm: dict[str, object] = {"initial_position": home}
@@ -145,7 +153,7 @@ def _arm(
 
     fixed = args.arm in NAMES or not len(places_m)
     best, most, reason = None, -1, None
-    for at in (None,) if fixed else STANDS_M:
+    for at in (None,) if fixed else BASES_M:
         robot = find_robot(args.arm, base=args.base, tip=args.tip, base_position_m=at)
         arm = ToolboxArm(robot, home_m)
         try:
