@@ -76,7 +76,7 @@ class CellSubscriptions:
     ):
         self._state, self._reject, self._clock = state, reject, clock
         for kind, topic, handle, profile in (
-            (JointState, "joint_states", self._on_joints, qos.STATE),
+            (JointState, "joint_states", self._on_joints, qos.MEASURED),
             (PoseStamped, f"mocap/{body}/pose", self._on_wrist, qos.SENSOR),
             (JointState, "intent/tasks", self._on_tasks, qos.STATE),
             (JointTrajectory, "intent/robot_trajectory", self._on_predicted, qos.COMMAND),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node's health on `/diagnostics`: measured rates, rejected inputs by reason, latencies."""
 
+import socket
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
@@ -190,6 +191,7 @@ class Diagnostics:
             level=self._level,
             name=self._name,
             message=self._message,
+            hardware_id=socket.gethostname(),
             values=key_values(rows),
         )
 

@@ -2,6 +2,7 @@
 """Launch descriptions of the graphs in `graph.py`. Needs ROS 2 launch."""
 
 import os
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -16,6 +17,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
+from intent_recognition.nodes.launch_checks import check_arguments, check_needs, check_sections
 from intent_recognition.nodes.processes import transport
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import load_yaml, read_text
@@ -60,18 +62,23 @@ def _start(
 ) -> list[Node]:
     """The nodes, now that the arguments have values."""
     names = [argument.name for argument in GRAPHS[graph].arguments()]
+    check_arguments(graph, sys.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
     values = arguments_of(graph, given)
     users, arm = values.get("params_file"), str(values.get("arm", ""))
     files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(users))] if users else [])]
     describe_arm, own = partial(robot_description, arm), of_arm(arm)
+    calls = resolve(graph, given)
+    check_needs(calls, values)
+    if users:
+        check_sections(files[-1], calls)
     return [
         _node(
             replace(call, parameters={**own.get(call.name, {}), **call.parameters}),
             files,
             describe_arm,
         )
-        for call in resolve(graph, given)
+        for call in calls
     ]
 
 
@@ -96,17 +103,18 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         output="screen",
         respawn=call.respawns,
         respawn_delay=RESPAWN_DELAY_S,
-        on_exit=_end_if_refused if call.respawns else None,
+        on_exit=_end_if_refused,
     )
 
 
-def _end_if_refused(event: Any, _context: object) -> object:
-    """End the launch where a node cannot run (exit code 1): a new start would be no better."""
-    if event.returncode != 1:
-        return None
-    from launch.actions import Shutdown
+def _end_if_refused(event: Any, _context: object) -> None:
+    """End the launch where a node cannot run (exit code 1): a new start would be no better.
 
-    return Shutdown(reason=f"{event.process_name} cannot run")
+    Raises:
+        IntentError: then; launch ends with all its nodes, and with exit code 1.
+    """
+    if event.returncode == 1:
+        raise IntentError(f"{event.process_name} cannot run; what it logged says why")
 
 
 def _section(file: str, executable: str) -> dict[str, object]:

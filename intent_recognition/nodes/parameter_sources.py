@@ -50,13 +50,13 @@ def _names(path: str, node: str) -> list[str]:
         return []
     return [
         name
-        for section, values in _sections(content, "")
-        if _matches(section, node)
+        for section, values in sections(content, "")
+        if holds_for(section, node)
         for name in values
     ]
 
 
-def _sections(content: Any, prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def sections(content: Any, prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Names of nodes with their parameters; names may be nested, namespace by namespace."""
     if not isinstance(content, Mapping):
         return
@@ -64,10 +64,10 @@ def _sections(content: Any, prefix: str) -> Iterator[tuple[str, Mapping[str, Any
         if key == "ros__parameters" and isinstance(value, Mapping):
             yield prefix, value
         else:
-            yield from _sections(value, f"{prefix}/{str(key).strip('/')}")
+            yield from sections(value, f"{prefix}/{str(key).strip('/')}")
 
 
-def _matches(section: str, node: str) -> bool:
+def holds_for(section: str, node: str) -> bool:
     """Whether a section holds for a node; `*` is one name, `**` any number of them."""
     parts = {"**": r"(/[^/]+)*", "*": r"/[^/]+"}
     pattern = "".join(parts.get(p, "/" + re.escape(p)) for p in section.strip("/").split("/"))

@@ -48,7 +48,7 @@ class PouringObserver(Node):
             self.create_subscription(JointState, f"{name}/parameters", handle, qos.STATE)
         self.create_subscription(JointState, BALLS, self._take_balls, qos.STATE)
         self.create_subscription(String, "intent/active_task", self._take_active, qos.LATCHED)
-        self.create_subscription(JointState, "joint_states", self._take_joints, qos.STATE)
+        self.create_subscription(JointState, "joint_states", self._take_joints, qos.MEASURED)
         self.create_subscription(JointState, "intent/tasks", self._take_tasks, qos.STATE)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take_reports, 10)
         self._pour = self.create_publisher(String, REQUEST, qos.STATE)

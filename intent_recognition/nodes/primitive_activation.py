@@ -87,7 +87,7 @@ class PrimitiveActivation(ManagedNode):
         for kind, topic, handle, profile in (
             (JointState, "intent/tasks", self._on_tasks, qos.STATE),
             (JointTrajectory, "intent/robot_trajectory", self._on_prediction, qos.COMMAND),
-            (JointState, "joint_states", self._on_joint_states, qos.STATE),
+            (JointState, "joint_states", self._on_joint_states, qos.MEASURED),
             (JointState, "intent/next_task", self._on_next_task, qos.LATCHED),
         ):
             subscription = self.create_subscription(kind, topic, handle, profile)

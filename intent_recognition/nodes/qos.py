@@ -33,6 +33,9 @@ SENSOR = keep_last(10, reliable=False)
 STATE = keep_last(10)
 """Reliable, keep last 10: `joint_states`, `intent/tasks`; best-effort subscribers match too."""
 
+MEASURED = keep_last(10, reliable=False)
+"""Best effort, keep last 10: `joint_states` as they are taken; reliable publishers match too."""
+
 COMMAND = keep_last(1)
 """Reliable, keep last 1: trajectories and predictions, where only the newest counts."""
 

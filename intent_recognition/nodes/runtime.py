@@ -82,6 +82,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         )
         node = make_node()
         settle()
+        node.get_logger().info("ready")
         _spin(node, signals)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -54,7 +54,7 @@ class SessionObserver(Node):
             (PoseStamped, "mocap/wrist/pose", self._take_wrist, qos.SENSOR),
             (JointState, "intent/tasks", self._take_tasks, qos.STATE),
             (String, "intent/active_task", self._take_active, qos.LATCHED),
-            (JointState, "joint_states", self._take_joints, qos.STATE),
+            (JointState, "joint_states", self._take_joints, qos.MEASURED),
             (JointTrajectory, "intent/robot_trajectory", self._take_prediction, qos.COMMAND),
             (Path, "intent/human_path", self._take_path, qos.COMMAND),
             (String, "coworker/task", self._take_truth, qos.STATE),

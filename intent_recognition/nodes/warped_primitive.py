@@ -77,7 +77,7 @@ class WarpedPrimitiveNode(Node):
                 PoseStamped, f"{name}/pose", partial(self._keep, self._poses, name), 10
             )
         states = self.create_subscription(
-            JointState, "joint_states", self._on_joint_states, qos.STATE
+            JointState, "joint_states", self._on_joint_states, qos.MEASURED
         )
         self._diagnostics.watch(states, "joint_states")
         self.create_subscription(String, REQUEST, self._on_request, qos.STATE)

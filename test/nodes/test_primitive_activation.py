@@ -11,6 +11,7 @@ from activation_graph import GOALS, HOME, LABELS, START_NS, Graph, hermite, pred
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -455,3 +456,13 @@ def test_a_sender_that_died_is_named_within_a_second(graph, dead):
     graph.harness.spin_until(
         lambda: (speak(*last), "silent" not in messages()[-1])[1], what="the end of the silence"
     )
+
+
+def test_joint_states_of_a_best_effort_driver_are_taken(graph):
+    driver = graph.harness.publisher(JointState, "joint_states", qos.SENSOR)
+    graph.harness.connect(driver)
+    graph.tick()
+    message = to_joint_state(JOINT_NAMES, HOME, np.zeros(7), time_ns=graph.now_ns)
+    graph.send(driver, message, "joint_states")
+    status, _ = graph.report()
+    assert status.hardware_id

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 
 import pytest
 import yaml
+from ament_index_python.packages import PackageNotFoundError
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, IntentError
+from intent_recognition.nodes import launch_checks
 from intent_recognition.nodes.processes import PROFILES, RANGE
 from intent_recognition.promp import USUAL_END_STD
 from intent_recognition.registry import NODES as REGISTERED
@@ -30,7 +32,8 @@ NODE_OPTIONS = {
     *("package", "executable", "name", "namespace", "exec_name", "parameters", "remappings"),
     *("ros_arguments", "arguments", "output", "respawn", "respawn_delay", "on_exit"),
 }
-NEEDED = {"model": "m.npz", "bag": "recorded"}
+NEEDED = {"model": __file__, "bag": __file__}
+"""Any files: they are only looked for."""
 ALL_ON = {"dashboard": "true", "rviz": "true", "record": "a/bag"}
 
 
@@ -59,9 +62,7 @@ def recorder(kind):
 
 MODULES = {
     "launch": ["LaunchContext", "LaunchDescription"],
-    "launch.actions": [
-        *("DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable", "Shutdown")
-    ],
+    "launch.actions": [*("DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable")],
     "launch.substitutions": ["LaunchConfiguration"],
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
@@ -72,6 +73,7 @@ MODULES = {
 @pytest.fixture
 def describe(repository, monkeypatch):
     """Function from the name of a launch file to its entities."""
+    monkeypatch.setattr(launch_checks, "get_package_prefix", lambda name: name)
     for name, members in MODULES.items():
         module = types.ModuleType(name)
         for member in members:
@@ -177,8 +179,8 @@ def test_nodes_are_given_what_launch_ros_takes(describe, name):
 
 
 def test_what_is_not_given_is_left_to_the_parameter_file(describe):
-    nodes = start(describe("intent"), model="1.npz")
-    assert values(nodes["intent_estimator"]) == {"model": "1.npz"}
+    nodes = start(describe("intent"), model=__file__)
+    assert values(nodes["intent_estimator"]) == {"model": __file__}
     assert nodes["intent_estimator"]["parameters"][1]["model"].options == {"value_type": str}
     assert nodes["mocap_ingest"]["parameters"][0].endswith("config/params.yaml")
     assert "use_sim_time" not in values(nodes["primitive_activation"])
@@ -314,8 +316,62 @@ def test_a_published_clock_is_followed_or_refused(describe):
 def test_a_node_that_cannot_start_ends_the_launch_and_one_that_dies_does_not(describe, code, ends):
     node = start(describe("real"))["primitive_activation"]
     exited = types.SimpleNamespace(returncode=code, process_name="primitive_activation-3")
-    action = node["on_exit"](exited, Context())
-    assert (action is not None and action.kind == "Shutdown") == ends
+    if not ends:
+        assert node["on_exit"](exited, Context()) is None
+        return
+    with pytest.raises(IntentError, match="primitive_activation-3 cannot run"):
+        node["on_exit"](exited, Context())
+
+
+def test_a_player_that_cannot_start_ends_the_launch_and_its_end_does_not(describe):
+    player = start(describe("replay"))["bag_player"]
+    assert player["on_exit"](types.SimpleNamespace(returncode=0), Context()) is None
+    with pytest.raises(IntentError):
+        player["on_exit"](types.SimpleNamespace(returncode=1, process_name="p"), Context())
+
+
+def test_what_is_optional_is_there_before_the_first_node_starts(describe, monkeypatch, tmp_path):
+    entities = describe("replay")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ArgumentError, match="bag: expected a file or folder"):
+        start(entities, bag="missing")
+    with pytest.raises(ArgumentError, match="model: expected a file or folder"):
+        start(entities, model="missing.npz")
+    monkeypatch.setattr(launch_checks, "get_package_prefix", no_package)
+    with pytest.raises(ArgumentError, match="rviz: expected the package robot_state_publisher"):
+        start(entities, rviz="true")
+
+
+def no_package(name):
+    raise PackageNotFoundError(name)
+
+
+def test_an_argument_that_nobody_takes_is_refused(describe, monkeypatch):
+    entities = describe("demo")
+    command = ["ros2", "launch", "intent_recognition", "demo.launch.py", "modle:=m.npz"]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(ArgumentError, match="Did you mean model"):
+        start(entities)
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "mine.launch.py", "other:=1"])
+    assert start(entities)
+
+
+def test_a_section_that_no_node_takes_is_refused(describe, tmp_path):
+    own = tmp_path / "mine.yaml"
+    for section, taken in (
+        ("/**/mocap_ingst", False),
+        ("/cell1/nobody", False),
+        ("/**", True),
+        ("/cell1/*", True),
+        ("object_warper", True),
+        ("/cell2/mocap_ingest", True),
+    ):
+        own.write_text(f"{section}:\n  ros__parameters: {{a: 1}}\n", encoding="utf-8")
+        if taken:
+            assert start(describe("intent"), params_file=str(own), namespace="cell1")
+            continue
+        with pytest.raises(ArgumentError, match=section.rsplit("/", 1)[-1]):
+            start(describe("intent"), params_file=str(own), namespace="cell1")
 
 
 def test_an_arm_stands_where_the_second_person_does(describe):

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must hold before the first node of a graph starts: a launch that fails later leaves some."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall
+from intent_recognition.nodes.parameter_sources import holds_for, sections
+from intent_recognition.share import PACKAGE
+from intent_recognition.untrusted import load_yaml, read_text
+
+NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
+"""Modules that the nodes of a room need beside what all need."""
+FILES = ("model", "bag", "dofs", "sequences", "task_list", "scene")
+"""Arguments that name a file or folder, where they look like a path."""
+
+
+def check_arguments(graph: str, command: Sequence[str]) -> None:
+    """Refuse arguments that `ros2 launch` was given for a graph and nobody takes.
+
+    Args:
+        graph: one of `GRAPHS`.
+        command: of the process; one that launches another file passes.
+
+    Raises:
+        ArgumentError: there is one.
+    """
+    if not any(Path(word).name == f"{graph}.launch.py" for word in command):
+        return
+    known = [argument.name for argument in GRAPHS[graph].arguments()]
+    for word in command:
+        name, assigned, _ = word.partition(":=")
+        if assigned and name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            cure = f"Did you mean {near[0]}?" if near else "Leave it away."
+            raise ArgumentError.about(
+                f"argument of {graph}", f"one of {', '.join(known)}", name, cure
+            )
+
+
+def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None:
+    """Make sure that packages and files are there.
+
+    Args:
+        calls: nodes that will start.
+        values: of the launch arguments.
+
+    Raises:
+        ArgumentError: something is not.
+    """
+    for call in calls:
+        if call.package != PACKAGE:
+            try:
+                get_package_prefix(call.package)
+            except (PackageNotFoundError, LookupError) as error:
+                when = NODES[call.name].when
+                package = call.package.replace("_", "-")
+                cure = f"Install ros-jazzy-{package}, or leave {when} away."
+                raise ArgumentError.about(
+                    when, f"the package {call.package}", "none", cure
+                ) from error
+        for room, module in NEEDS.items():
+            if call.module.startswith(room) and find_spec(module) is None:
+                cure = f"Install it (pip install {module}), or do without {call.name}."
+                raise ArgumentError.about(call.name, f"the module {module}", "none", cure)
+    for name in FILES:
+        value = str(values.get(name, ""))
+        looks_like_a_path = name in ("model", "bag", "dofs") or "/" in value
+        if value and looks_like_a_path and not Path(value).expanduser().exists():
+            got = f"{Path(value).absolute()}, which is none"
+            raise ArgumentError.about(name, "a file or folder", got, "Correct the path.")
+
+
+def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
+    """Refuse a parameter file with a section that no node takes.
+
+    A section of a node that is not started here, but in another graph, passes.
+
+    Raises:
+        ArgumentError: there is one.
+    """
+    started = ["/" + "/".join(filter(None, (call.namespace, call.name))) for call in calls]
+    for section, _ in sections(load_yaml(read_text(Path(path))), ""):
+        last = section.rsplit("/", 1)[-1]
+        executables = {spec.executable for spec in NODES.values()}
+        if last in NODES or last in executables or any(holds_for(section, n) for n in started):
+            continue
+        near = difflib.get_close_matches(last, NODES, 1)
+        cure = f"Did you mean {near[0]}?" if near else f"Nodes are {', '.join(NODES)}."
+        raise ArgumentError.about(f"params_file {path}", "sections of nodes", section, cure)
