@@ -88,7 +88,10 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         pass
     except _START_ERRORS as error:
         if node is None:  # let go of what was made of it, which has its name
-            traceback.clear_frames(error.__traceback__)
+            held: BaseException | None = error
+            while held is not None:
+                traceback.clear_frames(held.__traceback__)
+                held = held.__cause__ or held.__context__
             gc.collect()
         _log_fatal(node, getattr(make_node, "__name__", "node"), one_line(error))
         return 1
