@@ -50,7 +50,7 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         return None, [f"no usable {FILE_NAME}"]
 
 
-TABLES = (".csv", ".tsv", ".parquet", ".c3d")
+TABLES = (".csv", ".tsv", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", ".h5", ".hdf5")
 """Files that are no bags, but can become some."""
 
 

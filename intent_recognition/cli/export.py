@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent export`: demonstrations as one table, CSV or Parquet."""
+"""`intent export`: demonstrations as one table, CSV or Parquet, or as a LeRobot data set."""
 
 import argparse
 
@@ -12,19 +12,23 @@ from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs
-from intent_recognition.tables import export_columns, export_map, write_table
+from intent_recognition.tables import export_columns, export_map, write_lerobot, write_table
 
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "export",
-        help="write demonstrations as a table, CSV or Parquet",
+        help="write demonstrations as a table, CSV or Parquet, or as a LeRobot data set",
         description="Write the degrees of freedom of all demonstrations as one table, with a row"
         " for each stamp, and beside it the map with which `intent import` makes bags of it again."
         " The table holds the samples that training would use: docs/import.md.",
         **examples(
             ("for pandas, polars or R", "intent export demos --output demos.csv"),
+            (
+                "a LeRobot data set of version 3; needs pyarrow",
+                "intent export demos --output demos_lerobot",
+            ),
             (
                 "smaller and typed; needs pyarrow",
                 "intent export demos --dofs my_dofs.yaml --output demos.parquet",
@@ -46,7 +50,7 @@ def add_parser(subparsers: Subparsers) -> None:
         type=a_path,
         required=True,
         metavar="FILE",
-        help="table to write: .csv or .parquet",
+        help="table to write, .csv or .parquet; a name without ending is a LeRobot data set",
     )
     parser.set_defaults(run=run)
 
@@ -65,9 +69,13 @@ def run(args: argparse.Namespace) -> int:
     demonstrations, rejections = read_all(args.bags, dofs, console)
     columns = export_columns(demonstrations)
     args.output.parent.mkdir(parents=True, exist_ok=True)
-    write_table(args.output, columns)
+    if args.output.suffix:
+        write_table(args.output, columns)
+        content = export_map(dofs, columns)
+    else:
+        content = write_lerobot(args.output, columns, dofs)
     path = args.output.with_suffix(".map.yaml")
-    text = yaml.safe_dump(export_map(dofs, columns), sort_keys=False, allow_unicode=True, width=100)
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
     path.write_text(text, encoding="utf-8")
     print_left_out(console, rejections)
     print_dropped(console, demonstrations)

@@ -6,6 +6,7 @@ from intent_recognition.tables.import_map import ImportMap, load_map
 from intent_recognition.tables.imported import ImportedDemonstration, Samples
 from intent_recognition.tables.imported_bags import ImportedBag
 from intent_recognition.tables.importing import import_demonstrations
+from intent_recognition.tables.lerobot_writing import write_lerobot
 from intent_recognition.tables.suggesting import suggest_map
 
 __all__ = [
@@ -18,5 +19,6 @@ __all__ = [
     "import_demonstrations",
     "load_map",
     "suggest_map",
+    "write_lerobot",
     "write_table",
 ]

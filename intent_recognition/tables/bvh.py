@@ -47,12 +47,13 @@ def open_bvh(path: Path) -> Table:
         if len(values) != count:
             raise ValueError(f"{len(values)} of {count} frames")
         rate = 1.0 / float(period)
+        places_of = _places(joints, values)
     except (OSError, UntrustedError, ValueError, TypeError, IndexError, ZeroDivisionError) as error:
         raise unusable(path, "a BVH file", error, "Export it again as BVH.") from error
     check_columns(path, values.shape[1] + 3 * len(joints))
     channels = [f"{joint.name}.{channel}" for joint in joints for channel in joint.channels]
     places = [f"{joint.name}.{axis}" for joint in joints for axis in "xyz"]
-    columns = np.hstack([values, *_places(joints, values)])
+    columns = np.hstack([values, *places_of])
     degrees = {k: "deg" for k, name in enumerate(channels) if name.endswith("rotation")}
     return Table(
         path,

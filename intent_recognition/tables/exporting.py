@@ -93,7 +93,7 @@ def write_table(path: Path, columns: Columns) -> None:
     elif suffix == ".csv":
         _write_csv(path, columns)
     else:
-        expected = f"a file ending in {' or '.join(WRITTEN)}"
+        expected = f"a file ending in {' or '.join(WRITTEN)}, or a name without ending"
         raise BagError.about("--output", expected, path.name, "Name the file so.")
 
 

@@ -39,7 +39,7 @@ def known_header(path: Path, rows: Rows) -> Header | None:
         try:
             if header := read(rows):
                 return header
-        except (IndexError, ValueError):  # it only begins like one
+        except (LookupError, ValueError, StopIteration):  # it only begins like one
             continue
     return None
 

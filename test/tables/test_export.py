@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent export`, and back: the demonstrations are the same to the last bit."""
 
+import json
+
 import numpy as np
 import pytest
 import yaml
@@ -26,7 +28,7 @@ def check_same(before, after):
 
 
 def there_and_back(bags, dofs, tmp_path, suffix) -> list:
-    table, output = tmp_path / f"all.{suffix}", tmp_path / f"from_{suffix}"
+    table, output = tmp_path / f"all{suffix and '.'}{suffix}", tmp_path / f"from_{suffix}"
     assert main(["export", *map(str, bags), "--dofs", str(dofs), "--output", str(table)]) == 0
     command = ["import", str(table), "--map", str(table.with_suffix(".map.yaml"))]
     assert main([*command, "--output", str(output)]) == 0
@@ -35,9 +37,9 @@ def there_and_back(bags, dofs, tmp_path, suffix) -> list:
     return found
 
 
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("suffix", ["csv", "parquet", ""])  # without: a LeRobot data set
 def test_bags_come_back_the_same(suffix, repository, tmp_path):
-    if suffix == "parquet":
+    if suffix != "csv":
         pytest.importorskip("pyarrow")
     bags = sorted((repository / "bags/toolbox/test").iterdir())[:3]
     dofs = repository / "config/dofs.yaml"
@@ -73,6 +75,31 @@ def test_demonstrations_of_a_session_and_of_equal_names(repository):
     names = list(dict.fromkeys(columns["demonstration"]))
     assert names == ["session_00#000", "session_00#001", "session_00#000_2"]
     assert np.all(np.diff(columns["stamp_ns"][columns["demonstration"] == names[0]]) > 0)
+
+
+def test_a_lerobot_data_set_has_the_schema_of_version_3(repository, tmp_path, capsys):
+    """Of lerobot 0.4.4: `create_empty_dataset_info`, `_save_episode_metadata`, `load_tasks`."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    bags = sorted((repository / "bags/toolbox/test").iterdir())[:2]
+    folder = tmp_path / "set"
+    assert main(["export", *map(str, bags), "--output", str(folder)]) == 0
+    info = json.loads((folder / "meta/info.json").read_text())
+    assert (info["codebase_version"], info["total_episodes"], info["fps"]) == ("v3.0", 2, 100)
+    data = parquet.read_table(folder / "data/chunk-000/file-000.parquet")
+    assert set(data.column_names) == set(info["features"]) and len(data) == info["total_frames"]
+    for key, feature in info["features"].items():
+        kind = str(data.schema.field(key).type)
+        expected = {"float64": "double", "float32": "float"}.get(feature["dtype"], feature["dtype"])
+        size = feature["shape"][0]
+        list_kind = f"fixed_size_list<item: {expected}>[{size}]"
+        assert kind.replace("element:", "item:") == (list_kind if feature["names"] else expected)
+    episodes = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [one["length"] for one in episodes] == [
+        one["dataset_to_index"] - one["dataset_from_index"] for one in episodes
+    ]
+    assert episodes[-1]["dataset_to_index"] == info["total_frames"]
+    assert main(["export", str(bags[0]), "--output", str(folder)]) == 1
+    assert "got a folder. Choose another" in capsys.readouterr().err
 
 
 def test_another_suffix_is_refused(repository, tmp_path, capsys):

@@ -12,11 +12,17 @@ import numpy as np
 import pytest
 import yaml
 from c3d_builder import c3d_file
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import BagError
-from intent_recognition.tables import ImportMap, import_demonstrations, suggest_map
+from intent_recognition.signals import Rejection
+from intent_recognition.tables import (
+    ImportedDemonstration,
+    ImportMap,
+    import_demonstrations,
+    suggest_map,
+)
 from intent_recognition.tables.files import open_table
 from intent_recognition.tables.table import SINCE_NS
 
@@ -428,6 +434,30 @@ def test_any_number_is_read_as_it_is_written(values, separator, encoding, comma,
 
     (cells,) = open_table(path).columns(["ä"]).values()
     assert numbers(cells, path, "ä").tolist() == values
+
+
+PLAIN = [kind for kind in EXAMPLES if EXAMPLES[kind][0] not in (c3d, robomimic, aloha, openpose)]
+"""Those that are read in this process, from one file."""
+
+
+@pytest.mark.parametrize("kind", PLAIN)
+def test_a_damaged_file_is_left_out_or_read_and_nothing_else(kind, tmp_path):
+    make, columns, more = EXAMPLES[kind]
+    data = make(tmp_path).read_bytes()
+
+    @settings(deadline=None, max_examples=40)
+    @given(st.data())
+    def damaged(draw):
+        changed = bytearray(data[: draw.draw(st.integers(0, len(data)))])
+        for _ in range(draw.draw(st.integers(0, 8)) if changed else 0):
+            at = draw.draw(st.integers(0, len(changed) - 1))
+            changed[at] = draw.draw(st.sampled_from(b'0,;.-e\t\n{}[]"<>/ \x00\xff9:X'))
+        path = tmp_path / f"damaged{make(tmp_path).suffix}"
+        path.write_bytes(changed)
+        for found in imported(path, columns, more, columns_unit="mm"):
+            assert isinstance(found, ImportedDemonstration | Rejection)
+
+    damaged()
 
 
 def test_what_a_library_says_is_said(tmp_path):
