@@ -3,7 +3,7 @@
 
 From these odds follows from which probability a task may be acted on (`promp.risk_of`,
 docs/recognition.md). Demonstrations of a person are left out together, so that the odds are those
-of somebody new.
+of somebody new; where nobody else was recorded, one demonstration after the other.
 """
 
 from collections.abc import Mapping
@@ -41,12 +41,13 @@ def learn_left_out_odds(
     odds, groups = list[float](), list[str]()
     without_group = cache(leaving_out.group)
     for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED):
-        without = without_group(example.group) if example.group else None
+        group = example.group
+        without = without_group(group) if group else None
         if without is None and leaving_out.can_spare_one_of(k):
-            without = leaving_out.demonstration(k, example)
+            without, group = leaving_out.demonstration(k, example), ""
         if without is not None:
             odds.append(largest_odds_against(without.as_library(), k, as_recorded))
-            groups.append(example.group)
+            groups.append(group)
     return LeftOutOdds(tuple(odds), tuple(groups)) if len(odds) > 1 else NO_ODDS
 
 

@@ -58,7 +58,8 @@ class Risk(NamedTuple):
     Attributes:
         threshold: probability that a task must have among the tasks.
         max_wrong: the share of interactions that was asked for.
-        bound: largest share that is acted on wrongly, of interactions with new people.
+        bound: largest share that is acted on wrongly, of interactions with new people where
+            people are known, else of those like the recorded ones.
         n_groups: people, or demonstrations where these have no groups, that the bound rests on.
         grouped: whether these are people.
     """
@@ -77,9 +78,10 @@ class Risk(NamedTuple):
     def __str__(self) -> str:
         """In words."""
         who = "groups of demonstrations" if self.grouped else "demonstrations"
+        whose = "with new people" if self.grouped else "like those recorded"
         text = (
-            f"acts from a probability of {self.threshold:.3f} among the tasks: of interactions with"
-            f" new people at most {self.bound:.0%} are acted on wrongly, by {self.n_groups} {who}"
+            f"acts from a probability of {self.threshold:.3f} among the tasks: of interactions"
+            f" {whose} at most {self.bound:.0%} are acted on wrongly, by {self.n_groups} {who}"
         )
         if self.n_groups >= self.n_needed:
             return text
