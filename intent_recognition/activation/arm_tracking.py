@@ -101,6 +101,26 @@ class ArmTracking:
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
 
+    def lost(self, now_ns: int) -> bool | None:
+        """Whether the command that has ended did not reach the arm; None: not known yet.
+
+        The arm then rests where the command before led it.
+        """
+        measured = self._recent(now_ns)
+        if measured is None or self.current is None or len(self._history) < 2:
+            return False
+        if self._error(measured) <= HELD_WITHIN_RAD:
+            return False
+        if measured.time_ns <= self.current.end_ns + _SETTLING_NS:
+            return None
+        before = self._history[-2].at(measured.time_ns).position
+        there = float(np.abs(measured.position - before).max()) <= HELD_WITHIN_RAD
+        if there and self.at_rest(measured):
+            text = "the arm rests where the command before the last one led it"
+            self._report_once("command_lost", self.last_command_ns, text)
+            return True
+        return False
+
     @property
     def clocks(self) -> dict[str, str]:
         """For diagnostics: how far stamps are behind, and what ages count by."""

@@ -119,7 +119,10 @@ class Waiting:
                 self._counts[f"stopped: {reason}"] += 1
                 self._brake = brake
             return Transition(state, brake)
-        if current is None or current.plan.kind == "home":
+        lost = self._arm.lost(now_ns)
+        if lost is None:
+            return Transition(state)
+        if current is None or (current.plan.kind == "home" and not lost):
             return Transition(Idle())
         if current is self._brake and now_ns - current.end_ns < self.settings.hold_s * 1e9:
             return Transition(state)

@@ -348,6 +348,36 @@ def test_an_arm_whose_clock_is_behind_is_followed_while_it_moves(behind_s):
     assert world.activation.mode is Mode.EXECUTING and world.rejected == []
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_with_three_in_ten_commands_lost_the_arm_ends_at_home(seed):
+    """A lost one is noticed: the arm is where the command before asks it to be."""
+    world, rng, got = World(), np.random.default_rng(seed), []
+
+    def reference():
+        reached = [command for command in got if world.now_ns >= command.start_ns]
+        return reached[-1].at(world.now_ns).position if reached else HOME
+
+    world.arm = reference
+
+    def run(seconds):
+        for _ in range(round(seconds * 100)):
+            n = len(world.commands)
+            world.step()
+            got.extend(c for c in world.commands[n:] if rng.random() >= 0.3)
+
+    run(0.3)
+    world.begin("plate", already_s=0.3)
+    run(3.0)
+    world.task = "idle"
+    while world.activation.mode is not Mode.HOMING:
+        run(0.01)
+    while got and got[-1].plan.kind == "home":
+        got.pop()  # in any case the first one home
+    run(12.0)
+    assert "command_lost" in world.rejected and world.activation.mode is Mode.IDLE
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
+
+
 def test_late_joint_states_are_counted_and_change_nothing():
     world = World()
     world.run(0.1)
