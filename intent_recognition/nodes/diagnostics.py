@@ -46,6 +46,14 @@ ANSWERS = "clock_answers"
 of each it has taken and sent."""
 
 
+def answer_of(node: str, counts: Mapping[str, int]) -> JointState:
+    """How many messages of each topic a node has taken and sent; empty: do not wait for it."""
+    message = JointState(name=list(counts))
+    message.header.frame_id = node
+    message.position = [float(n) for n in counts.values()]
+    return message
+
+
 def key_values(values: Mapping[str, str]) -> list[KeyValue]:
     """Rows of a DiagnosticStatus."""
     return [KeyValue(key=key, value=value) for key, value in values.items()]
@@ -92,7 +100,7 @@ class Diagnostics:
         self._level = bytes([Level.OK])
         self._message = "running"
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._answers = node.create_publisher(JointState, ANSWERS, qos.STATE)
+        self._answers = node.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
         self._answered = -1
         self._timer = steady_timer(node, period_s, self.publish)
 
@@ -127,10 +135,7 @@ class Diagnostics:
         total = self._totals.total()
         if total != self._answered and self.answers:
             self._answered = total
-            message = JointState(name=list(self._totals))
-            message.header.frame_id = self._node.get_name()
-            message.position = [float(n) for n in self._totals.values()]
-            self._answers.publish(message)
+            self._answers.publish(answer_of(self._node.get_name(), self._totals))
 
     def latency(self, seconds: float) -> None:
         """Note the time one input took from arrival to output."""

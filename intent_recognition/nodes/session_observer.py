@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: subscribes to the topics of a session and logs them; it publishes nothing."""
+"""Node: subscribes to the topics of a session and logs them; simulated time waits for it."""
 
+from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from intent_recognition.errors import MessageError
 from intent_recognition.evaluation import SessionLog
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
+from intent_recognition.nodes.diagnostics import ANSWERS, answer_of
 from intent_recognition.promp import NONE
 
 EVERY_PATH_NS = 100_000_000
@@ -59,13 +62,25 @@ class SessionObserver(Node):
             (Path, "intent/human_path", self._take_path, qos.COMMAND),
             (String, "coworker/task", self._take_truth, qos.STATE),
         )
-        self._inputs = [self.create_subscription(*topic) for topic in topics]
+        self._heard: Counter[str] = Counter()
+        self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
+        self._inputs = [
+            self.create_subscription(kind, topic, partial(self._take, topic, take), profile)
+            for kind, topic, take, profile in topics
+        ]
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take_reports, 10)
+
+    def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
+        """Take a message, and tell those whose time waits for it."""
+        take(message)
+        self._heard[topic] += 1
+        self._answers.publish(answer_of(self.get_name(), self._heard))
 
     def close(self) -> None:
         """Unsubscribe: what comes after the session is not part of it."""
         while self._inputs:
             self.destroy_subscription(self._inputs.pop())
+        self._answers.publish(answer_of(self.get_name(), {}))
 
     def graph_is_complete(self) -> bool:
         """Whether the nodes that must run before the human moves have found one another."""

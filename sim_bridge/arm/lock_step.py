@@ -28,8 +28,12 @@ EDGES = (
     Edge("intent/tasks", "intent_estimator", "primitive_activation"),
     Edge("intent/robot_trajectory", "intent_estimator", "primitive_activation"),
     Edge("joint_trajectory", "primitive_activation", ARM),
+    Edge("mocap/wrist/pose", "coworker_sim", "session_observer"),
+    Edge("intent/tasks", "intent_estimator", "session_observer"),
+    Edge("intent/robot_trajectory", "intent_estimator", "session_observer"),
+    Edge("joint_states", ARM, "session_observer"),
 )
-"""From the clock to the person, the estimate, the command and back to the arm."""
+"""From the clock to the person, the estimate, the command and back to the arm; and to who looks."""
 ANSWERING = tuple(dict.fromkeys(edge.taker for edge in EDGES if edge.taker))
 """Nodes that answer."""
 NO_ANSWER_S = 10.0
@@ -52,10 +56,15 @@ class LockStep:
         self._lost: dict[Edge, int] = {}
 
     def hear(self, node: str, counts: Mapping[str, int]) -> None:
-        """Take how many messages of each topic a node has taken and sent since its start."""
+        """Take how many messages of each topic a node has taken and sent since its start.
+
+        None of any: it is not to be waited for.
+        """
         before = self._counts.get(node, {})
         if any(counts.get(topic, 0) < n for topic, n in before.items()):  # it has started again
             self.leave(node)
+        if not counts:
+            return
         self._counts[node] = dict(counts)
         for edge in self._edges:
             self._due(edge)  # what was missed before the first answer

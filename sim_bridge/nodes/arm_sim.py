@@ -23,7 +23,7 @@ from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.conversions import duration_s, stamp_ns
 from intent_recognition.nodes.diagnostics import ANSWERS, Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
-from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
+from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.arm import (
     ANSWERING,
@@ -111,7 +111,7 @@ class ArmSim(Node):
         self._waits_since_s: float | None = None
         self._person = False
         if self._answering:
-            self.create_subscription(JointState, ANSWERS, self._on_answer, STATE)
+            self.create_subscription(JointState, ANSWERS, self._on_answer, FEEDBACK)
         self.add_post_set_parameters_callback(self._on_parameters)
         self._pacing_timers = [
             steady_timer(self, TICK_S, self._tick),
