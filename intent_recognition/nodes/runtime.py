@@ -287,7 +287,7 @@ def _log_fatal(node: Node | None, class_name: str, text: str) -> None:
     try:
         if node is None:  # the same remapping gives a node in its place the name it would have had
             name = re.sub(r"(?<!^)(?=[A-Z])", "_", class_name.removesuffix("Node")).lower()
-            node = rclpy.create_node(name, start_parameter_services=False)
+            node = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
             node.get_logger().fatal(text)
             end(node)
         else:
