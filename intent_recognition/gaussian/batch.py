@@ -81,19 +81,15 @@ class GaussianBatch:
         cls, mean: NDArray[np.float64], covariance: NDArray[np.float64], n_basis: int
     ) -> "GaussianBatch":
         """From means (n, D) and covariances (n, D, D), copied."""
-        (n, size), columns = mean.shape, -(-mean.shape[1] // 4) * 4
-        whole = np.zeros((n, size, columns))
-        whole[:, :, :size] = covariance
-        lines, columns_of = _stored(size)
-        upper = np.take(whole.reshape(n, -1), lines * columns + columns_of, axis=1)
-        return cls(np.concatenate([mean, upper], axis=1), n_basis)
+        return cls(np.concatenate([mean, _packed(covariance)], axis=1), n_basis)
 
     def moments(
         self, index: NDArray[np.int64] | slice = slice(None)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Means (k, D) and covariances (k, D, D) of some, copied."""
-        state = self.state[index]
-        return state[:, : self._size].copy(), state[:, _square(self._size)]
+        state, size = self.state[index], self._size
+        covariance = np.take(state, _square(size).ravel(), axis=1)
+        return state[:, :size].copy(), covariance.reshape(len(state), size, size)
 
     def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
         """Mean and covariance of their mixture (Ewerton et al. 2015, Eq. 14).
@@ -157,6 +153,14 @@ def _stored(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     line, column = np.arange(size)[:, None], np.arange(-(-size // 4) * 4)
     lines, columns = np.nonzero(column >= line // 4 * 4)
     return lines, columns
+
+
+def _packed(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What is stored of covariances (n, D, D)."""
+    n, size, _ = covariance.shape
+    whole = np.pad(covariance, ((0, 0), (0, 0), (0, -size % 4)))
+    lines, columns = _stored(size)
+    return np.take(whole.reshape(n, -1), lines * whole.shape[2] + columns, axis=1)
 
 
 def state_width(size: int) -> int:
@@ -249,17 +253,17 @@ def _condition(
     likelihood = np.exp(exponent * (density - best))
     moved = moved * likelihood
     moved /= moved.sum(axis=1, keepdims=True)
-    row = np.matmul(moved[:, None], rows)[:, 0]
-    expected = np.matmul(moved[:, None], apart)
-    apart -= expected
-    induced = np.matmul((apart * moved[..., None]).swapaxes(1, 2), apart)
-    found, _ = whitened(row, noise + induced, expected.swapaxes(1, 2))
+    if rows.shape[1] > 1:  # else nothing is left open, and this is what was found
+        row = np.matmul(moved[:, None], rows)[:, 0]
+        expected = np.matmul(moved[:, None], apart)
+        apart -= expected
+        induced = np.matmul((apart * moved[..., None]).swapaxes(1, 2), apart)
+        found, _ = whitened(row, noise + induced, expected.swapaxes(1, 2))
     if not np.all(np.isfinite(found)):
         cure = "Leave out what is not finite."
         raise ArgumentError(describe("innovation covariance", "finite numbers", "others", cure))
     cross, innovation = found[:, :, :size], found[:, :, size:]
-    mean += np.matmul(innovation.swapaxes(1, 2), cross)[:, 0]
-    covariance -= np.matmul(cross.swapaxes(1, 2), cross)
-    batch.state[index] = GaussianBatch.of(mean, covariance, n_basis).state
+    batch.state[index, :size] += np.matmul(innovation.swapaxes(1, 2), cross)[:, 0]
+    batch.state[index, size:] -= _packed(np.matmul(cross.swapaxes(1, 2), cross))
     deviation[index] = moved
     return evidence, likelihood

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of hypotheses: rows come and go, and each keeps what is its own."""
+
+import numpy as np
+from simulation import START_NS, make_library
+
+from intent_recognition.filtering.observation_model import ObservationModel
+from intent_recognition.filtering.table import HypothesisTable
+from intent_recognition.gaussian.batch import GaussianBatch, state_width
+from intent_recognition.promp.phase_deviation import STEADY
+from intent_recognition.signals.observation import Observation
+
+
+def table_of(library, n: int) -> HypothesisTable:
+    table = HypothesisTable(8, library.n_observed, library.basis.n_basis, STEADY)
+    prior = library.observed_mean[:1], library.observed_covariance[:1]
+    state = np.repeat(GaussianBatch.of(*prior, library.basis.n_basis).state, n, axis=0)
+    table.add(state, task=np.arange(n), duration_s=1.5 + 0.1 * np.arange(n), settling=1)
+    return table
+
+
+def test_rows_keep_their_own_whatever_is_dropped_and_added(rng):
+    library = make_library(rng, n_basis=5)
+    model = ObservationModel(library, START_NS)
+    seen = [
+        model.measurement(Observation(START_NS + round(t * 1e9), 0, rng.normal(size=3)))
+        for t in (0.1, 0.5, 0.9)
+    ]
+    whole, few = table_of(library, 6), table_of(library, 6)
+    for one in seen[:2]:
+        whole.condition(one, model)
+        few.condition(one, model)
+    few.drop(np.isin(few.rows["task"], [0, 3, 4]))
+    new = few.add(np.zeros((2, state_width(3 * 5))), task=9)
+    assert not few.rows["seen"][new].any() and few.n == 5
+    few.drop(few.rows["task"] == 9)
+    whole.condition(seen[2], model)
+    few.condition(seen[2], model)
+    assert sorted(few.rows["task"]) == [1, 2, 5]
+    ours = few.snapshot(np.arange(3))
+    theirs = whole.snapshot(few.rows["task"])
+    for name in ("mean", "covariance", "log_evidence"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-12)
+
+
+def test_a_row_that_lags_catches_up_and_is_judged_once_it_has_settled(rng):
+    library = make_library(rng, n_basis=5)
+    model = ObservationModel(library, START_NS)
+    table, other = table_of(library, 2), table_of(library, 2)
+    for k, t in enumerate((0.1, 0.4, 0.8)):
+        one = model.measurement(Observation(START_NS + round(t * 1e9), 0, rng.normal(size=3)))
+        other.condition(one, model)
+        table.condition(one, model, np.array([0]))
+        assert np.all(other.rows["log_evidence"] != 0.0) == (k > 0)
+        table.condition(one, model, np.array([1]))
+    np.testing.assert_array_equal(table.rows["seen"], 3)
+    np.testing.assert_allclose(table.log_joint, other.log_joint, rtol=1e-12)
