@@ -193,3 +193,17 @@ def test_a_prediction_of_another_task_is_not_executed():
         world.activation.take_tasks(now, now, LABELS, world.probabilities())
         world.activation.take_prediction(now, prediction("screw", world.onset_ns))
         assert world.activation.step(now) is None
+
+
+def test_what_is_possible_is_in_question_while_nothing_is_acted_on():
+    activation = World().activation
+
+    def question(*p):
+        question.ns += 10_000_000
+        activation.take_tasks(question.ns, question.ns, LABELS, np.array(p))
+        return activation.question
+
+    question.ns = START_NS
+    assert question(0.5, 0.4, 0.1) == {"plate": 0.5, "screw": 0.4}
+    assert list(question(0.3, 0.6, 0.1)) == ["screw", "plate"]
+    assert question(0.95, 0.04, 0.01) == question(0.2, 0.2, 0.6) == question(0.0, 0.0, 1.0) == {}

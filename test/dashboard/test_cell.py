@@ -67,3 +67,12 @@ def test_silence_is_told_after_three_seconds():
     health = NodeHealth(0, "running", {}, 10.0)
     assert health.silent_s(12.0) == 0.0
     assert health.silent_s(15.0) == 5.0
+
+
+def test_somebody_is_asked_once_a_question_has_stood_for_a_while():
+    state = CellState()
+    assert state.question(10.0) == ()
+    state.take_question(("plate", "screw"), 10.0)
+    assert state.question(10.4) == () and state.question(10.5) == ("plate", "screw")
+    state.take_question((), 10.6)
+    assert state.question(20.0) == ()
