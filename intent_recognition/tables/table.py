@@ -107,8 +107,9 @@ class Table:
         Raises:
             BagError: the name is there more than once.
         """
-        for known in (name, name.lower()):
-            same = [k for k, own in enumerate(self.names) if known in (own, own.lower())]
+        lower = [own.lower() for own in self.names]
+        for wanted, known in ((name, self.names), (name.lower(), lower)):
+            same = [k for k, own in enumerate(known) if own == wanted]
             if len(same) > 1:
                 places = " and ".join(map(str, same))
                 cure = f"Name it by its number, {same[0]} or another, if that is what you want."

@@ -407,6 +407,12 @@ def test_columns_that_are_not_used_never_matter(tmp_path):
     assert found.samples[0].values[9].tolist() == [0.09, 0.09, 0.0]
 
 
+def test_names_that_differ_in_case_alone_are_two(tmp_path):
+    path = csv(tmp_path, "t,x,X,y", [f"{k / 10},1,2,0.{k}" for k in range(5)])
+    (found,) = imported(path, ["x", "X", "Y"], {"time": {"column": "T"}})
+    assert found.samples[0].values[3].tolist() == [1.0, 2.0, 0.3]
+
+
 def test_a_task_that_changes_is_cut(tmp_path):
     lines = [
         f"{k / 10},0,0,0.{k},{'give' if k < 5 else 'take' if k == 5 else ''}" for k in range(9)
