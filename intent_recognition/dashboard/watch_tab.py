@@ -17,6 +17,7 @@ from intent_recognition.dashboard.widgets import (
     set_content,
     set_value,
 )
+from intent_recognition.report import readable
 
 PLOT_PERIOD_S = 0.2
 """Time between two updates of the plot [s]. Convention."""
@@ -92,7 +93,7 @@ class WatchTab:
             button.remove()
         self._question.visible = bool(tasks)
         with self._question:
-            self._choices = {task: self._gui.add_button(task) for task in tasks}
+            self._choices = {task: self._gui.add_button(readable(task)) for task in tasks}
         for task, button in self._choices.items():
             button.on_click(partial(self._answer, task))
 
