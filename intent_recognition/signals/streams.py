@@ -20,6 +20,9 @@ LATENCY_S = 0.25
 
 Convention: longer than a tracker's latency.
 """
+LATEST_SHARE = 0.2
+"""Share of the way after which a movement that is found is found too late. Convention: a reach is
+found within 2 % of it."""
 LEAST_EXTENT = {"m": 0.01, "rad": 0.01}
 """Extent below which an agent has not moved, by unit [m], [rad].
 
@@ -82,6 +85,7 @@ def recording_doubts(recorded: Recorded) -> list[str]:
     return [
         *(clock or _in_part(recorded)),
         *_sparse(recorded),
+        *_found_late(recorded),
         *(reason for is_certain, reason in _misfits(recorded) if not is_certain),
         *_resting(recorded),
         *_wrapped(recorded),
@@ -223,6 +227,25 @@ def _sparse(recorded: Recorded) -> Iterator[str]:
                 f"{in_words(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found"
                 f" online below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
             )
+
+
+def _found_late(recorded: Recorded) -> Iterator[str]:
+    """Whether the onset rule finds the movement only once much of it is over, or never."""
+    settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
+    onset_s = earliest_onset(settings, recorded.observed, start_ns)
+    shares = []
+    for signal in recorded.observed:
+        extent = float(np.ptp(signal.values, axis=0).max(initial=0.0))
+        if extent <= LEAST_EXTENT.get(signal.unit, 0.0):
+            continue
+        until = signal.seconds(start_ns) <= (np.inf if onset_s is None else onset_s)
+        before = np.ptp(signal.values[until], axis=0).max() if until.any() else 0.0
+        shares.append(float(before) / extent)
+    if shares and min(shares) > LATEST_SHARE:
+        yield (
+            f"the observed movement is found only after {min(shares):.0%} of its way: it is too"
+            " slow beside its noise. Likely a very long task: divide it, or record it faster."
+        )
 
 
 def _resting(recorded: Recorded) -> Iterator[str]:

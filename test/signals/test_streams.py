@@ -217,6 +217,20 @@ def test_a_human_sampled_too_seldom_is_named():
     assert stream_doubts([correlate_speeds(every(10))]) == []
 
 
+@pytest.mark.parametrize(("length_s", "late"), [(30.0, False), (300.0, True)])
+def test_a_movement_too_slow_to_be_found_is_named(length_s, late):
+    """0.3 m within that time, with 1 mm of noise."""
+    times_s = np.arange(0.0, length_s + 4.0, 0.02)
+    place = np.outer(minimum_jerk((times_s - 2.0) / length_s), [0.3, 0.0, 0.0])
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, place.shape)
+    stamps = START_NS + np.round(times_s * 1e9).astype(np.int64)
+    human = Signal(("x", "y", "z"), stamps, place + noise, "m")
+    robot = Signal(("q",), stamps, 2.0 * place[:, :1], "rad")
+    slow = Demonstration("demo", "", "lift", (human,), (robot,), int(stamps[0]), int(stamps[-1]))
+    reasons = [doubt.reason for doubt in stream_doubts([correlate_speeds(slow)])]
+    assert any("found only after" in reason for reason in reasons) == late
+
+
 def test_an_arm_that_never_moves_is_named():
     """But not where one of its joints does."""
     still = with_robot(recording(), lambda s: replace(s, values=0.0 * s.values + 0.3))
