@@ -9,7 +9,7 @@ from dtaidistance import dtw_ndim
 
 from benchmarks.measure import Result, at_most, seconds_of_both
 from experiments.alignment.time_warping import dtw_maps
-from experiments.alignment.timed import Timed, demonstrations
+from experiments.alignment.timed import TimedRecording, demonstrations
 from intent_recognition.alignment import AlignmentSettings, Warp, align
 
 N_DEMONSTRATIONS = 40
@@ -68,7 +68,7 @@ def _accuracy(rng: np.random.Generator) -> tuple[Result, list[Warp]]:
     return at_most(name, max(ratios), 1.3, "x", remark), warps
 
 
-def _demonstrations(rng: np.random.Generator, **made: float) -> Timed:
+def _demonstrations(rng: np.random.Generator, **made: float) -> TimedRecording:
     return demonstrations(rng, N_DEMONSTRATIONS, N_SAMPLES, N_DOFS, **made)
 
 
@@ -83,7 +83,7 @@ def _dtw_paths(trajectories: np.ndarray) -> list[list[tuple[int, int]]]:
     return [dtw_ndim.warping_path(reference, values, use_c=True) for values in trajectories]
 
 
-def _median_error(timed: Timed, recorded: list[np.ndarray]) -> float:
+def _median_error(timed: TimedRecording, recorded: list[np.ndarray]) -> float:
     """Median over samples and demonstrations but the reference, where both were recorded."""
     truth = np.array([timed.between(0, i, PHASE) for i in range(1, N_DEMONSTRATIONS)])
     there = (truth >= 0.0) & (truth <= 1.0)

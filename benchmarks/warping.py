@@ -25,7 +25,7 @@ from intent_recognition.warping import (
 from sim_bridge.containers import (
     CONTAINER_NAMES,
     Container,
-    Measured,
+    MeasuredMesh,
     make_container,
     measure_mesh,
     scan,
@@ -129,7 +129,7 @@ def _scanned(source: ObjectModel) -> Iterator[Result]:
 
 
 def _warp_scan(
-    source: ObjectModel, path: Path, seed: int, measured: Measured | None
+    source: ObjectModel, path: Path, seed: int, measured: MeasuredMesh | None
 ) -> tuple[PouringParameters, np.ndarray]:
     """Parameters of a scanned mesh, and where the other container was said to be."""
     with warnings.catch_warnings():
@@ -158,7 +158,7 @@ def _cloud(container: Container, seed: int, n_views: int) -> ObjectCloud:
 
 
 def _errors(
-    found: PouringParameters, truth: Container | Measured, volume_m3: float, toward: np.ndarray
+    found: PouringParameters, truth: Container | MeasuredMesh, volume_m3: float, toward: np.ndarray
 ) -> tuple[float, ...]:
     """Errors of radius, volume and height in percent, of the tilt in degrees."""
     tilt = truth.tilt_reference_about(truth.lip_toward(toward))

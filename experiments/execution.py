@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.reaches import STEP_NS, Watched, ticks
+from experiments.reaches import STEP_NS, WatchedReach, ticks
 from intent_recognition.activation import (
     Activation,
     ActivationSettings,
@@ -34,7 +34,7 @@ GRIPPER_STEPS = 5
 LONGEST_S = 12.0
 """An execution is watched for so long after the reach at most [s]."""
 
-Person = Callable[["SimulatedArm", Mode], None]
+SimulatedPerson = Callable[["SimulatedArm", Mode], None]
 """Called before each physics step; may push the arm."""
 
 
@@ -91,12 +91,12 @@ class Executed(NamedTuple):
 
 
 def execute(
-    watched: Watched,
+    watched: WatchedReach,
     library: TaskLibrary,
     limits: JointLimits,
     correction: Correction | None,
     rng: np.random.Generator,
-    person: Person | None = None,
+    person: SimulatedPerson | None = None,
     *,
     boxes: Sequence[Box] = (),
     clearance: Clearance | None = None,
@@ -217,7 +217,7 @@ def _message(command: Command, now_ns: int, arm: "SimulatedArm") -> "TrajectoryC
 
 
 def as_demonstration(
-    watched: Watched, followed: PredictedInteraction, library: TaskLibrary, name: str
+    watched: WatchedReach, followed: PredictedInteraction, library: TaskLibrary, name: str
 ) -> Demonstration:
     """What a corrected execution is kept as: the person's movement, and the corrected path.
 

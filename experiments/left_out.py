@@ -84,7 +84,7 @@ class Pairs(NamedTuple):
     mean: tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
-class LeftOutPrediction(NamedTuple):
+class LeftOutMixture(NamedTuple):
     """Each demonstration predicted by the mixture that was fitted without it.
 
     Attributes:
@@ -116,7 +116,7 @@ class TriedNumber(NamedTuple):
     mixtures: Components
     labels: NDArray[np.integer]
     nll: NDArray[np.float64]
-    predicted: LeftOutPrediction
+    predicted: LeftOutMixture
     joint_rms_rad: NDArray[np.float64]
 
 
@@ -234,7 +234,7 @@ def predict(
     left_out: Components,
     seen: NDArray[np.integer],
     given: NDArray[np.integer] | None = None,
-) -> LeftOutPrediction:
+) -> LeftOutMixture:
     """Predict each robot from what is seen of its human, by the mixture fitted without both.
 
     Args:
@@ -267,7 +267,7 @@ def predict(
             "rs,rt,ts->s", pairs.to_controlled, best.covariance, pairs.to_controlled, optimize=True
         )
         std[i] = np.sqrt(np.maximum(variance, 0.0)).reshape(shape[1:])
-    return LeftOutPrediction(component, probability, mean, std)
+    return LeftOutMixture(component, probability, mean, std)
 
 
 def rms(errors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -44,7 +44,7 @@ class Frame(NamedTuple):
     prediction: PredictedInteraction | None
 
 
-class Watched(NamedTuple):
+class WatchedReach(NamedTuple):
     """A reach as estimator and tracker see it.
 
     Attributes:
@@ -73,7 +73,7 @@ def toolbox_recordings(settings: Settings) -> list[Demonstration]:
 
 def watch_reach(
     library: TaskLibrary, k: int, rng: np.random.Generator, limits: JointLimits
-) -> Watched:
+) -> WatchedReach:
     """Show reach number k, of the tasks in turn, to a new estimator.
 
     Args:
@@ -98,7 +98,7 @@ def watch_reach(
         evidence = estimate.log_evidence
         frames.append(Frame(estimate.stamp_ns, estimate.probabilities, evidence, prediction))
     labels = (*library.labels, NONE)
-    return Watched(task, REST_S, reach.goal_m, labels, samples, tuple(frames))
+    return WatchedReach(task, REST_S, reach.goal_m, labels, samples, tuple(frames))
 
 
 def _prediction(estimator: IntentEstimator, limits: JointLimits) -> PredictedInteraction | None:
@@ -112,7 +112,7 @@ def _prediction(estimator: IntentEstimator, limits: JointLimits) -> PredictedInt
     return PredictedInteraction(found.task, onset_ns, path, {"rad": float(means.std[-1].max())})
 
 
-def ticks(watched: Watched, home_s: float) -> Iterator[Frame]:
+def ticks(watched: WatchedReach, home_s: float) -> Iterator[Frame]:
     """Every 10 ms of the reach, and of some time to go home, in which the person rests."""
     frames = {frame.now_ns: frame for frame in watched.frames}
     first, last = watched.frames[0], watched.frames[-1]

@@ -17,7 +17,7 @@ from experiments.alignment.time_warping import (
     variance_removed,
     warped,
 )
-from experiments.alignment.timed import Timed, demonstrations
+from experiments.alignment.timed import TimedRecording, demonstrations
 from experiments.settings import Settings
 from intent_recognition.alignment import even_trajectory, medoid
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
@@ -110,7 +110,7 @@ def movements(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Movements (n, T, D) without and with noise, and their true maps onto the first, (n, T)."""
 
-    def draw(noise: float) -> Timed:
+    def draw(noise: float) -> TimedRecording:
         rng = settings.rng(number)
         return demonstrations(
             rng, n=N_DEMONSTRATIONS, n_samples=N_SAMPLES, shift_std=SHIFT_STD, noise=noise

@@ -11,7 +11,7 @@ from intent_recognition.promp import NormalizedRBFBasis
 FINE = np.linspace(0.0, 1.0, 1001)
 
 
-class Timed(NamedTuple):
+class TimedRecording(NamedTuple):
     """Demonstrations (n, T, D) and the recorded phases of `FINE` phases of the movement."""
 
     trajectories: NDArray[np.float64]
@@ -47,7 +47,7 @@ def demonstrations(
     shift_std: float = 0.0,
     noise: float = 0.0,
     variety: float = 0.0,
-) -> Timed:
+) -> TimedRecording:
     """A random smooth movement of range one, its deviations, timing and noise in parts of it.
 
     Deviations are smooth (constants and up to three half waves); noise is white.
@@ -65,4 +65,4 @@ def demonstrations(
             values += variety * wave * rng.normal(size=n_dofs) / (k + 1)
         trajectories.append(values + noise * rng.normal(size=values.shape))
         recorded.append(timing)
-    return Timed(np.array(trajectories), np.array(recorded))
+    return TimedRecording(np.array(trajectories), np.array(recorded))

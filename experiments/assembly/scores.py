@@ -32,7 +32,7 @@ CERTAIN = 0.99
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 
 
-class Watched(NamedTuple):
+class WatchedInteraction(NamedTuple):
     """Estimates for one left-out demonstration after each observation.
 
     Attributes:
@@ -67,8 +67,8 @@ class Scored(NamedTuple):
     name: str
     task: str
     aligned: NDArray[np.float64]
-    known: Watched
-    unknown: Watched
+    known: WatchedInteraction
+    unknown: WatchedInteraction
     forgetting: NDArray[np.float64]
     single: NDArray[np.float64]
     mean_of_task: NDArray[np.float64]
@@ -125,7 +125,7 @@ def watch(
     hypotheses: PriorGrid,
     left_out: Demonstration,
     observations: Sequence[Observation],
-) -> tuple[Watched, NDArray[np.float64]]:
+) -> tuple[WatchedInteraction, NDArray[np.float64]]:
     """Take the observations one after the other; also log evidence of the tasks, (n + 1, K)."""
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     times_s = TRUTH_PHASES * duration_s
@@ -145,7 +145,7 @@ def watch(
         inside = float(np.mean(np.abs(mean - truth) <= 2.0 * std))
         scores.append((*_distances(mean, truth), inside))
     path, end, inside = np.array(scores).T
-    return Watched(np.array(probabilities), path, end, inside), np.array(evidence)
+    return WatchedInteraction(np.array(probabilities), path, end, inside), np.array(evidence)
 
 
 def predicted_after(

@@ -66,7 +66,7 @@ class StandInScore(NamedTuple):
     followed_m: float
 
 
-class Fold(NamedTuple):
+class AssemblyFold(NamedTuple):
     """One fold of the cross-validation: what the others taught, and all cut to their movements.
 
     `aligned` are the primitives of aligned demonstrations, `timing` what they were aligned with.
@@ -92,7 +92,7 @@ class AssemblyStudy:
         unaligned: per task, the same before, (n, G, 6).
     """
 
-    first: Fold
+    first: AssemblyFold
     scored: tuple[Scored, ...]
     executed: tuple[StandInScore, ...]
     alignments: dict[str, Alignment]
@@ -161,7 +161,9 @@ def fold_numbers(demonstrations: Sequence[Demonstration], n_folds: int) -> list[
     return numbers
 
 
-def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], turn: int) -> Fold:
+def leave_out(
+    demonstrations: Sequence[Demonstration], numbers: Sequence[int], turn: int
+) -> AssemblyFold:
     """Learn from all folds but one; the thresholds of the movement come from these alone."""
     training = [d for d, part in zip(demonstrations, numbers, strict=True) if part != turn]
     as_recorded = [d for d, part in zip(demonstrations, numbers, strict=True) if part == turn]
@@ -175,7 +177,7 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
         [cut_one(d, preprocessing.onset, preprocessing.controlled_onset) for d in part]
         for part in (training, as_recorded)
     )
-    return Fold(library, aligned, preprocessing.timing, cut, left_out, as_recorded)
+    return AssemblyFold(library, aligned, preprocessing.timing, cut, left_out, as_recorded)
 
 
 def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) -> StandInScore:

@@ -9,14 +9,14 @@ import numpy as np
 from experiments.toolbox.session import predicted_hand, watch
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
-from sim_bridge.coworker import ChangedReach, Movement, SessionTiming, sample_wrist
+from sim_bridge.coworker import ChangedReach, SessionTiming, WristMovement, sample_wrist
 from sim_bridge.scenarios.toolbox import DECIDED_WITHIN_S, handover_point
 
 REST_S = 1.0
 """Rest before the reach [s]. Convention."""
 
 
-class Followed(NamedTuple):
+class FollowedReach(NamedTuple):
     """What became of one reach.
 
     Attributes:
@@ -70,7 +70,9 @@ class Followed(NamedTuple):
         return np.maximum(self.old_until_s - self.change_s, 0.0)
 
 
-def follow_reach(library: TaskLibrary, movement: Movement, rng: np.random.Generator) -> Followed:
+def follow_reach(
+    library: TaskLibrary, movement: WristMovement, rng: np.random.Generator
+) -> FollowedReach:
     """Show one reach at 100 Hz to an estimator that has seen nothing else.
 
     Args:
@@ -99,7 +101,7 @@ def follow_reach(library: TaskLibrary, movement: Movement, rng: np.random.Genera
     if hand is not None and movement.task:
         goal = handover_point(movement.task, movement.goal_m)
         error = float(np.linalg.norm(hand - goal))
-    return Followed(
+    return FollowedReach(
         tasks,
         movement.duration_s,
         change_s,
@@ -113,7 +115,7 @@ def follow_reach(library: TaskLibrary, movement: Movement, rng: np.random.Genera
     )
 
 
-def tasks_of(movement: Movement) -> tuple[tuple[str, ...], float]:
+def tasks_of(movement: WristMovement) -> tuple[tuple[str, ...], float]:
     """The tasks of a reach in order, and when the mind changed for the last time."""
     if not isinstance(movement, ChangedReach):
         return (movement.task,), 0.0

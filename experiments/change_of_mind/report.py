@@ -16,8 +16,8 @@ from experiments.change_of_mind.study import (
     RELEASED_WITHIN_S,
     SHARES,
     Cell,
-    Change,
     ChangeStudy,
+    GoalChange,
 )
 from experiments.results import Finding
 from intent_recognition.report import Block, Column, Figure, Table, to_svg
@@ -25,7 +25,7 @@ from sim_bridge.coworker import (
     TASKS,
     USUAL_BLEND,
     ChangedReach,
-    Movement,
+    WristMovement,
     change_of_mind,
     draw_reach,
     draw_rest,
@@ -61,15 +61,15 @@ CONDITIONS = (
 
 def findings(study: ChangeStudy) -> tuple[Finding, ...]:
     """What is wanted, and what is measured."""
-    usual = {share: study.cell(Change(share, USUAL_BLEND)) for share in SHARES}
-    early = study.cell(*(Change(share, USUAL_BLEND) for share in NEW_WANTED))
+    usual = {share: study.cell(GoalChange(share, USUAL_BLEND)) for share in SHARES}
+    early = study.cell(*(GoalChange(share, USUAL_BLEND) for share in NEW_WANTED))
     others = [
-        study.cell(Change(share, blend)).new_active
+        study.cell(GoalChange(share, blend)).new_active
         for share in SHARES
         for blend in BLENDS
         if blend not in (None, USUAL_BLEND) and share <= OTHER_BLENDS_UNTIL
     ]
-    replanned = [f"{study.cell(Change(share, None)).new_active:.0%}" for share in SHARES]
+    replanned = [f"{study.cell(GoalChange(share, None)).new_active:.0%}" for share in SHARES]
     unknown = study.cell(*(change for change in study.changed if change.to == "unknown"))
     twice = study.cell(*(change for change in study.changed if change.to in ("other", "back")))
     switched = sum(bool(one.others) or one.switches > 0 for one in study.unchanged)
@@ -173,12 +173,12 @@ def blocks(study: ChangeStudy, seed: int) -> tuple[Block, ...]:
         _how(blend): {
             share: (cell.new_active, cell.old_kept)
             for share in SHARES
-            for cell in (study.cell(Change(share, blend)),)
+            for cell in (study.cell(GoalChange(share, blend)),)
         }
         for blend in BLENDS
     }
     usual = {
-        f"change at {share:.0%}": study.changed[Change(share, USUAL_BLEND)] for share in SHARES
+        f"change at {share:.0%}": study.changed[GoalChange(share, USUAL_BLEND)] for share in SHARES
     }
     delays = {name: [one.delay_s for one in many if one.new_active] for name, many in usual.items()}
     counts = {name: len(many) for name, many in usual.items()}
@@ -208,7 +208,7 @@ def _courses(seed: int) -> "Drawing":
         first = draw_reach(rng, TASKS[0], draw_rest(rng))
         return change_of_mind(rng, first, TASKS[1], SHARES[2], blend)
 
-    def path(movement: Movement) -> NDArray[np.float64]:
+    def path(movement: WristMovement) -> NDArray[np.float64]:
         return movement.positions(np.linspace(0.0, movement.duration_s, 200))
 
     blended = draw(USUAL_BLEND)
@@ -240,7 +240,7 @@ def _table(study: ChangeStudy) -> Table:
     )
 
 
-def _row(change: Change, cell: Cell) -> tuple[str | float | None, ...]:
+def _row(change: GoalChange, cell: Cell) -> tuple[str | float | None, ...]:
     to = {"task": "another task", "unknown": "no task", "other": "a third task", "back": "and back"}
     return (
         to[change.to],

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.change_of_mind.following import Followed, follow_reach
+from experiments.change_of_mind.following import FollowedReach, follow_reach
 from experiments.change_of_mind.without_pause import (
     FlowingSession,
     follow_sessions,
@@ -25,8 +25,8 @@ from intent_recognition.promp import TaskLibrary
 from sim_bridge.coworker import (
     TASKS,
     USUAL_BLEND,
-    Movement,
     Reach,
+    WristMovement,
     change_of_mind,
     draw_reach,
     draw_rest,
@@ -55,7 +55,7 @@ _STREAM = 31
 """Keeps these reaches apart from what else is drawn from a seed."""
 
 
-class Change(NamedTuple):
+class GoalChange(NamedTuple):
     """What is changed, and how.
 
     Attributes:
@@ -71,9 +71,9 @@ class Change(NamedTuple):
 
 
 CHANGES = (
-    *(Change(share, blend) for blend in BLENDS for share in SHARES),
-    *(Change(share, blend, "unknown") for blend in (USUAL_BLEND, None) for share in SHARES),
-    *(Change(SHARES[0], USUAL_BLEND, to) for to in ("other", "back")),
+    *(GoalChange(share, blend) for blend in BLENDS for share in SHARES),
+    *(GoalChange(share, blend, "unknown") for blend in (USUAL_BLEND, None) for share in SHARES),
+    *(GoalChange(SHARES[0], USUAL_BLEND, to) for to in ("other", "back")),
 )
 
 
@@ -110,11 +110,11 @@ class ChangeStudy:
         sessions: and of sessions without pauses.
     """
 
-    unchanged: tuple[Followed, ...]
-    changed: dict[Change, tuple[Followed, ...]]
+    unchanged: tuple[FollowedReach, ...]
+    changed: dict[GoalChange, tuple[FollowedReach, ...]]
     sessions: tuple[FlowingSession, ...] = ()
 
-    def cell(self, *changes: Change) -> Cell:
+    def cell(self, *changes: GoalChange) -> Cell:
         """All reaches of one change, or of several together."""
         return summarise([one for change in changes for one in self.changed[change]])
 
@@ -154,7 +154,7 @@ def follow_all(
     per_pair: int,
     unchanged: int,
     progress: Callable[[float, str], None] = lambda share, what: None,
-    changes: Sequence[Change] = CHANGES,
+    changes: Sequence[GoalChange] = CHANGES,
     pairs: Sequence[tuple[str, str]] = PAIRS,
 ) -> ChangeStudy:
     """Follow reaches of every change, and some that do not change.
@@ -175,7 +175,7 @@ def follow_all(
     total = unchanged + len(pairs) * sum(counts.values())
     done = 0
 
-    def follow(movement: Movement, rng: np.random.Generator, what: str) -> Followed:
+    def follow(movement: WristMovement, rng: np.random.Generator, what: str) -> FollowedReach:
         nonlocal done
         done += 1
         progress(done / total, what)
@@ -197,15 +197,17 @@ def follow_all(
 
 
 def _draw(
-    seed: int, pair: int, tasks: tuple[str, str], change: Change, count: int
-) -> Iterator[tuple[Movement, np.random.Generator]]:
+    seed: int, pair: int, tasks: tuple[str, str], change: GoalChange, count: int
+) -> Iterator[tuple[WristMovement, np.random.Generator]]:
     """Reaches of one ordered pair of tasks, each with the generator of its noise."""
     for k in range(count):
         rng = np.random.default_rng([seed, _STREAM, 1 + pair, k])
         yield changed_reach(rng, draw_reach(rng, tasks[0], draw_rest(rng)), tasks[1], change), rng
 
 
-def changed_reach(rng: np.random.Generator, first: Reach, task: str, change: Change) -> Movement:
+def changed_reach(
+    rng: np.random.Generator, first: Reach, task: str, change: GoalChange
+) -> WristMovement:
     """Change a reach to another task's, or as `change` says."""
     if change.to == "unknown":
         return change_of_mind(rng, first, "", change.share, change.blend)
@@ -217,7 +219,7 @@ def changed_reach(rng: np.random.Generator, first: Reach, task: str, change: Cha
     return change_of_mind(rng, changed, then, change.share + AGAIN_AFTER, change.blend)
 
 
-def summarise(followed: Sequence[Followed]) -> Cell:
+def summarise(followed: Sequence[FollowedReach]) -> Cell:
     """All reaches of one kind; see `Cell`."""
     release = np.array([one.release_s for one in followed])
     held = release[release > 0.0]  # a comparison with NaN is False

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.toolbox.session import Seen, watch
+from experiments.toolbox.session import SeenEstimate, watch
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 from sim_bridge.coworker import WITHOUT_PAUSE, Interaction, parse_task_list, plan_session
@@ -68,7 +68,9 @@ def follow_sessions(
     return sessions
 
 
-def score_flowing(interactions: Sequence[Interaction], seen: Sequence[Seen]) -> FlowingSession:
+def score_flowing(
+    interactions: Sequence[Interaction], seen: Sequence[SeenEstimate]
+) -> FlowingSession:
     """Score what was decided in a session; arguments as of `FlowingSession`."""
     begun = [one for one in seen if one.decision.event in BEGINNINGS]
     at_s = np.array([one.time_s for one in begun])

@@ -10,8 +10,8 @@ import numpy as np
 from experiments.clearance.figures import courses_figure, nearest_figure
 from experiments.clearance.study import (
     CLEARANCE_M,
+    ClearanceRun,
     ClearanceStudy,
-    Run,
     investigate,
 )
 from experiments.results import ExperimentResult, Finding
@@ -94,7 +94,7 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else math.nan
 
 
-def _row(outcome: str, runs: Sequence[Run]) -> tuple[str | float, ...]:
+def _row(outcome: str, runs: Sequence[ClearanceRun]) -> tuple[str | float, ...]:
     there = [one for one in runs if one.guarded.interacting]
     return (
         outcome,
@@ -107,7 +107,7 @@ def _row(outcome: str, runs: Sequence[Run]) -> tuple[str | float, ...]:
     )
 
 
-def _blocks(runs: Sequence[Run]) -> tuple[Block, ...]:
+def _blocks(runs: Sequence[ClearanceRun]) -> tuple[Block, ...]:
     of_outcome = {name: [one for one in runs if one.outcome == name] for name in OUTCOMES}
     rows = [_row(name, own) for name, own in of_outcome.items() if own]
     columns = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.clearance.study import Run
+from experiments.clearance.study import ClearanceRun
 from intent_recognition.kinematics import Box
 from intent_recognition.report import (
     DASHED,
@@ -33,7 +33,7 @@ COLOURS = {
 
 
 @styled
-def nearest_figure(runs: Sequence[Run], clearance_m: float) -> "Figure":
+def nearest_figure(runs: Sequence[ClearanceRun], clearance_m: float) -> "Figure":
     """Least distance from a box in each run: of the guarded arm over that without boxes."""
     figure, axes = new_axes(6.4, 4.6)
     for outcome, colour in COLOURS.items():
@@ -52,7 +52,7 @@ def nearest_figure(runs: Sequence[Run], clearance_m: float) -> "Figure":
 
 
 @styled
-def courses_figure(runs: Sequence[Run]) -> "Figure":
+def courses_figure(runs: Sequence[ClearanceRun]) -> "Figure":
     """The hand's way to the handover without boxes and with the guard, among them, from above and
     from the side; one row for each of some runs.
     """

@@ -35,7 +35,7 @@ ARRIVED_M = 0.01
 """The hand has arrived when it stays this near to where it will rest [m]. Convention."""
 
 
-class Run(NamedTuple):
+class ClearanceRun(NamedTuple):
     """One reach with boxes, in physics.
 
     Attributes:
@@ -79,7 +79,7 @@ class Run(NamedTuple):
 class ClearanceStudy(NamedTuple):
     """All runs, and how many pairs of links touched at a sample of the guarded ones."""
 
-    runs: tuple[Run, ...]
+    runs: tuple[ClearanceRun, ...]
     self_contacts: int
 
 
@@ -107,7 +107,7 @@ def investigate(settings: Settings) -> ClearanceStudy:
             guarded = perform(_noise(settings, k), boxes=boxes, clearance=guard)
             self_contacts += len(itself.contacts(guarded.positions))
             nearest = nearest_m(robot, boxes, (free.positions, guarded.positions))
-            runs.append(Run(watched.task, boxes, free, unguarded, guarded, *nearest))
+            runs.append(ClearanceRun(watched.task, boxes, free, unguarded, guarded, *nearest))
     return ClearanceStudy(tuple(runs), self_contacts)
 
 

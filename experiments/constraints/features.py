@@ -68,7 +68,7 @@ class KnownContainer(NamedTuple):
     centre_m: NDArray[np.float64]
 
 
-class Samples(NamedTuple):
+class ConstraintSamples(NamedTuple):
     """Trials as a classifier sees them.
 
     Attributes:
@@ -107,7 +107,7 @@ def know_all(
 
 def pouring_samples(
     trials: Trials, known: dict[int, KnownContainer], *, difference: bool = False
-) -> Samples:
+) -> ConstraintSamples:
     """Features of the pouring trials.
 
     Args:
@@ -124,12 +124,12 @@ def pouring_samples(
         features[rows] = PouringConstraint.features(state, cup)
         if difference:
             features[rows, 0] = state.tilt_rad - cup.tilt_rad
-    return Samples(features, (table["poured"] > 0.0).astype(float), objects)
+    return ConstraintSamples(features, (table["poured"] > 0.0).astype(float), objects)
 
 
 def filling_samples(
     trials: Trials, known: dict[int, KnownContainer], *, upright: bool = False, throw: bool = False
-) -> Samples:
+) -> ConstraintSamples:
     """Features of the filling trials.
 
     Args:
@@ -158,4 +158,4 @@ def filling_samples(
         unit_throw[rows] = FillingConstraint.unit_throw(
             state._replace(offset_m=lip), known_height, other
         )
-    return Samples(features, table["success"], objects, unit_throw if throw else None)
+    return ConstraintSamples(features, table["success"], objects, unit_throw if throw else None)

@@ -22,7 +22,7 @@ from experiments.constraints.study import (
     NOVEL,
     SAME,
     ConstraintScores,
-    ScoreTable,
+    CurveTable,
 )
 from experiments.results import Finding
 from intent_recognition.report import Block, Column, Figure, Table, Text, readable, to_svg
@@ -33,7 +33,7 @@ GAIN, AREA = 0.05, 0.95
 """By how much warped features are to beat standard ones, and what label mapping is to reach."""
 
 
-def findings(trials: Trials, scores: Mapping[str, ScoreTable]) -> tuple[Finding, ...]:
+def findings(trials: Trials, scores: Mapping[str, CurveTable]) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
     through = sum(int(table["through_wall"].sum()) for table in trials.tables.values())
     pour = {method: by_test[NOVEL] for method, by_test in scores[POURING].items()}
@@ -92,7 +92,7 @@ def _gain_finding(name: str, gain: float) -> Finding:
     )
 
 
-def blocks(scores: Mapping[str, ScoreTable]) -> tuple[Block, ...]:
+def blocks(scores: Mapping[str, CurveTable]) -> tuple[Block, ...]:
     """Figures, tables and remarks, in order."""
     panels = [
         [
@@ -136,7 +136,7 @@ def _band(scores: ConstraintScores) -> RocBand:
     return RocBand(scores.curves.mean(axis=0), low, high, scores.area)
 
 
-def _area_table(scores: Mapping[str, ScoreTable]) -> Table:
+def _area_table(scores: Mapping[str, CurveTable]) -> Table:
     columns = (
         Column("experiment", align="left"),
         Column("features", align="left"),
@@ -154,7 +154,7 @@ def _area_table(scores: Mapping[str, ScoreTable]) -> Table:
     return Table.of(columns, rows, "Areas below the ROC curves, means over the training sets.")
 
 
-def _object_table(scores: Mapping[str, ScoreTable]) -> Table:
+def _object_table(scores: Mapping[str, CurveTable]) -> Table:
     novel = {f"{e}, {m}": scores[e][m][NOVEL] for e in (POURING, FILLING) for m in METHODS}
     columns = (Column("learned from", align="left"), *(Column(name, form=".3f") for name in novel))
     rows = (
@@ -184,7 +184,7 @@ def conditions(trials: Trials) -> tuple[str, ...]:
     )
 
 
-def numbers(trials: Trials, scores: Mapping[str, ScoreTable]) -> dict[str, object]:
+def numbers(trials: Trials, scores: Mapping[str, CurveTable]) -> dict[str, object]:
     """All numbers of the experiment, ready for JSON."""
     return {
         "n_trials": {name: len(table["object"]) for name, table in trials.tables.items()},

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.constraints.features import Samples
+from experiments.constraints.features import ConstraintSamples
 from experiments.constraints.roc import on_grid, roc_curve
 from intent_recognition.errors import TrainingError
 from intent_recognition.warping import RIDGE, FillingConstraint, fit_logistic, landing
@@ -41,11 +41,13 @@ class ConstraintScores(NamedTuple):
         return float(self.areas.mean())
 
 
-ScoreTable = Mapping[str, Mapping[str, ConstraintScores]]
+CurveTable = Mapping[str, Mapping[str, ConstraintScores]]
 """Scores by method and test set (`SAME`, `NOVEL`)."""
 
 
-def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, ConstraintScores]:
+def score(
+    samples: ConstraintSamples, n_sets: int, rng: np.random.Generator
+) -> dict[str, ConstraintScores]:
     """Learn from `n_sets` training sets per object; test on its other trials and on the others.
 
     Raises:
@@ -72,7 +74,7 @@ def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, 
 
 
 def _learned(
-    samples: Samples, train: NDArray[np.integer]
+    samples: ConstraintSamples, train: NDArray[np.integer]
 ) -> Callable[[NDArray[np.integer]], NDArray[np.float64]]:
     """Log odds of rows (n,), learned from the rows `train`."""
     features, labels, unit = samples.features, samples.labels, samples.unit_throw

@@ -28,7 +28,7 @@ HIT_COLOUR = "#c2185b"
 POLE_COLOUR = "#4a3b32"
 
 
-class Paths(NamedTuple):
+class PolePaths(NamedTuple):
     """Fingertip paths of one panel.
 
     Attributes:
@@ -46,7 +46,7 @@ class Paths(NamedTuple):
 
 @styled
 def paths_figure(
-    panels: Sequence[Paths],
+    panels: Sequence[PolePaths],
     spots_m: NDArray[np.float64],
     both_ways: NDArray[np.bool_],
     pole_m: NDArray[np.float64],

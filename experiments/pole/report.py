@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from experiments.draws import also, drawn, draws_tables
 from experiments.left_out import FINAL, PHASES, predict
 from experiments.pole.figures import (
-    Paths,
+    PolePaths,
     clearance_figure,
     components_figure,
     paths_figure,
@@ -155,13 +155,13 @@ def _paths(study: PoleStudy) -> Figure:
     by_spot = {d.metadata["spot"]: k for k, d in enumerate(study.demonstrations)}
     first = sorted(by_spot.values())
     spots = shown[first, -1, :2]
-    panels = [Paths("demonstrated", shown, study.ways, [False] * len(shown))]
+    panels = [PolePaths("demonstrated", shown, study.ways, [False] * len(shown))]
     for carried, predicted, title in (
         (study.single, study.tried[0].predicted, "a single Gaussian"),
         (study.mixture, study.taken.predicted, f"{study.chosen} components"),
     ):
         paths = fingertip(predicted.mean[carried.indices])
-        panels.append(Paths(title, paths, carried.ways, carried.hits.tolist()))
+        panels.append(PolePaths(title, paths, carried.ways, carried.hits.tolist()))
     figure = paths_figure(panels, spots, study.both[first], POLE_M, POLE_RADIUS_M)
     return Figure(
         to_svg(figure),

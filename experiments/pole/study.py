@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from experiments.draws import Draw, draw_again
 from experiments.left_out import (
     FINAL,
-    LeftOutPrediction,
+    LeftOutMixture,
     Pairs,
     TriedNumber,
     pairs_of,
@@ -186,18 +186,18 @@ def _read(recordings: Path) -> list[Demonstration]:
     return read_demonstrations([recordings], dofs)[0]
 
 
-def tip_rms_m(pairs: Pairs, predicted: LeftOutPrediction) -> NDArray[np.float64]:
+def tip_rms_m(pairs: Pairs, predicted: LeftOutMixture) -> NDArray[np.float64]:
     """Error of the fingertip over all times, of each prediction (n,)."""
     return rms(np.linalg.norm(fingertip(predicted.mean) - fingertip(pairs.controlled), axis=2))
 
 
-def n_through(predicted: LeftOutPrediction) -> int:
+def n_through(predicted: LeftOutMixture) -> int:
     """How many predictions run into the pole, as planned."""
     return int(np.sum(planned_clearance(predicted.mean).min(axis=1) < 0.0))
 
 
 def _carry_out(
-    label: str, pairs: Pairs, predicted: LeftOutPrediction, indices: NDArray[np.integer]
+    label: str, pairs: Pairs, predicted: LeftOutMixture, indices: NDArray[np.integer]
 ) -> Carried:
     """Let the arm execute predictions, each in a fresh world with the pole."""
     from sim_bridge.scenarios.pole import execute

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.execution import Executed, Person, as_demonstration, execute
-from experiments.reaches import Watched, toolbox_recordings, watch_reach
+from experiments.execution import Executed, SimulatedPerson, as_demonstration, execute
+from experiments.reaches import WatchedReach, toolbox_recordings, watch_reach
 from experiments.settings import Settings
 from intent_recognition.activation import Mode
 from intent_recognition.kinematics import LWR_LIMITS
@@ -47,7 +47,7 @@ RESTS_M_S, RESTS_S, AWAY_M = 0.02, 0.3, 0.12
 """A person corrects a hand so slow, for so long, and so far from home. Convention."""
 
 
-class Session(NamedTuple):
+class CorrectingSession(NamedTuple):
     """One task whose rule has moved once.
 
     Attributes:
@@ -88,7 +88,7 @@ class CorrectingStudy(NamedTuple):
     n_bumped: int
     n_yielded: int
     n_lasting: int
-    sessions: tuple[Session, ...]
+    sessions: tuple[CorrectingSession, ...]
 
     @property
     def tasks(self) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ class _Cell:
     def rng(self, k: int) -> np.random.Generator:
         return np.random.default_rng([self.settings.seed, 163, k])
 
-    def watch(self, library: TaskLibrary, k: int) -> Watched:
+    def watch(self, library: TaskLibrary, k: int) -> WatchedReach:
         return watch_reach(library, k, self.rng(k), self.limits)
 
 
@@ -225,7 +225,7 @@ def _execute(
     library: TaskLibrary,
     k: int,
     correction: Correction | None,
-    person: Person | None = None,
+    person: SimulatedPerson | None = None,
 ) -> Executed:
     watched = cell.watch(library, k)
     return execute(watched, library, cell.limits, correction, cell.rng(10_000 + k), person)
@@ -233,7 +233,7 @@ def _execute(
 
 def _session(
     cell: _Cell, trained: Trained, task: str, number: int, detector: DeviationDetector
-) -> Session:
+) -> CorrectingSession:
     """Move the rule of a task, correct it three times, and test it before and after each."""
     from sim_bridge.coworker import TASKS
     from sim_bridge.scenarios.toolbox import handover_point
@@ -272,7 +272,7 @@ def _session(
             trained = keep_correction(trained, one, kept)
             kept.append(one)
         error.append(errors(trained.library))
-    return Session(
+    return CorrectingSession(
         task,
         np.array(error),
         np.array(led[True]),

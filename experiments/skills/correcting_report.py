@@ -14,7 +14,7 @@ from experiments.skills.correcting import (
     CorrectingStudy,
     investigate,
 )
-from experiments.skills.part import Part
+from experiments.skills.part import SkillPart
 from intent_recognition.report import (
     Column,
     Figure,
@@ -42,10 +42,10 @@ CONDITIONS = (
 )
 
 
-def run(settings: Settings) -> Part:
+def run(settings: Settings) -> SkillPart:
     """Correct, and report."""
     study = investigate(settings)
-    return Part(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
+    return SkillPart(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
 
 
 def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:

@@ -10,11 +10,11 @@ from experiments.practice import experiment as practice
 from experiments.results import ExperimentResult
 from experiments.settings import Settings
 from experiments.skills import correcting_report, practising_report
-from experiments.skills.part import Part
+from experiments.skills.part import SkillPart
 from intent_recognition.report import Text
 
-Run = Callable[[Settings], Part | ExperimentResult]
-PARTS: dict[str, tuple[float, Run]] = {
+PartRun = Callable[[Settings], SkillPart | ExperimentResult]
+PARTS: dict[str, tuple[float, PartRun]] = {
     "correcting": (0.4, correcting_report.run),
     "practising a task": (0.2, practising_report.run),
     "practising to pour": (0.25, practice.run),

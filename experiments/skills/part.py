@@ -8,7 +8,7 @@ from experiments.results import Finding
 from intent_recognition.report import Block
 
 
-class Part(NamedTuple):
+class SkillPart(NamedTuple):
     """The rows, blocks and numbers of one way."""
 
     findings: tuple[Finding, ...]

@@ -8,7 +8,7 @@ import numpy as np
 from experiments.practice.study import CMA, RANDOM, share_left
 from experiments.results import Finding
 from experiments.settings import Settings
-from experiments.skills.part import Part
+from experiments.skills.part import SkillPart
 from experiments.skills.practising import (
     COSTS,
     DISTANCE,
@@ -42,10 +42,10 @@ CONDITIONS = (
 )
 
 
-def run(settings: Settings) -> Part:
+def run(settings: Settings) -> SkillPart:
     """Practise, and report."""
     study = investigate(settings)
-    return Part(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
+    return SkillPart(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
 
 
 def _findings(study: PractisingStudy) -> tuple[Finding, ...]:

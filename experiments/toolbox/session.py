@@ -30,7 +30,7 @@ HAND_TASKS = ("plate_handover", "hold_screwdriver")
 """Tasks whose handover follows the wrist; the screw is given at one place."""
 
 
-class Execution(NamedTuple):
+class ToolboxExecution(NamedTuple):
     """One interaction of the session.
 
     Attributes:
@@ -54,7 +54,7 @@ class Execution(NamedTuple):
         return self.recognised == self.task and not self.wrong_first
 
 
-class Seen(NamedTuple):
+class SeenEstimate(NamedTuple):
     """What is believed, and decided, after one observation: its time, and both states."""
 
     time_s: float
@@ -70,7 +70,7 @@ class _Acted(NamedTuple):
     hand_m: NDArray[np.float64] | None
 
 
-def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[Seen]:
+def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[SeenEstimate]:
     """Show an estimator the wrist, sample by sample, and decide as the node does by default.
 
     Args:
@@ -96,10 +96,12 @@ def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[Seen]:
         if estimate.task not in (NONE, decision.active):
             end_std = estimator.predicted_end_std()
         decision, _ = decide(settings, decision, estimate.labels, p, end_std, estimate.log_evidence)
-        yield Seen(float(samples.times_s[k]), estimate, decision)
+        yield SeenEstimate(float(samples.times_s[k]), estimate, decision)
 
 
-def play(library: TaskLibrary, names: Mapping[str, str], plan: SessionPlan) -> list[Execution]:
+def play(
+    library: TaskLibrary, names: Mapping[str, str], plan: SessionPlan
+) -> list[ToolboxExecution]:
     """Let the estimator see a whole session.
 
     Args:
@@ -125,7 +127,7 @@ def predicted_hand(estimator: IntentEstimator) -> NDArray[np.float64] | None:
     return None if prediction is None else hand_position(prediction.trajectory.positions[-1])
 
 
-def _score(interactions: tuple[Interaction, ...], seen: list[_Acted]) -> list[Execution]:
+def _score(interactions: tuple[Interaction, ...], seen: list[_Acted]) -> list[ToolboxExecution]:
     """What became of each interaction, up to the onset of the next one."""
     times = np.array([one.time_s for one in seen])
     limits = [one.onset_s for one in interactions[1:]] + [np.inf]
@@ -144,7 +146,7 @@ def _score(interactions: tuple[Interaction, ...], seen: list[_Acted]) -> list[Ex
             goal = handover_point(interaction.task, interaction.goal_m)
             error = float(np.linalg.norm(hands[0] - goal))
         executions.append(
-            Execution(
+            ToolboxExecution(
                 interaction.task,
                 recognised,
                 any(one.active != interaction.task for one in part),

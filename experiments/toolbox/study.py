@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from experiments.draws import Draw, draw_again
 from experiments.left_out import (
     FINAL,
-    LeftOutPrediction,
+    LeftOutMixture,
     Pairs,
     TriedNumber,
     majority_names,
@@ -21,7 +21,7 @@ from experiments.left_out import (
     try_numbers,
 )
 from experiments.settings import Settings
-from experiments.toolbox.session import HAND_TASKS, Execution, play
+from experiments.toolbox.session import HAND_TASKS, ToolboxExecution, play
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.kinematics import hand_position
 from intent_recognition.learning import (
@@ -75,10 +75,10 @@ class ToolboxStudy:
     tried: tuple[TriedNumber, ...]
     end_rms_rad: NDArray[np.float64]
     chosen: int
-    from_end: LeftOutPrediction
-    end_alone: LeftOutPrediction
+    from_end: LeftOutMixture
+    end_alone: LeftOutMixture
     names: Mapping[str, str] = field(default_factory=dict)
-    executions: tuple[Execution, ...] = ()
+    executions: tuple[ToolboxExecution, ...] = ()
     draws: tuple[Draw, ...] = ()
 
     @property
@@ -91,12 +91,12 @@ class ToolboxStudy:
         """Executions with the right task and no other."""
         return sum(one.right for one in self.executions)
 
-    def hand_error_m(self, predicted: LeftOutPrediction) -> NDArray[np.float64]:
+    def hand_error_m(self, predicted: LeftOutMixture) -> NDArray[np.float64]:
         """Distance of the predicted final hand from the demonstrated one (n,)."""
         ends = predicted.mean[:, -1], self.pairs.controlled[:, -1]
         return np.linalg.norm(hand_position(ends[0]) - hand_position(ends[1]), axis=1)
 
-    def recognised(self, predicted: LeftOutPrediction) -> NDArray[np.bool_]:
+    def recognised(self, predicted: LeftOutMixture) -> NDArray[np.bool_]:
         """Whether each was predicted by the component of its own task, bool (n,)."""
         majority = majority_names(self.tasks, self.taken.labels)
         return np.array([majority[k] for k in predicted.component]) == self.tasks
@@ -109,7 +109,7 @@ def investigate(settings: Settings) -> ToolboxStudy:
     settings.progress(0.2, "learning the components")
     library, names = learn_unlabelled(list(found.demonstrations), found.chosen, settings.rng(100))
     count, n_sessions = (QUICK_EXECUTIONS, 1) if settings.quick else (EXECUTIONS, SESSIONS)
-    executions: list[Execution] = []
+    executions: list[ToolboxExecution] = []
     for session in range(n_sessions):
         settings.progress(0.25 + 0.35 * session / n_sessions, "executions")
         seed = SESSION_SEED + settings.seed + session

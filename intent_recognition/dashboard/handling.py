@@ -33,7 +33,7 @@ GLIDE_S = 0.5
 """Duration of what is drawn where a body changes its place without a measured way [s]."""
 
 
-class Holder(Enum):
+class BodyHolder(Enum):
     """Who holds a body, or where it is."""
 
     PLACE = "place"
@@ -60,7 +60,7 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class Moment:
+class HandlingMoment:
     """What the topics say now.
 
     Attributes:
@@ -96,7 +96,7 @@ class Handling:
         self._followed = {body.name: _Followed(body) for body in bodies}
         self._hand_rest, self._wrist_rest = Rest(), Rest()
 
-    def update(self, moment: Moment) -> None:
+    def update(self, moment: HandlingMoment) -> None:
         """Look at the newest."""
         hand = None if moment.hand is None else moment.hand[:3, 3]
         hand_rests = self._hand_rest.update(hand, moment.now_s)
@@ -107,11 +107,11 @@ class Handling:
     def follows_hand(self, active: str) -> bool:
         """Whether any body depends on where the robot's hand is, while it does a task."""
         return any(
-            active == followed.task or followed.holder is Holder.ROBOT
+            active == followed.task or followed.holder is BodyHolder.ROBOT
             for followed in self._followed.values()
         )
 
-    def holder(self, name: str) -> Holder:
+    def holder(self, name: str) -> BodyHolder:
         """Who holds a body."""
         return self._followed[name].holder
 
@@ -126,7 +126,7 @@ class _Followed:
     def __init__(self, body: Body):
         self._body = body
         self._laid = body.pose if body.laid is None else with_position(body.pose, body.laid)
-        self.holder = Holder.PLACE
+        self.holder = BodyHolder.PLACE
         self.pose = body.pose
         self._local: NDArray[np.float64] = np.eye(4)  # in the frame of who holds it
         self._glides_from: NDArray[np.float64] | None = None
@@ -140,28 +140,30 @@ class _Followed:
         """In which it is handed over."""
         return self._body.task
 
-    def update(self, moment: Moment, hand_rests: bool, wrist_rests: bool) -> None:
+    def update(self, moment: HandlingMoment, hand_rests: bool, wrist_rests: bool) -> None:
         """Decide who holds it, and put it there."""
         active, begun = moment.active == self.task, moment.begun == self.task
         if active and not self._was_active:
             self._nearest_m = np.inf
             self._taken_m = None if moment.hand is None else moment.hand[:3, 3]
-        if self.holder is Holder.LAID and (active or begun):
-            self._put(Holder.PLACE, moment)
+        if self.holder is BodyHolder.LAID and (active or begun):
+            self._put(BodyHolder.PLACE, moment)
             self._glides_from = None  # it is the next one
-        if self.holder is Holder.PLACE:
+        if self.holder is BodyHolder.PLACE:
             self._from_place(moment, active, begun and not self._had_begun, hand_rests)
-        elif self.holder is Holder.ROBOT:
+        elif self.holder is BodyHolder.ROBOT:
             self._from_robot(moment, active, hand_rests)
-        elif self.holder is Holder.PERSON:
+        elif self.holder is BodyHolder.PERSON:
             self._from_person(moment, active, begun, hand_rests, wrist_rests)
         self._was_active, self._had_begun = active, begun
         self._move(moment)
 
-    def _from_place(self, moment: Moment, active: bool, begins: bool, hand_rests: bool) -> None:
+    def _from_place(
+        self, moment: HandlingMoment, active: bool, begins: bool, hand_rests: bool
+    ) -> None:
         if self._body.brought_by == PERSON:
             if begins and moment.wrist is not None and self._body.in_hand is not None:
-                self._put(Holder.PERSON, moment)
+                self._put(BodyHolder.PERSON, moment)
                 self._local = with_position(self._local, self._body.in_hand)
         elif active and moment.hand is not None and self._body.grasp is not None:
             distance = float(np.linalg.norm(moment.hand[:3, 3] - self._body.grasp))
@@ -170,15 +172,15 @@ class _Followed:
             if passed and self._nearest_m <= GRASP_M and distance <= 2.0 * GRASP_M:
                 self._hold(moment)
 
-    def _from_robot(self, moment: Moment, active: bool, hand_rests: bool) -> None:
+    def _from_robot(self, moment: HandlingMoment, active: bool, hand_rests: bool) -> None:
         carried = self._is_away(moment)
         if not active:
-            self._put(Holder.PERSON if moment.together else Holder.PLACE, moment)
+            self._put(BodyHolder.PERSON if moment.together else BodyHolder.PLACE, moment)
         elif self._body.brought_by == ROBOT and hand_rests and carried and moment.together:
-            self._put(Holder.PERSON, moment)
+            self._put(BodyHolder.PERSON, moment)
 
     def _from_person(
-        self, moment: Moment, active: bool, begun: bool, hand_rests: bool, wrist_rests: bool
+        self, moment: HandlingMoment, active: bool, begun: bool, hand_rests: bool, wrist_rests: bool
     ) -> None:
         brings = self._body.brought_by == PERSON
         if brings and active and hand_rests and moment.together and self._is_away(moment):
@@ -186,40 +188,40 @@ class _Followed:
         elif moment.wrist is not None:
             self._came_m = max(self._came_m, float(np.linalg.norm(moment.wrist - self._given_m)))
             if wrist_rests and self._came_m > CARRIED_M and not active and not begun:
-                self._put(Holder.LAID, moment)
+                self._put(BodyHolder.LAID, moment)
 
-    def _is_away(self, moment: Moment) -> bool:
+    def _is_away(self, moment: HandlingMoment) -> bool:
         """Whether the hand has come a way since it took the body, or since the task began."""
         if moment.hand is None or self._taken_m is None:
             return False
         return bool(np.linalg.norm(moment.hand[:3, 3] - self._taken_m) > CARRIED_M)
 
-    def _hold(self, moment: Moment) -> None:
+    def _hold(self, moment: HandlingMoment) -> None:
         """The robot takes it as it is, without a jump."""
         assert moment.hand is not None
-        self.holder, self._glides_from = Holder.ROBOT, None
+        self.holder, self._glides_from = BodyHolder.ROBOT, None
         self._local = np.asarray(np.linalg.solve(moment.hand, self.pose))
         self._taken_m = moment.hand[:3, 3]
 
-    def _put(self, holder: Holder, moment: Moment) -> None:
+    def _put(self, holder: BodyHolder, moment: HandlingMoment) -> None:
         """Give it to somebody else, or put it down; it glides where that is elsewhere."""
         self.holder = holder
         self._glides_from, self._glides_since_s = self.pose, moment.now_s
-        if holder is Holder.PERSON:
+        if holder is BodyHolder.PERSON:
             assert moment.wrist is not None
             self._given_m, self._came_m = moment.wrist, 0.0
             self._local = with_position(self.pose, self.pose[:3, 3] - moment.wrist)
 
-    def _target(self, moment: Moment) -> NDArray[np.float64]:
-        if self.holder is Holder.ROBOT:
+    def _target(self, moment: HandlingMoment) -> NDArray[np.float64]:
+        if self.holder is BodyHolder.ROBOT:
             return self.pose if moment.hand is None else moment.hand @ self._local
-        if self.holder is Holder.PERSON:
+        if self.holder is BodyHolder.PERSON:
             if moment.wrist is None:
                 return self.pose
             return with_position(self._local, self._local[:3, 3] + moment.wrist)
-        return self._laid if self.holder is Holder.LAID else self._body.pose
+        return self._laid if self.holder is BodyHolder.LAID else self._body.pose
 
-    def _move(self, moment: Moment) -> None:
+    def _move(self, moment: HandlingMoment) -> None:
         target = self._target(moment)
         share = (moment.now_s - self._glides_since_s) / GLIDE_S
         if self._glides_from is None or share >= 1.0:

@@ -12,7 +12,7 @@ from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.compare_tab import CompareTab
 from intent_recognition.dashboard.replay_tab import Play, ReplayTab
-from intent_recognition.dashboard.scene import Scene
+from intent_recognition.dashboard.scene import PageScene
 from intent_recognition.dashboard.scene_file import CellScene
 from intent_recognition.dashboard.server import serve_page
 from intent_recognition.dashboard.skills_tab import SkillsTab
@@ -104,7 +104,7 @@ class DashboardPage:
             Operator(read_only),
             lambda why: self.show_message(False, why),
         )
-        self._scene = Scene(self._server, scene or CellScene(), hand_link)
+        self._scene = PageScene(self._server, scene or CellScene(), hand_link)
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PIXELS)

@@ -8,7 +8,7 @@ import viser
 from numpy.typing import NDArray
 
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.handling import Moment
+from intent_recognition.dashboard.handling import HandlingMoment
 from intent_recognition.dashboard.person_view import PersonView
 from intent_recognition.dashboard.robot_view import ROOT, RobotView
 from intent_recognition.dashboard.scene_file import CellScene
@@ -40,7 +40,7 @@ DARK, GREY = rgb(INK), rgb(NONE_COLOUR)
 """The wrist; the arm, and what is old."""
 
 
-class Scene:
+class PageScene:
     """Draws a `CellState`; `update` is cheap where nothing has changed.
 
     Args:
@@ -140,7 +140,9 @@ class Scene:
         hand = None
         if self._robot is not None and self._things.follows_hand(state.active):
             hand = self._robot.hand_pose()
-        self._things.update(Moment(now_s, state.active, state.begun, hand, state.wrist), colours)
+        self._things.update(
+            HandlingMoment(now_s, state.active, state.begun, hand, state.wrist), colours
+        )
 
     def _update_prediction(
         self, state: CellState, colours: Mapping[str, str], now_s: float

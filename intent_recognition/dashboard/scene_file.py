@@ -32,7 +32,7 @@ ROBOT, PERSON = "robot", "person"
 
 
 @dataclass(frozen=True)
-class Part:
+class ScenePart:
     """A shape with a colour.
 
     Attributes:
@@ -60,7 +60,7 @@ class Thing:
 
     name: str
     pose: NDArray[np.float64]
-    parts: tuple[Part, ...]
+    parts: tuple[ScenePart, ...]
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def _thing(item: object, place: str, more_keys: Sequence[str]) -> dict:
     return {"name": name, "pose": _pose(found, place), "parts": parts}
 
 
-def _part(item: object, place: str) -> Part:
+def _part(item: object, place: str) -> ScenePart:
     found = _mapping(item, place, (*SHAPES, "xyz", "rpy", "colour"))
     shapes = [shape for shape in SHAPES if shape in found]
     if len(shapes) != 1:
@@ -195,7 +195,7 @@ def _part(item: object, place: str) -> Part:
     colour = found.get("colour", "")
     if colour and not _is_colour(colour):
         raise _wrong(f"{place}.colour", "a colour such as '#9aa5b1'", colour)
-    return Part(shape, tuple(np.atleast_1d(size).tolist()), _pose(found, place), colour)
+    return ScenePart(shape, tuple(np.atleast_1d(size).tolist()), _pose(found, place), colour)
 
 
 def _is_colour(text: object) -> bool:

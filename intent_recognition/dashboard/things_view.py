@@ -8,8 +8,8 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.dashboard.handling import Handling, Moment
-from intent_recognition.dashboard.scene_file import GREY, Body, CellScene, Part, Thing
+from intent_recognition.dashboard.handling import Handling, HandlingMoment
+from intent_recognition.dashboard.scene_file import GREY, Body, CellScene, ScenePart, Thing
 from intent_recognition.report import NONE_COLOUR
 
 Colour = tuple[int, int, int]
@@ -37,7 +37,7 @@ class ThingsView:
         """Whether bodies depend on where the robot's hand is, while it does such a task."""
         return self._handling.follows_hand(active)
 
-    def update(self, moment: Moment, colours: Mapping[str, str]) -> None:
+    def update(self, moment: HandlingMoment, colours: Mapping[str, str]) -> None:
         """Put the bodies where they are now, in the colours of their tasks."""
         self._handling.update(moment)
         for body in self._bodies:
@@ -82,7 +82,7 @@ def add_thing(
     return frame, parts
 
 
-def _add_part(scene: viser.SceneApi, name: str, part: Part, colour: Colour) -> Shape:
+def _add_part(scene: viser.SceneApi, name: str, part: ScenePart, colour: Colour) -> Shape:
     wxyz, position = quaternions(part.pose[:3, :3]), part.pose[:3, 3]
     if part.shape == "box":
         return scene.add_box(name, colour, np.array(part.size), wxyz=wxyz, position=position)

@@ -17,7 +17,7 @@ from intent_recognition.report import NONE_COLOUR, SOFT, readable
 HEIGHT_PIXELS = 190
 """Height of a figure [pixels]."""
 FONT = "12px sans-serif"
-Value = TypeVar("Value")
+ControlValue = TypeVar("ControlValue")
 
 
 def on_change(handle: viser.GuiInputHandle, action: Callable[[], object]) -> None:
@@ -42,7 +42,7 @@ def set_label(button: viser.GuiButtonHandle, text: str) -> None:
         button.label = text
 
 
-def set_value(handle: viser.GuiInputHandle[Value], value: Value) -> None:
+def set_value(handle: viser.GuiInputHandle[ControlValue], value: ControlValue) -> None:
     """Change the value of a control."""
     handle.value = value  # type: ignore[misc]  # viser 1.0 has a method before the setter
 

@@ -3,8 +3,8 @@
 
 from intent_recognition.improvement.cost import COSTS, Cost, CostOf, Rollout, load_cost
 from intent_recognition.improvement.practice import (
-    Comparison,
     Practice,
+    PracticeComparison,
     attempt,
     compare,
 )
@@ -22,11 +22,11 @@ __all__ = [
     "BOUND",
     "COSTS",
     "STATE",
-    "Comparison",
     "Cost",
     "CostOf",
     "CovarianceSearch",
     "Practice",
+    "PracticeComparison",
     "PracticeSession",
     "Rollout",
     "Search",

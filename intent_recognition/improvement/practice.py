@@ -49,7 +49,7 @@ class Attempt(NamedTuple):
     cost: float
 
 
-class Comparison(NamedTuple):
+class PracticeComparison(NamedTuple):
     """Mean cost and mean outcome of the start and of some weights, in the same fresh executions."""
 
     before: float
@@ -76,10 +76,12 @@ def attempt(
     return Attempt(point, rollouts, mean_cost(cost, rollouts))
 
 
-def compare(practice: Practice, cost: Cost, weights: NDArray[np.float64], count: int) -> Comparison:
+def compare(
+    practice: Practice, cost: Cost, weights: NDArray[np.float64], count: int
+) -> PracticeComparison:
     """The start and weights (d,), in `count` fresh executions each."""
     before, after = (practice.check(w, count) for w in (practice.space.mean, weights))
-    return Comparison(
+    return PracticeComparison(
         mean_cost(cost, before), mean_cost(cost, after), mean_outcome(before), mean_outcome(after)
     )
 

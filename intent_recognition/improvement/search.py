@@ -20,7 +20,7 @@ from intent_recognition.improvement.space import SearchSpace
 HALVINGS = 8
 """How often a point is halved toward the mean until the limits let it through. Convention."""
 
-Points = NDArray[np.float64]
+SearchPoints = NDArray[np.float64]
 Costs = NDArray[np.float64]
 Limits = Callable[[NDArray[np.float64]], bool]
 """Whether weights (d,) keep the limits."""
@@ -29,11 +29,11 @@ Limits = Callable[[NDArray[np.float64]], bool]
 class Search(Protocol):
     """A way to look for a cheaper point."""
 
-    def ask(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+    def ask(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
         """The next point to try (k,), given those tried (n, k) and their costs (n,)."""
         ...
 
-    def favourite(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+    def favourite(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
         """The point (k,) to settle for after those tried (n, k) and their costs (n,)."""
         ...
 
@@ -52,7 +52,7 @@ class CovarianceSearch:
     seed: int
     step: float = 1.0
 
-    def ask(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+    def ask(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
         """The next point to try (k,), given those tried (n, k) and their costs (n,).
 
         Raises:
@@ -63,7 +63,7 @@ class CovarianceSearch:
         _, generation, left = self._replayed(points, costs)
         return np.asarray(generation[left], dtype=np.float64)
 
-    def favourite(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+    def favourite(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
         """The mean of the search's distribution after its last whole generation, (k,).
 
         A mean of many tries is surer than the one luckiest of noisy costs.
@@ -76,7 +76,7 @@ class CovarianceSearch:
         strategy, _, _ = self._replayed(points, costs)
         return np.array(strategy.mean, dtype=np.float64)
 
-    def _replayed(self, points: Points, costs: Costs) -> tuple[Any, list, int]:
+    def _replayed(self, points: SearchPoints, costs: Costs) -> tuple[Any, list, int]:
         """The strategy, its present generation, and how many of that have been tried."""
         check_tried(points, costs, self.n_axes)
         strategy = self._strategy()
@@ -101,7 +101,7 @@ class CovarianceSearch:
 
 
 def next_point(
-    search: Search, space: SearchSpace, points: Points, costs: Costs, limits: Limits
+    search: Search, space: SearchSpace, points: SearchPoints, costs: Costs, limits: Limits
 ) -> NDArray[np.float64]:
     """The next point to try (k,), inside the bound and the limits.
 
@@ -123,7 +123,7 @@ def next_point(
 
 
 def settled_point(
-    search: Search, space: SearchSpace, points: Points, costs: Costs, limits: Limits
+    search: Search, space: SearchSpace, points: SearchPoints, costs: Costs, limits: Limits
 ) -> NDArray[np.float64]:
     """The point to settle for (k,), inside the bound and the limits; arguments as `next_point`."""
     return _allowed(search.favourite(points, costs), space, limits)
@@ -139,7 +139,7 @@ def _allowed(point: NDArray[np.float64], space: SearchSpace, limits: Limits) -> 
     return np.zeros(space.n_axes)
 
 
-def check_tried(points: Points, costs: Costs, n_axes: int) -> None:
+def check_tried(points: SearchPoints, costs: Costs, n_axes: int) -> None:
     """Check that there is a point (k,) for each cost.
 
     Raises:

@@ -14,7 +14,7 @@ from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
 from intent_recognition.kinematics.links import Links
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
-from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, Target
+from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, PoseTarget, Solution
 from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
 from intent_recognition.kinematics.urdf_tree import LINK
@@ -274,7 +274,7 @@ class Arm:
         return pose.homogeneous, J
 
 
-def checked_target(target: ArrayLike) -> Target:
+def checked_target(target: ArrayLike) -> PoseTarget:
     """A pose or position to reach.
 
     Raises:
@@ -285,9 +285,9 @@ def checked_target(target: ArrayLike) -> Target:
         expected = "a pose (4, 4) or a position (3,), finite"
         raise ShapeError(describe("target", expected, array.shape, "Give one of them."))
     if array.ndim == 1:
-        return Target(array, None)
+        return PoseTarget(array, None)
     rotation = array[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
         cure = "Orthonormalise it, for instance by scipy's Rotation."
         raise ShapeError(describe("target", "a rotation in rows 0-2", rotation.tolist(), cure))
-    return Target(array[:3, 3], rotation)
+    return PoseTarget(array[:3, 3], rotation)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, Target
+from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, PoseTarget, Solution
 
 LARGEST_JUMP_RAD = 0.5
 """A joint that turns further between two poses has changed its branch [rad]. Convention: a path of
@@ -48,7 +48,7 @@ class FollowedPath(NamedTuple):
 
 def follow(
     search: PoseSearch,
-    targets: Sequence[Target],
+    targets: Sequence[PoseTarget],
     seed: NDArray[np.float64],
     rest: NDArray[np.float64],
 ) -> FollowedPath:
@@ -80,7 +80,7 @@ def follow(
 
 def _follow_from(
     search: PoseSearch,
-    targets: Sequence[Target],
+    targets: Sequence[PoseTarget],
     first: Solution,
     rest: NDArray[np.float64],
     most_missed: int,

@@ -52,7 +52,7 @@ PoseAndJacobian = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDA
 """From q (n,) to the pose (4, 4) and the geometric Jacobian (6, n), both in base axes."""
 
 
-class Target(NamedTuple):
+class PoseTarget(NamedTuple):
     """Position (3,) [m] and rotation (3, 3); None leaves the orientation free."""
 
     position: NDArray[np.float64]
@@ -93,7 +93,7 @@ class PoseSearch:
         self._ends = np.where(continuous, -np.pi, lower), np.where(continuous, np.pi, upper)
 
     def solve(
-        self, target: Target, seed: NDArray[np.float64], rest: NDArray[np.float64]
+        self, target: PoseTarget, seed: NDArray[np.float64], rest: NDArray[np.float64]
     ) -> Solution:
         """The best posture found; its self-motion at rest where the target was reached.
 
@@ -113,7 +113,7 @@ class PoseSearch:
         return self.descend(target, best.q)
 
     def descend(
-        self, target: Target, seed: NDArray[np.float64], *, hasty: bool = False
+        self, target: PoseTarget, seed: NDArray[np.float64], *, hasty: bool = False
     ) -> Solution:
         """Least squares from one start (n,), inside the limits; hasty where there are others."""
         stalled = _UNPROMISING if hasty else _STALLED
@@ -139,7 +139,7 @@ class PoseSearch:
 
     def slide(
         self,
-        target: Target,
+        target: PoseTarget,
         found: Solution,
         rest: NDArray[np.float64],
         n_steps: int = _SLIDE_STEPS,
@@ -171,7 +171,7 @@ class PoseSearch:
             found, cost = moved, cost_there
         return found
 
-    def starts(self, target: Target) -> Iterator[NDArray[np.float64]]:
+    def starts(self, target: PoseTarget) -> Iterator[NDArray[np.float64]]:
         """Postures of the table (n,) whose poses are near the target, nearest first."""
         postures, by_position, by_pose = self._table
         if target.rotation is None:
@@ -212,7 +212,7 @@ class PoseSearch:
         return np.minimum(np.maximum(q + step, self._lower), self._upper)
 
     def _error(
-        self, target: Target, q: NDArray[np.float64]
+        self, target: PoseTarget, q: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What is left to the target, (3,) or (6,), and the rows of the Jacobian it belongs to."""
         pose, J = self._chain(q)
@@ -221,14 +221,14 @@ class PoseSearch:
             return shift, J[:3]
         return np.concatenate([shift, _rotation_vector(target.rotation @ pose[:3, :3].T)]), J
 
-    def _cost(self, target: Target, q: NDArray[np.float64], rest: NDArray[np.float64]) -> float:
+    def _cost(self, target: PoseTarget, q: NDArray[np.float64], rest: NDArray[np.float64]) -> float:
         """What the self-motion minimises."""
         J = self._chain(q)[1][: 3 if target.rotation is None else 6]
         away = q - rest
         return 0.5 * float(away @ away) - _MANIPULABILITY_WEIGHT * _log_manipulability(J)
 
     def _slide_step(
-        self, target: Target, q: NDArray[np.float64], rest: NDArray[np.float64]
+        self, target: PoseTarget, q: NDArray[np.float64], rest: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         J = self._chain(q)[1][: 3 if target.rotation is None else 6]
         pull = rest - q

@@ -18,7 +18,7 @@ MAX_STAMP_NS = 2**63 - 1
 MAX_WAITING = 16
 """If more messages wait twice in a row, the node cannot keep up. Convention: 0.16 s at 100 Hz."""
 
-Item = TypeVar("Item")
+BacklogItem = TypeVar("BacklogItem")
 
 
 class _Subscribed:
@@ -128,7 +128,7 @@ def _time_ns(arrival: tuple[_Subscribed, object]) -> int:
     return stamp_ns(message) if stamped else MAX_STAMP_NS
 
 
-def thin(items: Sequence[Item], most: int) -> list[Item]:
+def thin(items: Sequence[BacklogItem], most: int) -> list[BacklogItem]:
     """At most so many of the items, evenly spaced, the last one always."""
     n = len(items)
     if n <= most:

@@ -38,8 +38,8 @@ RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
 TWO_SIGMA = 0.9545
 """Probability within two standard deviations of a normal distribution."""
 
-Values = Sequence[float] | NDArray[np.float64]
-Series = Mapping[str, tuple[Values, Values]]
+ScoreValues = Sequence[float] | NDArray[np.float64]
+Series = Mapping[str, tuple[ScoreValues, ScoreValues]]
 """Per name, fractions observed (F,) and values (F,); NaN is left out."""
 
 
@@ -152,7 +152,7 @@ def reliability_figure(
     return figure
 
 
-def draw_phase(axes: "Axes", phase: str, at: Values, values: Values) -> None:
+def draw_phase(axes: "Axes", phase: str, at: ScoreValues, values: ScoreValues) -> None:
     """The curve of a kind of phase."""
     style = PHASE_STYLES.get(phase, {"color": PALETTE[2], "marker": "^"})
     style = {"markersize": 5.5, "clip_on": False, "zorder": 3} | style  # whole at the axis, too
@@ -172,8 +172,8 @@ def _observed(segment: str) -> str:
 
 def _line(
     axes: "Axes",
-    fractions: Values,
-    values: Values,
+    fractions: ScoreValues,
+    values: ScoreValues,
     label: str,
     colour: str,
     marker: str,

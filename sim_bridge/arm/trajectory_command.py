@@ -39,7 +39,7 @@ PUSHED_ROOM_RAD = 0.01
 """A trajectory may begin so much farther outside the limits than the arm is now [rad]: it was
 planned from where the arm was. Convention: what an arm at rest moves in 0.2 s."""
 
-Rows = Sequence[Sequence[float]] | NDArray[np.float64]
+CommandRows = Sequence[Sequence[float]] | NDArray[np.float64]
 """One row of values per point of a trajectory, (n, n_joints)."""
 
 
@@ -74,9 +74,9 @@ class TrajectoryCommand:
         cls,
         names: Sequence[str],
         times_s: Sequence[float] | NDArray[np.float64],
-        positions: Rows,
-        velocities: Rows | None = None,
-        accelerations: Rows | None = None,
+        positions: CommandRows,
+        velocities: CommandRows | None = None,
+        accelerations: CommandRows | None = None,
         *,
         start_s: float | None = None,
         now_s: float = 0.0,
@@ -150,7 +150,7 @@ def _checked_times(times_s: Sequence[float] | NDArray[np.float64]) -> NDArray[np
     return times
 
 
-def _checked_rows(argument: str, rows: Rows, shape: tuple[int, int]) -> NDArray[np.float64]:
+def _checked_rows(argument: str, rows: CommandRows, shape: tuple[int, int]) -> NDArray[np.float64]:
     if len(rows) != shape[0]:
         _reject("wrong_size", argument, f"{shape[0]} rows", f"{len(rows)} rows")
     for k, row in enumerate(rows):
@@ -164,7 +164,7 @@ def _checked_rows(argument: str, rows: Rows, shape: tuple[int, int]) -> NDArray[
 
 
 def _optional_rows(
-    argument: str, rows: Rows | None, shape: tuple[int, int]
+    argument: str, rows: CommandRows | None, shape: tuple[int, int]
 ) -> NDArray[np.float64] | None:
     if rows is None or (len(rows) == shape[0] and all(len(row) == 0 for row in rows)):
         return None

@@ -27,7 +27,7 @@ CUBES_M = (0.001, 0.0005)
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredMesh:
     """Measures of an upright mesh, in its own coordinates.
 
     Attributes:
@@ -68,7 +68,7 @@ class Measured:
         return np.array([*self.crest[nearest, :2], self.opening_centre[2]])
 
 
-def measure_mesh(mesh: trimesh.Trimesh) -> Measured:
+def measure_mesh(mesh: trimesh.Trimesh) -> MeasuredMesh:
     """Measure an upright, watertight container.
 
     Args:
@@ -96,7 +96,7 @@ def measure_mesh(mesh: trimesh.Trimesh) -> Measured:
     # Between the lowest point of the crest and its mean there is a disc more.
     rim_cubes = (cubes[:, 2] > lowest - 2.0 * cube_m).sum() / 2.0
     missing = rim_cubes * cube_m**2 * (level - lowest)
-    return Measured(
+    return MeasuredMesh(
         opening_radius_m=float(np.linalg.norm(crest[:, :2] - centre, axis=1).mean()),
         height_m=level - float(mesh.bounds[0, 2]),
         volume_m3=len(cubes) * cube_m**3 + missing,

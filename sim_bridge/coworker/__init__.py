@@ -10,8 +10,8 @@ from sim_bridge.coworker.demonstration import (
     plan_demonstration,
 )
 from sim_bridge.coworker.reach import (
-    Movement,
     Reach,
+    WristMovement,
     bow_profile,
     draw_hesitations,
     draw_reach,
@@ -42,11 +42,11 @@ __all__ = [
     "WITHOUT_PAUSE",
     "ChangedReach",
     "Interaction",
-    "Movement",
     "Reach",
     "SessionPlan",
     "SessionTiming",
     "WristDemonstration",
+    "WristMovement",
     "WristSamples",
     "bow_profile",
     "change_of_mind",

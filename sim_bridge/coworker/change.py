@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker.reach import (
-    Movement,
     Reach,
+    WristMovement,
     depart,
     draw_reach,
     minimum_jerk,
@@ -42,7 +42,7 @@ class ChangedReach:
             where the second begins at `change_s`, from the hand's state.
     """
 
-    first: Movement
+    first: WristMovement
     second: Reach
     change_s: float
     blend_s: float
@@ -94,7 +94,7 @@ class ChangedReach:
         return np.asarray(done, dtype=np.float64)[:, None]
 
 
-def blend(first: Movement, second: Reach, share: float, blend_share: float) -> ChangedReach:
+def blend(first: WristMovement, second: Reach, share: float, blend_share: float) -> ChangedReach:
     """A reach that goes over to the course of another.
 
     Args:
@@ -114,7 +114,7 @@ def blend(first: Movement, second: Reach, share: float, blend_share: float) -> C
     return ChangedReach(first, second, share * duration_s, blend_share * duration_s)
 
 
-def replan(rng: np.random.Generator, first: Movement, task: str, share: float) -> ChangedReach:
+def replan(rng: np.random.Generator, first: WristMovement, task: str, share: float) -> ChangedReach:
     """A reach in which a new one to another task begins in the hand's present state.
 
     It takes the time that was left, and what the new reach's own hesitations add. Its bow is as
@@ -139,7 +139,7 @@ def replan(rng: np.random.Generator, first: Movement, task: str, share: float) -
 
 def change_of_mind(
     rng: np.random.Generator,
-    first: Movement,
+    first: WristMovement,
     task: str,
     share: float,
     blend_share: float | None,
@@ -185,7 +185,7 @@ def _draw(
     return draw_elsewhere(rng, start_m, nominal_s)
 
 
-def _last(movement: Movement) -> Reach:
+def _last(movement: WristMovement) -> Reach:
     """The reach that a movement ends as."""
     if isinstance(movement, ChangedReach):
         return movement.second

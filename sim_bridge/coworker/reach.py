@@ -48,7 +48,7 @@ class Hesitation:
     extra_s: float
 
 
-class Movement(Protocol):
+class WristMovement(Protocol):
     """What the wrist does between two rests."""
 
     @property
@@ -142,7 +142,7 @@ class WristState(NamedTuple):
     acceleration_m_s2: NDArray[np.float64] = np.zeros(3)
 
 
-def state_at(movement: Movement, time_s: float) -> WristState:
+def state_at(movement: WristMovement, time_s: float) -> WristState:
     """The planned state of the wrist at a time after a movement's onset."""
     before, now, after = movement.positions(time_s + DIFFERENCE_S * np.array([-1.0, 0.0, 1.0]))
     velocity = (after - before) / (2.0 * DIFFERENCE_S)

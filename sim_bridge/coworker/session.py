@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind
-from sim_bridge.coworker.reach import Movement, draw_reach, draw_rest, draw_retract
+from sim_bridge.coworker.reach import WristMovement, draw_reach, draw_rest, draw_retract
 from sim_bridge.coworker.styles import STYLES
 from sim_bridge.coworker.superposition import SuperposedMovement
 from sim_bridge.coworker.task_list import Intention, read_intention
@@ -67,7 +67,7 @@ class Interaction:
     onset_s: float
     end_s: float
     goal_m: NDArray[np.float64]
-    reach: Movement
+    reach: WristMovement
     changed_from: str = ""
     change_s: float = np.nan
 
@@ -107,9 +107,9 @@ def plan_session(
     timing = timing or SessionTiming()
     rng = np.random.default_rng([seed, 2])
     place, now = draw_rest(rng), timing.first_idle_s
-    movements: list[tuple[float, Movement]] = []
+    movements: list[tuple[float, WristMovement]] = []
     interactions = []
-    retract: Movement | None = None
+    retract: WristMovement | None = None
     for intention in map(read_intention, tasks):
         reach = _intended(rng, intention, place)
         movements.append((now, _following(reach, retract, timing)))
@@ -129,7 +129,7 @@ def plan_session(
 
 def _intended(
     rng: np.random.Generator, intention: Intention, start_m: NDArray[np.float64]
-) -> Movement:
+) -> WristMovement:
     """Draw a reach, and what it is changed to."""
     reach = draw_reach(rng, intention.task, start_m)
     if not intention.then:
@@ -138,7 +138,9 @@ def _intended(
     return change_of_mind(rng, reach, intention.then, intention.share, blend)
 
 
-def _following(movement: Movement, before: Movement | None, timing: SessionTiming) -> Movement:
+def _following(
+    movement: WristMovement, before: WristMovement | None, timing: SessionTiming
+) -> WristMovement:
     """A movement as it follows the one before, if there is one."""
     if before is None or not timing.overlap_share:
         return movement
@@ -147,7 +149,7 @@ def _following(movement: Movement, before: Movement | None, timing: SessionTimin
 
 
 def _interaction(
-    intention: Intention, onset_s: float, end_s: float, reach: Movement
+    intention: Intention, onset_s: float, end_s: float, reach: WristMovement
 ) -> Interaction:
     if not intention.then:
         return Interaction(intention.task, onset_s, end_s, reach.goal_m, reach)

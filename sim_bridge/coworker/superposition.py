@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.coworker.reach import Movement
+from sim_bridge.coworker.reach import WristMovement
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class SuperposedMovement:
         into_s: time after its onset at which the movement begins.
     """
 
-    movement: Movement
-    before: Movement
+    movement: WristMovement
+    before: WristMovement
     into_s: float
 
     @property

@@ -17,7 +17,7 @@ from sim_bridge.coworker.noise import (
     tremor,
 )
 from sim_bridge.coworker.orientation import REST_QUATERNION, quaternions
-from sim_bridge.coworker.reach import Movement
+from sim_bridge.coworker.reach import WristMovement
 
 RATE_HZ = 100.0
 """Samples of the tracker per second [Hz]. Convention."""
@@ -46,7 +46,7 @@ class WristSamples:
 
 def sample_wrist(
     rng: np.random.Generator,
-    movements: Sequence[tuple[float, Movement]],
+    movements: Sequence[tuple[float, WristMovement]],
     length_s: float,
     *,
     gaps_per_s: float,

@@ -18,7 +18,7 @@ from intent_recognition.nodes.clouds import to_labelled_cloud
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.scenarios.toolbox import Gripper, make_gripper
+from sim_bridge.scenarios.toolbox import ToolboxGripper, make_gripper
 
 POURING = "pouring"
 """Name of the scene."""
@@ -118,7 +118,7 @@ class PouringScene:
 
 def make_scene(
     scene: str, pouring: PouringScene, arm: SimulatedArm, seed: int, stamp: Callable[[], Time]
-) -> Gripper | PouringScene | None:
+) -> ToolboxGripper | PouringScene | None:
     """Put the things of a scene into the arm's world; return what handles them, None for "none".
 
     Args:

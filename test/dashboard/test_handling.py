@@ -6,7 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from intent_recognition.dashboard.handling import GLIDE_S, Handling, Holder, Moment, Rest, between
+from intent_recognition.dashboard.handling import (
+    GLIDE_S,
+    BodyHolder,
+    Handling,
+    HandlingMoment,
+    Rest,
+    between,
+)
 from intent_recognition.dashboard.scene_file import PERSON, Body
 
 GIVE, HOLD = "give", "hold"
@@ -28,7 +35,7 @@ class Told:
     def __init__(self, *bodies):
         self.handling = Handling(bodies)
         self.hand, self.wrist = HOME, RESTS
-        self.now = Moment(0.0, "", "", pose_at(HOME), RESTS)
+        self.now = HandlingMoment(0.0, "", "", pose_at(HOME), RESTS)
         self.places = {b.name: [] for b in bodies}
 
     def goes(self, hand=None, wrist=None, seconds=1.0, **said):
@@ -59,46 +66,46 @@ def pose_at(position):
 
 def test_the_robot_takes_carries_and_gives_and_the_person_lays_down():
     told, plate = Told(body("plate")), "plate"
-    assert told.goes(seconds=0.5).handling.holder(plate) is Holder.PLACE
+    assert told.goes(seconds=0.5).handling.holder(plate) is BodyHolder.PLACE
     told.goes(wrist=REACHES, active=GIVE, begun=GIVE)
-    assert told.goes(hand=GRASP).handling.holder(plate) is Holder.PLACE
-    assert told.goes(hand=GRASP + 0.3 * (MEET - GRASP)).handling.holder(plate) is Holder.ROBOT
+    assert told.goes(hand=GRASP).handling.holder(plate) is BodyHolder.PLACE
+    assert told.goes(hand=GRASP + 0.3 * (MEET - GRASP)).handling.holder(plate) is BodyHolder.ROBOT
     told.goes(hand=MEET)
     np.testing.assert_allclose(told.handling.pose(plate)[:3, 3] - MEET, [0.09, 0, 0], atol=0.02)
-    assert told.goes(seconds=0.5).handling.holder(plate) is Holder.PERSON
+    assert told.goes(seconds=0.5).handling.holder(plate) is BodyHolder.PERSON
     before = told.handling.pose(plate)[:3, 3] - told.wrist
     told.goes(hand=HOME, wrist=RESTS, active="", begun="")
     np.testing.assert_allclose(told.handling.pose(plate)[:3, 3] - RESTS, before, atol=1e-12)
-    assert told.goes(seconds=1.2).handling.holder(plate) is Holder.LAID
+    assert told.goes(seconds=1.2).handling.holder(plate) is BodyHolder.LAID
     np.testing.assert_allclose(told.handling.pose(plate)[:3, 3], [1.0, -0.3, 0.1])
     assert told.largest_step(plate) < 0.08  # nothing jumps
-    assert told.goes(active=GIVE, seconds=0.1).handling.holder(plate) is Holder.PLACE
+    assert told.goes(active=GIVE, seconds=0.1).handling.holder(plate) is BodyHolder.PLACE
 
 
 def test_who_never_comes_near_takes_nothing():
     told = Told(body("plate"), body("other", task=HOLD))
     told.goes(hand=GRASP + [0.0, 0.0, 0.1], active=GIVE, begun=GIVE).goes(hand=MEET).goes()
-    assert told.handling.holder("plate") is Holder.PLACE
+    assert told.handling.holder("plate") is BodyHolder.PLACE
     told.goes(hand=GRASP).goes(hand=MEET)
-    assert told.handling.holder("other") is Holder.PLACE
+    assert told.handling.holder("other") is BodyHolder.PLACE
 
 
 def test_without_an_active_task_the_hand_takes_nothing_and_unknown_hands_neither():
     told = Told(body("plate"))
     told.goes(hand=GRASP, begun=GIVE).goes(hand=MEET)
-    assert told.handling.holder("plate") is Holder.PLACE
+    assert told.handling.holder("plate") is BodyHolder.PLACE
     handling = Handling([body("plate")])
     for k in range(50):
-        handling.update(Moment(0.1 * k, GIVE, GIVE, None, None))
+        handling.update(HandlingMoment(0.1 * k, GIVE, GIVE, None, None))
     np.testing.assert_array_equal(handling.pose("plate"), body("plate").pose)
 
 
 def test_what_was_taken_for_a_task_that_is_given_up_goes_back():
     told = Told(body("plate"))
     told.goes(active=GIVE, begun=GIVE).goes(hand=GRASP).goes(hand=GRASP + [0, 0.1, 0.05])
-    assert told.handling.holder("plate") is Holder.ROBOT
+    assert told.handling.holder("plate") is BodyHolder.ROBOT
     told.goes(active=HOLD, begun=HOLD, seconds=GLIDE_S + 0.2)
-    assert told.handling.holder("plate") is Holder.PLACE
+    assert told.handling.holder("plate") is BodyHolder.PLACE
     np.testing.assert_array_equal(told.handling.pose("plate"), body("plate").pose)
 
 
@@ -106,15 +113,15 @@ def test_what_the_person_brings_is_taken_where_hands_meet():
     driver = body("driver", task=HOLD, brought_by=PERSON, in_hand=np.array([-0.1, 0, 0]))
     told = Told(driver)
     told.goes(wrist=REACHES, begun=HOLD)
-    assert told.handling.holder("driver") is Holder.PERSON
+    assert told.handling.holder("driver") is BodyHolder.PERSON
     np.testing.assert_allclose(told.handling.pose("driver")[:3, 3] - REACHES, [-0.1, 0, 0])
     told.goes(seconds=0.5, active=HOLD)
-    assert told.handling.holder("driver") is Holder.PERSON  # the hand rests, but at home
+    assert told.handling.holder("driver") is BodyHolder.PERSON  # the hand rests, but at home
     told.goes(hand=MEET).goes(seconds=0.5)
-    assert told.handling.holder("driver") is Holder.ROBOT
+    assert told.handling.holder("driver") is BodyHolder.ROBOT
     told.goes(seconds=0.2, active="", begun="")
-    assert told.handling.holder("driver") is Holder.PERSON
-    assert told.goes(wrist=RESTS).goes(seconds=1.5).handling.holder("driver") is Holder.LAID
+    assert told.handling.holder("driver") is BodyHolder.PERSON
+    assert told.goes(wrist=RESTS).goes(seconds=1.5).handling.holder("driver") is BodyHolder.LAID
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 25.0, 100.0])

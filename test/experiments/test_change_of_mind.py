@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from experiments.change_of_mind import experiment, following, report, study
-from experiments.change_of_mind.following import Followed, follow_reach
+from experiments.change_of_mind.following import FollowedReach, follow_reach
 from experiments.change_of_mind.study import (
     CHANGES,
-    Change,
+    GoalChange,
     follow_all,
     summarise,
 )
 from experiments.change_of_mind.without_pause import score_flowing
 from experiments.settings import Settings
-from experiments.toolbox.session import Seen
+from experiments.toolbox.session import SeenEstimate
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionState, Estimate
@@ -51,7 +51,7 @@ def said(monkeypatch):
             for share, active, event in steps:
                 at = following.REST_S + share * movement().duration_s
                 estimate = Estimate(0, False, 0, none, none, none, None, (*TASKS, NONE))
-                yield Seen(at, estimate, DecisionState(active=active, event=event))
+                yield SeenEstimate(at, estimate, DecisionState(active=active, event=event))
 
         monkeypatch.setattr(following, "IntentEstimator", lambda library: None)
         monkeypatch.setattr(following, "watch", watch)
@@ -102,7 +102,9 @@ def test_without_any_activity_nothing_is_late(said):
 
 def test_a_cell_counts_what_was_active_alone():
     def one(final, old_until_s, first_active_s=np.nan):
-        return Followed((OLD, NEW), 2.0, 0.5, final, first_active_s, old_until_s, (), 0, 0, np.nan)
+        return FollowedReach(
+            (OLD, NEW), 2.0, 0.5, final, first_active_s, old_until_s, (), 0, 0, np.nan
+        )
 
     cell = summarise([one(NEW, 0.9, 1.1), one(OLD, np.inf), one("", np.nan), one(NEW, 0.3, 1.5)])
     assert (cell.n, cell.new_active, cell.old_kept) == (4, 0.5, 0.25)
@@ -117,7 +119,7 @@ def decided(interactions, *events):
     for number, share, active, event in events:
         one = interactions[number]
         at_s = one.onset_s + share * (one.end_s - one.onset_s)
-        yield Seen(at_s, estimate, DecisionState(active=active, event=event))
+        yield SeenEstimate(at_s, estimate, DecisionState(active=active, event=event))
 
 
 def test_tasks_without_a_pause_are_recognised_when_each_becomes_active_in_its_turn():
@@ -135,7 +137,7 @@ def test_tasks_without_a_pause_are_recognised_when_each_becomes_active_in_its_tu
 @pytest.mark.usefixtures("few_basis_functions")
 def test_the_experiment_takes_every_path_and_reports_it(monkeypatch):
     blends = (0.15, USUAL_BLEND, None)
-    unknown = Change(0.25, USUAL_BLEND, "unknown")
+    unknown = GoalChange(0.25, USUAL_BLEND, "unknown")
     few = [c for c in CHANGES if c.blend in blends and (c.to != "unknown" or c == unknown)]
     monkeypatch.setattr(study, "follow_all", partial(follow_all, changes=few))
     monkeypatch.setattr(report, "BLENDS", blends)
@@ -153,7 +155,7 @@ def test_the_experiment_takes_every_path_and_reports_it(monkeypatch):
 def test_changes_early_in_a_reach_are_followed_and_unchanged_ones_are_not(toolbox_model):
     """Two reaches of each ordered pair of tasks, changed after a fifth of the movement."""
     library = load_model(toolbox_model).library
-    change = Change(0.2, USUAL_BLEND)
+    change = GoalChange(0.2, USUAL_BLEND)
     followed = follow_all(library, 11, 2, 6, changes=[change])
     cell = followed.cell(change)
     assert cell.n == 12 and cell.new_active >= 0.75 and cell.old_kept <= 0.1

@@ -10,7 +10,7 @@ from experiments.constraints.experiment import (
 from experiments.constraints.features import (
     LABEL,
     STANDARD,
-    Samples,
+    ConstraintSamples,
 )
 from experiments.constraints.study import (
     NOVEL,
@@ -50,7 +50,7 @@ def samples(shift):
     rng = np.random.default_rng(0)
     x = rng.uniform(-1.0, 1.0, (400, 1))
     objects = np.repeat([0, 1], 200)
-    return Samples(x, (x[:, 0] > shift * objects).astype(float), objects)
+    return ConstraintSamples(x, (x[:, 0] > shift * objects).astype(float), objects)
 
 
 def test_scores_of_one_rule_and_of_two():

@@ -17,12 +17,12 @@ from experiments.skills import (
     practising_report,
 )
 from experiments.skills.correcting import (
+    CorrectingSession,
     CorrectingStudy,
     Corrects,
-    Session,
     correction_of,
 )
-from experiments.skills.part import Part
+from experiments.skills.part import SkillPart
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
 from intent_recognition.motion import scaled_limits
@@ -79,7 +79,7 @@ def session(task, errors_m, others_changed=0.0):
     """One move of a task's rule: two executions after each of 0 to 3 corrections."""
     errors = np.repeat(np.array(errors_m)[:, None], 2, axis=1)
     led, without = np.full(6, 0.01), np.full(6, 0.06)
-    return Session(task, errors, led, without, others_changed, 0.0, 0.0, (9.0, 30.0))
+    return CorrectingSession(task, errors, led, without, others_changed, 0.0, 0.0, (9.0, 30.0))
 
 
 def corrected(*sessions, n_lasting=0):
@@ -110,7 +110,7 @@ def test_the_parts_of_the_experiment_are_one_report_and_share_its_progress(monke
         def run(settings):
             settings.progress(0.5, "half")
             finding = Finding(name, "1", "1", True)
-            return Part((finding,), (Text(f"of {name}"),), (f"as {name}",), {"n": 1})
+            return SkillPart((finding,), (Text(f"of {name}"),), (f"as {name}",), {"n": 1})
 
         return run
 

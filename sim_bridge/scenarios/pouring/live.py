@@ -14,7 +14,7 @@ from sim_bridge.scenarios.pouring.novel import BALLS_ABOVE
 from sim_bridge.scenarios.pouring.pour import SEED_POSTURE
 from sim_bridge.scenarios.pouring.recordings import N_BALLS, half_full_radius_m
 from sim_bridge.scenarios.pouring.table import PouringTable
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath, joint_path
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, joint_path
 
 STAND_M = np.array([-0.27, 0.0, 0.10])
 """Where the lip is at first, from the usual place of the second opening: along, across, up [m]."""
@@ -38,7 +38,7 @@ def start_posture(cup: str) -> NDArray[np.float64]:
     """Joint angles (7,) [rad] that hold a cup upright beside the second container."""
     held = container_named(cup)
     stand = PourPath(np.zeros(1), STAND_M[None], np.zeros(1))
-    poses = Grasp(held.lip_point, held.height_m).hand_poses(stand, OPENING_M)
+    poses = SideGrasp(held.lip_point, held.height_m).hand_poses(stand, OPENING_M)
     return joint_path(poses, SEED_POSTURE)[0]
 
 

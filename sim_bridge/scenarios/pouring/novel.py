@@ -73,7 +73,7 @@ class Seen(NamedTuple):
     emptying: Emptying
 
 
-class Level(NamedTuple):
+class PourLevel(NamedTuple):
     """How far a pour empties the cup.
 
     Attributes:
@@ -165,7 +165,7 @@ def reached_by(primitive: WarpedPrimitive, cup: Seen) -> Reached:
     return reached(tilts, cup.references.tilt_rad, cup.emptying)
 
 
-def asked_level(far: Reached, asked: str, cup: Seen, second: References) -> Level:
+def asked_level(far: Reached, asked: str, cup: Seen, second: References) -> PourLevel:
     """What is asked of a pour from a cup that is half full.
 
     Args:
@@ -179,7 +179,7 @@ def asked_level(far: Reached, asked: str, cup: Seen, second: References) -> Leve
     """
     volume_m3 = cup.references.volume_m3
     left_m3 = amount_to_leave(asked, HALF_FULL * volume_m3, second.volume_m3)
-    return Level(far, cup.emptying, HALF_FULL, left_m3 / volume_m3)
+    return PourLevel(far, cup.emptying, HALF_FULL, left_m3 / volume_m3)
 
 
 def plan(
@@ -187,7 +187,7 @@ def plan(
     cup: References,
     second: References,
     rng: np.random.Generator | None = None,
-    level: Level | None = None,
+    level: PourLevel | None = None,
 ) -> PourPath:
     """A path of the lip for containers with these references.
 

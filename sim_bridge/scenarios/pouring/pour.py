@@ -14,8 +14,8 @@ from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.table import PouringTable
 from sim_bridge.scenarios.pouring.task_space import (
     OPENING_M,
-    Grasp,
     PourPath,
+    SideGrasp,
     joint_path,
     seen_path,
 )
@@ -95,7 +95,7 @@ class AssumedGeometry(NamedTuple):
 
 
 def plan_joints(
-    path: PourPath, grasp: Grasp, opening_m: NDArray[np.float64] = OPENING_M
+    path: PourPath, grasp: SideGrasp, opening_m: NDArray[np.float64] = OPENING_M
 ) -> CubicSpline:
     """Joint angles as a function of time for a path of the lip.
 
@@ -144,7 +144,7 @@ def pour(
     """
     belief = belief or AssumedGeometry(cup.lip_point, second.opening_centre)
     opening = OPENING_M + belief.opening_m - second.opening_centre
-    joints = plan_joints(path, Grasp(belief.lip_m, cup.height_m), opening)
+    joints = plan_joints(path, SideGrasp(belief.lip_m, cup.height_m), opening)
     with SimulatedArm(joints(0.0)) as arm:
         table = PouringTable(arm, cup, second, ball_radius_m, n_balls, rng)
         drive = _Led(joints) if led else _Follow(joints)

@@ -21,7 +21,7 @@ from sim_bridge.scenarios.pouring.executed import container_named, seen_as
 from sim_bridge.scenarios.pouring.novel import (
     HALF_FULL,
     DemonstratedPours,
-    Level,
+    PourLevel,
     learn_pouring,
     plan,
     reached_by,
@@ -31,7 +31,7 @@ from sim_bridge.scenarios.pouring.recordings import (
     TASK,
     half_full_radius_m,
 )
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp
 from sim_bridge.teaching import (
     JOINT_TOPIC,
     JOINT_TYPE,
@@ -97,7 +97,7 @@ class PouringPractice:
             raise ArgumentError(describe("wanted", f"1 to {most} balls", wanted, cure))
         self._seen, self._seen_second = (seen_as(name, seed) for name in self.names)
         left = HALF_FULL * (1.0 - wanted / N_BALLS)
-        self._level = Level(skill.far, self._seen.emptying, HALF_FULL, left)
+        self._level = PourLevel(skill.far, self._seen.emptying, HALF_FULL, left)
         self._pours = BallPours(self._cup, poured_into, radius_m, N_BALLS)
         self._last: tuple[NDArray[np.float64], _Planned] | None = None
 
@@ -185,7 +185,7 @@ class PouringPractice:
 
         if self._last is None or not np.array_equal(self._last[0], weights):
             path = self.path(weights)
-            joints = plan_joints(path, Grasp(self._cup.lip_point, self._cup.height_m))
+            joints = plan_joints(path, SideGrasp(self._cup.lip_point, self._cup.height_m))
             self._last = weights.copy(), _Planned(path, joints)
         return self._last[1]
 

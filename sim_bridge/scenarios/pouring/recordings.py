@@ -18,7 +18,7 @@ from intent_recognition.warping import References
 from sim_bridge.balls import CONTAINER_SEED, ball_radius_m
 from sim_bridge.containers import Container, make_container
 from sim_bridge.scenarios.pouring.person import draw_habit, plan_pour
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath, seen_path
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, seen_path
 from sim_bridge.teaching import (
     ANGLE_STEP_RAD,
     JOINT_TOPIC,
@@ -150,7 +150,7 @@ def pour_of(
     def vector(name: str) -> NDArray[np.float64]:
         return np.array([float(part) for part in custom_data[name].split()])
 
-    grasp = Grasp(vector("lip_m"), float(custom_data["height_m"]))
+    grasp = SideGrasp(vector("lip_m"), float(custom_data["height_m"]))
     cup_poses = forward_kinematics(joints_rad) @ grasp.cup_in_hand
     return seen_path(times_s, cup_poses, grasp.lip_m, vector("opening_m"))
 

@@ -23,7 +23,7 @@ from sim_bridge.balls import (
 from sim_bridge.containers import Container
 from sim_bridge.physics import pybullet
 from sim_bridge.scenarios.pouring.outside import shell_pieces, solid_pieces
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, SideGrasp
 
 SOLVER_ITERATIONS = 15
 """Of the contact solver: more than for balls alone, since a cup hangs on the arm."""
@@ -67,7 +67,7 @@ class PouringTable:
     ) -> None:
         self._arm, self._client = arm, arm.client
         self._radius_m = ball_radius_m
-        self.grasp = Grasp(cup.lip_point, cup.height_m)
+        self.grasp = SideGrasp(cup.lip_point, cup.height_m)
         self.cup, self.second = hollow_of(cup), hollow_of(second)
         self._client.setPhysicsEngineParameter(
             contactBreakingThreshold=CONTACT_BREAKING_M, numSolverIterations=SOLVER_ITERATIONS

@@ -61,7 +61,7 @@ class PourPath:
 
 
 @dataclass(frozen=True)
-class Grasp:
+class SideGrasp:
     """How the arm holds a container: from the side, upright.
 
     Attributes:

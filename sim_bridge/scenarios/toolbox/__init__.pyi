@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from .gripper import Gripper, make_gripper
+from .gripper import ToolboxGripper, make_gripper
 from .objects import ToolboxObjects
 from .other_arms import ToolboxArm
 from .scene import (
@@ -39,9 +39,9 @@ __all__ = [
     "STANDS_M",
     "TEACHING_STD_M",
     "TEACHING_STD_RAD",
-    "Gripper",
     "Scoring",
     "ToolboxArm",
+    "ToolboxGripper",
     "ToolboxObjects",
     "arm_posture",
     "first_sample_ns",

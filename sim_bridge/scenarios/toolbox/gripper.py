@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, TASKS
-from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
+from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import STANDS_M
 
 GRASP_RADIUS_M = 0.03
@@ -22,7 +22,7 @@ CARRIED_M = 0.12
 """Distance from where the hand took or began that counts as away [m]. Convention."""
 
 
-class Gripper:
+class ToolboxGripper:
     """Decides when the hand takes an object and when it lets it go, from where the hand is.
 
     Plate and screw are taken when the hand passes the stand slowly, and released when it has
@@ -47,7 +47,7 @@ class Gripper:
     def held(self) -> str:
         """Label of the object in the hand, "" if none."""
         holders = self.objects.holders
-        return next((task for task, holder in holders.items() if holder is Holder.ROBOT), "")
+        return next((task for task, holder in holders.items() if holder is ObjectHolder.ROBOT), "")
 
     def set_task(self, task: str) -> None:
         """Take note of the task being executed, "" when idle; unknown labels count as idle."""
@@ -95,7 +95,7 @@ class Gripper:
         return self._arm.time_s - self._rest_since_s >= RELEASE_REST_S
 
 
-def make_gripper(arm: SimulatedArm, scene: str) -> Gripper | None:
+def make_gripper(arm: SimulatedArm, scene: str) -> ToolboxGripper | None:
     """Put the objects of a scene into the arm's world; return who handles them, None for "none".
 
     Args:
@@ -109,4 +109,4 @@ def make_gripper(arm: SimulatedArm, scene: str) -> Gripper | None:
         raise ArgumentError(
             describe("scene", "'toolbox' or 'none'", repr(scene), "Choose one of them.")
         )
-    return Gripper(arm, ToolboxObjects(arm)) if scene == "toolbox" else None
+    return ToolboxGripper(arm, ToolboxObjects(arm)) if scene == "toolbox" else None

@@ -36,11 +36,11 @@ _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 """Quaternion xyzw of no rotation."""
 
 
-Colour = tuple[float, float, float, float]
+Rgba = tuple[float, float, float, float]
 """Red, green, blue and opacity, each 0 to 1."""
 
 
-class Holder(Enum):
+class ObjectHolder(Enum):
     """Who holds an object."""
 
     STAND = "stand"
@@ -60,7 +60,7 @@ class ToolboxObjects:
         self._arm = arm
         self._client = arm.client
         self._constraints: dict[str, int | None] = dict.fromkeys(TASKS)
-        self.holders: dict[str, Holder] = {}
+        self.holders: dict[str, ObjectHolder] = {}
         self.worker = self._body(0.0, pybullet.GEOM_SPHERE, (0.035,), (0.9, 0.7, 0.6, 1.0))
         self.bodies = {
             task: self._body(
@@ -95,7 +95,7 @@ class ToolboxObjects:
         else:
             self._place(body, BENCH_PLACE_M, _NO_TURN)
         self._fix(task, -1, -1)
-        self.holders[task] = Holder.STAND
+        self.holders[task] = ObjectHolder.STAND
 
     def worker_brings(self, task: str) -> None:
         """Put a task's object into the worker's hand, as the screwdriver that is handed over."""
@@ -104,7 +104,7 @@ class ToolboxObjects:
         position, _ = self._client.getBasePositionAndOrientation(self.worker)
         self._place(body, np.array(position) - np.array([0.1, 0.0, 0.0]), _NO_TURN)
         self._fix(task, self.worker, -1)
-        self.holders[task] = Holder.WORKER
+        self.holders[task] = ObjectHolder.WORKER
 
     def give_to_robot(self, task: str) -> None:
         """Fix a task's object in the arm's hand, and let the arm carry its weight."""
@@ -118,7 +118,7 @@ class ToolboxObjects:
         self._fix(task, self._arm.body, self._arm.hand_link)
         self._arm.set_payload(OBJECT_MASS_KG[task], _GRASP_M[task])
         self._arm.set_gripper(_HALF_EDGES_M[task][1])
-        self.holders[task] = Holder.ROBOT
+        self.holders[task] = ObjectHolder.ROBOT
 
     def give_to_worker(self, task: str) -> None:
         """Release a task's object from the arm: the worker has it now."""
@@ -127,7 +127,7 @@ class ToolboxObjects:
         self._fix(task, self.worker, -1)
         self._arm.set_payload(0.0)
         self._arm.set_gripper()
-        self.holders[task] = Holder.WORKER
+        self.holders[task] = ObjectHolder.WORKER
 
     def _checked(self, task: str) -> int:
         if task not in self.bodies:
@@ -136,7 +136,7 @@ class ToolboxObjects:
             )
         return self.bodies[task]
 
-    def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour: Colour) -> int:
+    def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour: Rgba) -> int:
         key = "radius" if shape == pybullet.GEOM_SPHERE else "halfExtents"
         value = size[0] if shape == pybullet.GEOM_SPHERE else list(size)
         collision = self._client.createCollisionShape(shape, **{key: value})

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SensorNoise, SimulatedArm
 from sim_bridge.coworker import HOLD
-from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
+from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M
 from sim_bridge.scenarios.toolbox.teaching_path import TeachingPath
 from sim_bridge.teaching import Grip, HandTarget, pull
@@ -48,7 +48,7 @@ class TaughtArm:
     torques_nm: NDArray[np.float64]
     hand_m: NDArray[np.float64]
     strongest_pull_n: float
-    holders: tuple[Holder, ...]
+    holders: tuple[ObjectHolder, ...]
     object_m: NDArray[np.float64]
 
 
@@ -88,7 +88,7 @@ class _Lesson:
 
     def _take_or_release(self, now: float) -> None:
         task, times = self.path.task, self.path.times
-        if self.objects.holders[task] is not Holder.ROBOT and not self._released:
+        if self.objects.holders[task] is not ObjectHolder.ROBOT and not self._released:
             if now >= times.grasp_s:
                 self.objects.give_to_robot(task)
         elif task in STANDS_M and not self._released and now >= times.arrival_s + RELEASE_AFTER_S:

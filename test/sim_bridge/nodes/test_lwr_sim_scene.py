@@ -12,7 +12,7 @@ from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes.qos import COMMAND, LATCHED
 from sim_bridge.coworker.styles import PLATE, STYLES
 from sim_bridge.nodes.lwr_sim import LwrSim
-from sim_bridge.scenarios.toolbox.objects import Holder
+from sim_bridge.scenarios.toolbox.objects import ObjectHolder
 from sim_bridge.scenarios.toolbox.teaching_path import plan_teaching
 
 
@@ -45,6 +45,6 @@ def test_plate_is_taken_and_given(harness):
     commands.publish(fetch_and_carry())
     harness.spin_until(lambda: node.gripper.held == PLATE, what="the plate in the hand")
     harness.spin_until(lambda: node.gripper.held == "", what="the plate given")
-    assert node.gripper.objects.holders[PLATE] is Holder.WORKER
+    assert node.gripper.objects.holders[PLATE] is ObjectHolder.WORKER
     tasks.publish(String(data=""))
     harness.spin_until(lambda: node.gripper.task == "", what="the end of the task")

@@ -11,7 +11,7 @@ from intent_recognition.kinematics.forward import forward_kinematics
 from sim_bridge.containers.generate import make_container
 from sim_bridge.coworker.reach import minimum_jerk
 from sim_bridge.scenarios.pouring.pour import plan_joints, pour
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath, seen_path
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, seen_path
 
 LIP = np.array([0.04, 0.0, 0.09])
 
@@ -33,7 +33,7 @@ def short_pour(end_deg):
 @given(st.integers(0, 1000))
 def test_path_and_poses_of_the_cup_are_two_ways_to_say_the_same(seed):
     path = random_path(seed)
-    poses = Grasp(LIP, 0.09).cup_poses(path, OPENING_M)
+    poses = SideGrasp(LIP, 0.09).cup_poses(path, OPENING_M)
     back = seen_path(path.times_s, poses, LIP, OPENING_M)
     np.testing.assert_allclose(back.offset_m, path.offset_m, atol=1e-12)
     np.testing.assert_allclose(back.tilt_rad, path.tilt_rad, atol=1e-12)
@@ -41,7 +41,7 @@ def test_path_and_poses_of_the_cup_are_two_ways_to_say_the_same(seed):
 
 @given(st.integers(0, 1000))
 def test_the_hand_points_at_the_cup_from_the_side(seed):
-    path, grasp = random_path(seed), Grasp(LIP, 0.09)
+    path, grasp = random_path(seed), SideGrasp(LIP, 0.09)
     hand, cup = grasp.hand_poses(path, OPENING_M), grasp.cup_poses(path, OPENING_M)
     np.testing.assert_allclose(hand @ grasp.cup_in_hand, cup, atol=1e-12)
     # Away from the base, whatever the tilt: tilting turns the hand about its own axis.
@@ -50,7 +50,7 @@ def test_the_hand_points_at_the_cup_from_the_side(seed):
 
 
 def test_an_upright_cup_stands_upright_and_pours_along():
-    grasp = Grasp(LIP, 0.09)
+    grasp = SideGrasp(LIP, 0.09)
     tilts = np.array([0.0, np.pi / 2.0])
     poses = grasp.cup_poses(PourPath(np.arange(2.0), np.zeros((2, 3)), tilts), OPENING_M)
     np.testing.assert_allclose(poses[0, :3, 2], [0.0, 0.0, 1.0], atol=1e-12)
@@ -65,7 +65,7 @@ def test_path_needs_one_of_each_per_time():
 
 def test_joints_carry_the_hand_along_the_path():
     cup = make_container("mug")
-    grasp, path = Grasp(cup.lip_point, cup.height_m), short_pour(100.0)
+    grasp, path = SideGrasp(cup.lip_point, cup.height_m), short_pour(100.0)
     joints = plan_joints(path, grasp)
     found = forward_kinematics(joints(path.times_s))
     wanted = grasp.hand_poses(path, OPENING_M)

@@ -31,7 +31,7 @@ from sim_bridge.scenarios.pouring.novel import (
     read_pour,
 )
 from sim_bridge.scenarios.pouring.pour import plan_joints
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp
 
 SEED = 1
 
@@ -127,7 +127,7 @@ def test_a_believed_opening_moves_the_hand_along():
     cup = make_container("mug")
     times = np.linspace(0.0, 1.0, 21)
     path = PourPath(times, np.tile([-0.03, 0.0, 0.04], (21, 1)), np.zeros(21))
-    grasp, off = Grasp(cup.lip_point, cup.height_m), np.array([0.01, -0.02, 0.005])
+    grasp, off = SideGrasp(cup.lip_point, cup.height_m), np.array([0.01, -0.02, 0.005])
     here, there = (
         forward_kinematics(plan_joints(path, grasp, opening)(0.5))[:3, 3]
         for opening in (OPENING_M, OPENING_M + off)

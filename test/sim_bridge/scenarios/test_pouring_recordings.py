@@ -17,14 +17,14 @@ from sim_bridge.scenarios.pouring.recordings import (
     pour_of,
     true_references,
 )
-from sim_bridge.scenarios.pouring.task_space import Grasp
+from sim_bridge.scenarios.pouring.task_space import SideGrasp
 
 
 def poured(order):
     """A demonstration whose arm follows the plan exactly."""
     cup, second = make_container(CUP, 1), make_container(SECOND, 1)
     path = plan_pour(draw_habit(order.rng()), true_references(cup), true_references(second))
-    joints = plan_joints(path, Grasp(cup.lip_point, cup.height_m))
+    joints = plan_joints(path, SideGrasp(cup.lip_point, cup.height_m))
     times = np.arange(0.0, path.times_s[-1], 0.01)
     q, none = joints(times), np.zeros((len(times), 7))
     counts = np.zeros(len(times), dtype=int)

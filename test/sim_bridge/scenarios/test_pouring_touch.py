@@ -12,7 +12,7 @@ from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 from sim_bridge.scenarios.pouring.outside import N_CORNERS, shell_pieces, solid_pieces
 from sim_bridge.scenarios.pouring.pour import SEED_POSTURE
 from sim_bridge.scenarios.pouring.table import PouringTable
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp
 
 
 @pytest.mark.parametrize("name", CONTAINER_NAMES)
@@ -42,7 +42,7 @@ def test_the_shell_is_hollow_and_a_wall_thick(name):
 @pytest.mark.slow
 def test_a_cup_pushed_against_the_other_stops_where_they_meet():
     cup, second = make_container("espresso_cup", 1), make_container("tumbler", 1)
-    grasp, below = Grasp(cup.lip_point, cup.height_m), 0.02
+    grasp, below = SideGrasp(cup.lip_point, cup.height_m), 0.02
     gap = np.array([0.012, -0.015])
     sections, height = second.sections, second.height_m - below
     outer = np.interp(height, sections.heights_m, np.linalg.norm(sections.outer[:, 0], axis=1))

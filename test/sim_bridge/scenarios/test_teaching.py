@@ -13,8 +13,8 @@ from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
-from sim_bridge.scenarios.toolbox.gripper import Gripper, make_gripper
-from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
+from sim_bridge.scenarios.toolbox.gripper import ToolboxGripper, make_gripper
+from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.recordings import ToolboxOrder, demonstrate
 from sim_bridge.scenarios.toolbox.scene import (
     ARM_BRANCH,
@@ -112,11 +112,11 @@ def test_object_goes_from_its_stand_or_the_worker_through_the_hand(task):
     arm = shown(task, 0).arm
     order = [holder for holder, _ in itertools.groupby(arm.holders)]
     if task == HOLD:
-        assert order == [Holder.WORKER, Holder.ROBOT]
+        assert order == [ObjectHolder.WORKER, ObjectHolder.ROBOT]
     else:
-        assert order == [Holder.STAND, Holder.ROBOT, Holder.WORKER]
+        assert order == [ObjectHolder.STAND, ObjectHolder.ROBOT, ObjectHolder.WORKER]
         assert np.ptp(arm.object_m[:20], axis=0).max() < 1e-3
-    held = np.array([holder is Holder.ROBOT for holder in arm.holders])
+    held = np.array([holder is ObjectHolder.ROBOT for holder in arm.holders])
     distance = np.linalg.norm(arm.object_m - arm.hand_m, axis=1)[held]
     assert np.ptp(distance) < 0.01
 
@@ -128,7 +128,7 @@ def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
                             handover_rotation(PLATE)))  # fmt: skip
     with SimulatedArm(q_home) as arm:
         objects = ToolboxObjects(arm)
-        gripper = Gripper(arm, objects)
+        gripper = ToolboxGripper(arm, objects)
         gripper.set_task(PLATE)
         arm.before_step.append(lambda _: gripper.update())
         seen = [gripper.held]
@@ -141,10 +141,10 @@ def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
                 if gripper.held != seen[-1]:
                     seen.append(gripper.held)
         assert seen == ["", PLATE, ""]
-        assert objects.holders[PLATE] is Holder.WORKER
+        assert objects.holders[PLATE] is ObjectHolder.WORKER
         gripper.set_task("")
         gripper.set_task(PLATE)
-        assert objects.holders[PLATE] is Holder.STAND
+        assert objects.holders[PLATE] is ObjectHolder.STAND
         gripper.set_task("unheard of")
         assert gripper.held == ""
 
