@@ -24,6 +24,8 @@ RECORDED = (
 """Topics that `bag_recorder` records of a cell."""
 OWN_TOPICS = ("intent/", "human/", "joint_trajectory", "clock", "diagnostics", "rosout")
 """Topics that the nodes publish themselves; a recording must not be played onto them."""
+ANSWERS = "clock_answers"
+"""Topic on which each node tells the simulated clock what it has processed."""
 FRAMES = ("/tf", "/tf_static")
 """Topics with the frames of bodies and robots."""
 ARMS = ("lwr_sim", "arm_sim")
@@ -59,7 +61,13 @@ class RegisteredNode(NamedTuple):
 _ARM = RegisteredNode(
     "sim_bridge.nodes.arm_sim",
     "A torque-controlled arm in PyBullet, 1 kHz physics: one of four, or any URDF.",
-    subscribes=("intent/active_task", "intent/robot_trajectory", "joint_trajectory", "~/push"),
+    subscribes=(
+        ANSWERS,
+        "intent/active_task",
+        "intent/robot_trajectory",
+        "joint_trajectory",
+        "~/push",
+    ),
     publishes=(
         "balls",
         "cup/cloud",

@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.runtime import steady_timer
+from intent_recognition.registry import ANSWERS
 
 PERIOD_S = 1.0
 """Time between two reports [s] (contract: 1 Hz)."""
@@ -41,13 +42,11 @@ class Level(IntEnum):
     STALE = 3
 
 
-ANSWERS = "clock_answers"
-"""Topic of what nodes have processed: name of the node in `frame_id`, topics, and how many messages
-of each it has taken and sent."""
-
-
 def answer_of(node: str, counts: Mapping[str, int]) -> JointState:
-    """How many messages of each topic a node has taken and sent; empty: do not wait for it."""
+    """How many messages of each topic a node has taken and sent; empty: do not wait for it.
+
+    The name of the node is in `frame_id`.
+    """
     message = JointState(name=list(counts))
     message.header.frame_id = node
     message.position = [float(n) for n in counts.values()]

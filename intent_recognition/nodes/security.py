@@ -92,7 +92,7 @@ def _add(
     profile = ElementTree.SubElement(profiles, "profile", ns=f"/{call.namespace}", node=call.name)
     for kind, rule, allowed in (
         ("topic", "subscribe", names((*own.subscribes, "/clock", "/diagnostics", every[1]))),
-        ("topic", "publish", names((*own.publishes, *clock, *event, *every))),
+        ("topic", "publish", names((*own.publishes, *clock, *event, registry.ANSWERS, *every))),
         ("service", "reply", names(services)),
         ("service", "request", names(own.calls)),
     ):

@@ -20,8 +20,9 @@ from intent_recognition.errors import MessageError
 from intent_recognition.evaluation import SessionLog
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
-from intent_recognition.nodes.diagnostics import ANSWERS, answer_of
+from intent_recognition.nodes.diagnostics import answer_of
 from intent_recognition.promp import NONE
+from intent_recognition.registry import ANSWERS
 
 EVERY_PATH_NS = 100_000_000
 """Time between two predictions that are kept [ns]. Convention."""

@@ -21,10 +21,11 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.conversions import duration_s, stamp_ns
-from intent_recognition.nodes.diagnostics import ANSWERS, Diagnostics, Level
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import run, steady_timer
+from intent_recognition.registry import ANSWERS
 from sim_bridge.arm import (
     ANSWERING,
     NAMES,

@@ -16,8 +16,9 @@ from intent_recognition.share import PACKAGE
 TOLD = {"joint_states_topic": "/arm/states", "command_topic": "/arm/command"}
 ALL_ON = {"record": "bag", "dashboard": True, "coworker": True, "namespace": "cell1"}
 OF_POURING = {"balls", "cup/cloud", "intent/feedback", "second/cloud"}
+OF_ITS_CLOCK = {"clock_answers"}
 LATER = {
-    **dict.fromkeys(("arm_sim", "lwr_sim"), OF_POURING),
+    **dict.fromkeys(("arm_sim", "lwr_sim"), OF_POURING | OF_ITS_CLOCK),
     "intent_estimator": {"human/wrist", "joint_states"},  # once it has a model
     "primitive_activation": {"intent/next_task", "intent/robot_trajectory", "intent/tasks"}
     | {"joint_states", "joint_trajectory"}
