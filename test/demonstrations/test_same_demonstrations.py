@@ -141,7 +141,7 @@ def test_a_clock_set_back_keeps_the_longest_part(tmp_path, monkeypatch):
         for i, index in enumerate(stamps):
             at_ns = START_NS + i * STEP_NS
             writer.write_message("mocap/wrist/pose", POSE, pose(index, x=0.1), at_ns)
-            own = joints(i, positions=[0.001 * i + j for j in range(7)])
+            own = joints(250 + i, positions=[0.001 * i + j for j in range(7)])
             writer.write_message("joint_states", JOINTS, own, at_ns)
     ((found,), _) = check(tmp_path / "bag", DOFS, monkeypatch)
     assert found[4] == {"stamp_not_increasing": 159}
