@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
 
 from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian
@@ -40,8 +39,6 @@ MAX_CALIBRATED = 60
 """Demonstrations used for the margin at most. Convention: it bounds the time."""
 N_CALIBRATED_SCALES = 5
 """Durations per task in learning it. Convention: it bounds the time."""
-NOTHING = -1
-"""Stands for the task of a movement where none was left out."""
 N_SIMULATED = 40
 """Unknown movements simulated where there is one task only; the seed of their generator, too.
 Convention."""
@@ -64,7 +61,7 @@ def learn_none_margin(
     calibrating = calibrating_tasks([task.n for task in statistics])
     followed = {label: task for k, (label, task) in enumerate(tasks.items()) if k in calibrating}
     without: dict[int, LeftOut] = {}
-    comparisons, left_out_task = list[Comparison](), list[int]()
+    comparisons, is_known = list[Comparison](), list[bool]()
     for k, example, as_recorded in paired_examples(followed, recorded, MAX_CALIBRATED):
         rivals = np.setdiff1d(calibrating, [k])
         if len(rivals):
@@ -72,59 +69,38 @@ def learn_none_margin(
                 without[k] = leaving_out.task(k)
             compared = nearest_tasks(statistics, example, rivals, library.observed_units)
             comparisons.append(Comparison(without[k], compared, len(rivals), as_recorded))
-            left_out_task.append(k)
+            is_known.append(False)
         if leaving_out.can_spare_one_of(k):
             left_out = leaving_out.demonstration(k, example)
             compared = np.r_[k, nearest_tasks(statistics, example, rivals, library.observed_units)]
             comparisons.append(Comparison(left_out, compared, len(calibrating), as_recorded))
-            left_out_task.append(NOTHING)
+            is_known.append(True)
     if library.n_tasks == 1:
         simulated = _simulated_unknown(leaving_out.nothing())
         comparisons += simulated
-        left_out_task += [0] * len(simulated)
+        is_known += [False] * len(simulated)
     highest = np.array([np.max(factors) for factors in log_factors(comparisons)])
-    task = np.array(left_out_task, dtype=np.int64)
-    unknown = [highest[task == k] for k in np.unique(task[task != NOTHING])]
-    return margin_between(unknown, highest[task == NOTHING])
+    known = np.array(is_known, dtype=bool)
+    return margin_between(highest[~known], highest[known])
 
 
-def margin_between(unknown: Sequence[NDArray[np.float64]], known: NDArray[np.float64]) -> float:
+def margin_between(unknown: NDArray[np.float64], known: NDArray[np.float64]) -> float:
     """The margin between unknown and known movements with these highest factors, zero or more.
 
-    A new task is not of the kind of those that were left out, it differs from them as they do from
-    each other. What its movements stay below is one more draw from the population that the bounds
-    of the tasks left out were drawn from (`new_task_bound`). The margin is at most half-way to what
-    known movements exceed, so that these still pass (docs/decisions/unknown_movements.md). Of fewer
-    than two unknown movements nothing is learned.
+    Half-way between what unknown movements stay below (`conformal_bound`) and what known ones
+    exceed, where there is a gap: a new task is not of the unknown movements' kind, it differs from
+    them as they do from each other (docs/decisions/unknown_movements.md). Of fewer than two unknown
+    movements nothing is learned.
 
     Args:
-        unknown: highest log Bayes factor of the known tasks over none along each movement of each
-            task that was left out, (n,) each.
+        unknown: highest log Bayes factor of the known tasks over none along each, (n,).
         known: along movements of known tasks, (n',).
     """
-    together = np.concatenate([*unknown, np.empty(0)])
-    if len(together) < 2:
+    if len(unknown) < 2:
         return 0.0
-    below = conformal_bound(together, UNKNOWN_ACCEPTED)
+    below = conformal_bound(unknown, UNKNOWN_ACCEPTED)
     above = float(np.quantile(known, UNKNOWN_ACCEPTED)) if len(known) > 1 else below
-    half_way = 0.5 * (below + max(above, below))
-    return max(min(max(new_task_bound(unknown), below), half_way), 0.0)
-
-
-def new_task_bound(unknown: Sequence[NDArray[np.float64]]) -> float:
-    """What movements of one more unknown task stay below; infinite where that cannot be told.
-
-    The prediction bound of a normal distribution for one more of the tasks' own bounds.
-
-    Args:
-        unknown: as in `margin_between`.
-    """
-    of_tasks = [conformal_bound(own, UNKNOWN_ACCEPTED) for own in unknown if len(own) > 1]
-    n = len(of_tasks)
-    if n < 2:
-        return np.inf
-    spread = float(np.std(of_tasks, ddof=1)) * (1.0 + 1.0 / n) ** 0.5
-    return float(np.mean(of_tasks) + student_t.ppf(1.0 - UNKNOWN_ACCEPTED, n - 1) * spread)
+    return max(0.5 * (below + max(above, below)), 0.0)
 
 
 class Comparison(NamedTuple):

@@ -31,7 +31,6 @@ from intent_recognition.learning.unknown_task import (
     log_factors,
     margin_between,
 )
-from intent_recognition.promp import conformal_bound
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
 
@@ -112,12 +111,12 @@ def test_unknown_movements_stay_below_their_conformal_quantile():
     values = np.random.default_rng(1).permutation(np.arange(1.0, 60.0))
     for n in range(19, 60):
         rank = -(-19 * (n + 1) // 20)
-        assert margin_between([values[:n]], NOTHING) == np.sort(values[:n])[rank - 1]
-    assert margin_between([np.arange(19.0)], NOTHING) == 18.0
-    assert margin_between([np.arange(39.0)], NOTHING) == 37.0
+        assert margin_between(values[:n], NOTHING) == np.sort(values[:n])[rank - 1]
+    assert margin_between(np.arange(19.0), NOTHING) == 18.0
+    assert margin_between(np.arange(39.0), NOTHING) == 37.0
     extrapolated = 2.0 + 1.6448536 * np.sqrt(2.0)
-    assert margin_between([np.array([1.0, 3.0])], NOTHING) == pytest.approx(extrapolated)
-    assert margin_between([np.array([5.0])], NOTHING) == margin_between([], NOTHING) == 0.0
+    assert margin_between(np.array([1.0, 3.0]), NOTHING) == pytest.approx(extrapolated)
+    assert margin_between(np.array([5.0]), NOTHING) == margin_between(NOTHING, NOTHING) == 0.0
 
 
 @pytest.mark.slow
@@ -125,36 +124,25 @@ def test_unknown_movements_stay_below_their_conformal_quantile():
 def test_one_more_movement_exceeds_the_margin_in_one_of_twenty(highest):
     """Whichever of them is the one more: that is what makes it conformal."""
     values = np.array(highest)
-    exceed = [v > margin_between([np.delete(values, i)], NOTHING) for i, v in enumerate(values)]
+    exceed = [v > margin_between(np.delete(values, i), NOTHING) for i, v in enumerate(values)]
     assert sum(exceed) <= 0.05 * len(values)
 
 
 @given(st.lists(factors, min_size=2, max_size=18), st.floats(0.0, 1e6))
 def test_few_movements_give_a_margin_above_all_of_them(highest, added):
-    margin = margin_between([np.array(highest)], NOTHING)
+    margin = margin_between(np.array(highest), NOTHING)
     assert margin >= max(*highest, 0.0)
-    assert margin_between([np.array(highest) + added], NOTHING) >= margin - 1e-6
-    assert margin_between([np.array(highest[::-1])], NOTHING) == pytest.approx(margin)
+    assert margin_between(np.array(highest) + added, NOTHING) >= margin - 1e-6
+    assert margin_between(np.array(highest[::-1]), NOTHING) == pytest.approx(margin)
 
 
 def test_a_gap_between_unknown_and_known_movements_is_shared_in_halves():
     unknown = np.arange(19.0)  # below 18
     known = np.linspace(40.0, 60.0, 21)  # 5 % of them below 41
-    assert margin_between([unknown], known) == pytest.approx(0.5 * (18.0 + 41.0))
-    assert margin_between([unknown], known - 30.0) == 18.0  # no gap: unknown movements decide
-    assert margin_between([unknown - 100.0], known - 200.0) == 0.0
-    assert margin_between([unknown], known[:1]) == 18.0
-
-
-def test_tasks_that_were_left_out_alike_ask_for_less_than_half_way():
-    """The bound of one more task: Student's prediction bound of those of the tasks."""
-    known = np.linspace(40.0, 60.0, 21)
-    alike = [np.arange(19.0) + shift for shift in (0.0, 0.5, 1.0)]  # below 18, 18.5, 19
-    expected = 18.5 + 2.9199856 * 0.5 * np.sqrt(4.0 / 3.0)
-    assert margin_between(alike, known) == pytest.approx(expected)
-    apart = [np.arange(19.0) + shift for shift in (0.0, 10.0, 1.0)]
-    below = conformal_bound(np.concatenate(apart), 0.05)
-    assert margin_between(apart, known) == pytest.approx(0.5 * (below + 41.0))
+    assert margin_between(unknown, known) == pytest.approx(0.5 * (18.0 + 41.0))
+    assert margin_between(unknown, known - 30.0) == 18.0  # no gap: unknown movements decide
+    assert margin_between(unknown - 100.0, known - 200.0) == 0.0
+    assert margin_between(unknown, known[:1]) == 18.0
 
 
 def test_factors_are_those_of_the_filter_that_runs_online(report):
@@ -241,7 +229,7 @@ def test_a_known_movement_is_compared_with_its_task_as_the_others_give_it(report
 def test_the_margin_lies_between_both_kinds(report, monkeypatch):
     _, _, margin = asked_for_each(report, monkeypatch, "task_0")
     unknown, known = np.arange(1.0, 65.0, 2), np.arange(2.0, 65.0, 2)  # as `Watched` counts
-    assert margin == margin_between(np.split(unknown, 4), known)
+    assert margin == margin_between(unknown, known)
 
 
 @pytest.mark.slow
