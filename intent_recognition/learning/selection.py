@@ -127,8 +127,8 @@ def choose(
     at_once = _at_once(library, N_DURATIONS)
     variance = _variance(library, left_out)
     exponent, coupling = choose_duration_evidence(library, left_out, FRACTIONS, variance, at_once)
-    chosen = tried[best]._replace(duration_evidence=exponent)
-    return Choice(chosen, coupling if np.any(coupling.gain) else None, tuple(tried))
+    tried[best] = tried[best]._replace(duration_evidence=exponent)
+    return Choice(tried[best], coupling if np.any(coupling.gain) else None, tuple(tried))
 
 
 def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from experiments.catalogue import Experiment
 from intent_recognition.cli import main as cli
 from intent_recognition.cli.evaluate import ONLINE
 from intent_recognition.cli.output import PRINTED, write_json
+from intent_recognition.evaluation.reactive import REACTIVE_NAMES
 from intent_recognition.learning import TrainingReport, TrainingSettings, learn_with_report
 from intent_recognition.model import Model, save_model
 from sim_bridge.containers.generate import make_container
@@ -62,6 +63,7 @@ def _evaluated(demonstrations, folds, *_, **__) -> dict:
         "mistaken": [],
         "recognition": nothing,
         "prediction": nothing,
+        "reactive": {"task": {"0.5": dict.fromkeys(REACTIVE_NAMES, 0.0)}},
         "online": online,
         "none": {"area": None},
     }

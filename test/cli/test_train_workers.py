@@ -4,13 +4,12 @@
 import os
 import signal
 import sys
-from dataclasses import astuple, fields, is_dataclass
 from functools import partial
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from cli.recorded import DOFS, spoil, write_all
+from same_library import assert_same
 
 from intent_recognition.cli.train_workers import workers
 from intent_recognition.demonstrations.dofs import load_dofs
@@ -54,22 +53,8 @@ def train(run_command, recorded, tmp_path):
     return run
 
 
-def assert_same(found, expected):
-    for field in fields(expected):
-        ours, theirs = getattr(expected, field.name), getattr(found, field.name)
-        if isinstance(ours, np.ndarray | float):
-            np.testing.assert_allclose(theirs, ours, rtol=1e-12, atol=0, err_msg=field.name)
-        elif field.name == "phase_deviation":
-            for one, other in zip(astuple(theirs), astuple(ours), strict=True):
-                np.testing.assert_allclose(one, other, rtol=1e-12, atol=0)
-        elif is_dataclass(ours) and field.name == "aligned":
-            assert_same(theirs, ours)
-        elif field.name != "provenance":
-            assert theirs == ours, field.name
-
-
 def assert_same_bags(found, expected):
-    assert_same(found, expected)
+    assert_same(found, expected, rtol=1e-12)
     assert found.provenance["bags"] == expected.provenance["bags"]
 
 

@@ -300,7 +300,7 @@ def steady_library(recordings: Sequence[Demonstration], settings: TrainingSettin
     """Learned at steady progress without phase deviations: one joint Gaussian a task."""
     found = accumulate(recordings, settings)
     assert found.preprocessing is not None
-    chosen = Hyperparameters(aligned=False, noise_scale=1.0)
+    chosen = Hyperparameters("steady", noise_scale=1.0)
     library = library_from_statistics(found.tasks, found.preprocessing, chosen)
     return replace(library, phase_deviation=STEADY, observed_weight_covariance=None)
 
