@@ -6,6 +6,7 @@ and the info holds the times of sending and reception. So these subscriptions be
 executor: a thread waits for them and takes their messages, however busy the node is.
 """
 
+import atexit
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -45,6 +46,7 @@ class BagListener:
         self._passes, self._passed = 0, threading.Condition()
         self._thread = threading.Thread(target=self._listen, name="bag_listener", daemon=True)
         self._thread.start()
+        atexit.register(self.close)  # Python ends a daemon thread in C++ by aborting the process
 
     def subscribe(self, topic: str, kind: type, profile: QoSProfile) -> None:
         """Subscribe to a topic; replaces the subscription of before."""
@@ -67,6 +69,7 @@ class BagListener:
 
     def close(self) -> None:
         """End the thread and the subscriptions."""
+        atexit.unregister(self.close)
         self._stopping.set()
         self._thread.join()
         for handle, _ in self._handles.values():

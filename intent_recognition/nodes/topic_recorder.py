@@ -22,6 +22,7 @@ from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.qos import keep_last
 from intent_recognition.nodes.runtime import simulated_ns, steady_timer
+from intent_recognition.registry import ANSWERS
 
 DISCOVERY_PERIOD_S = 0.1
 """Time between two looks for new topics [s]. Convention."""
@@ -212,6 +213,7 @@ class TopicRecorder(Node):
             t: self._stored_name(t)
             for t in found
             if t not in NOISE_TOPICS
+            and t != self.resolve_topic_name(ANSWERS)
             and (t.startswith(space) or t in ABSOLUTE_TOPICS)
             and t not in hidden
             and (self.count_publishers(t) or t in self._sources)
