@@ -152,7 +152,7 @@ def detect_onset(
     window = times_s >= times_s[-1] - settings.window_s - 1e-9
     displacement = float(np.linalg.norm(values[window].mean(axis=0) - rest))
     backdate = 3.0 * displacement / max(float(speed[-1]), threshold)
-    onset = times_s[window].mean() - min(backdate, settings.max_backdate_s)
+    onset = times_s[window].mean() - np.fmin(backdate, settings.max_backdate_s)  # inf / inf: NaN
     return float(np.clip(onset, times_s[0], times_s[first]))
 
 

@@ -223,3 +223,12 @@ def test_a_straight_line_has_no_speed_noise_whenever_it_is_sampled(rng):
     line = 1e5 + 0.3 * times[:, None]
     assert speed_noise(times, line) == pytest.approx(0.0, abs=1e-8)
     assert speed_noise(times[:3], line[:3]) == 0.0
+
+
+def test_a_movement_too_large_to_compute_has_an_onset():
+    """Displacement and speed both overflow; the onset is as early as it may be."""
+    times_s = np.arange(0.0, 1.0, 0.01)
+    values = 1e200 * np.maximum(times_s - 0.5, 0.0)[:, None]
+    with np.errstate(over="ignore"):
+        onset_s = detect_onset(REFERENCE, times_s, values)
+    assert onset_s is not None and 0.0 <= onset_s <= 0.6
