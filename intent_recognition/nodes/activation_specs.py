@@ -65,7 +65,7 @@ ANY_TIME = {
     "max_wrong": ParameterSpec(
         MAX_WRONG,
         "Share of interactions with new people that may be acted on wrongly, as the model's "
-        "demonstrations bound it; a smaller value acts later, or asks more often.",
+        "demonstrations bound it; a larger value acts earlier, or asks less often.",
         0.001,
         0.5,
     ),
