@@ -70,9 +70,11 @@ def test_a_link_goes_where_and_turns_as_the_nodes_predict(harness, repository, m
     wrist, taught = shown.observed[0], shown.controlled[0].values
     named = {"use_sim_time": True, "model": str(model)}
     values = [Parameter(name, value=value) for name, value in named.items()]
-    home = Parameter("home", value=taught[0].tolist())
+    # Twelve recordings are too few to bound the risk of acting by max_wrong.
+    own = {"home": taught[0].tolist(), "threshold": 0.9}
+    given = [Parameter(name, value=value) for name, value in own.items()]
     estimator = harness.add(IntentEstimatorNode(parameter_overrides=values))
-    activation = harness.add(PrimitiveActivation(parameter_overrides=[*values, home]))
+    activation = harness.add(PrimitiveActivation(parameter_overrides=[*values, *given]))
     clock = harness.publisher(Clock, "/clock", 10)
     states = harness.publisher(JointState, "joint_states", qos.STATE)
     described = harness.publisher(String, "robot_description", qos.LATCHED)

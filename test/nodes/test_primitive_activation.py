@@ -412,12 +412,13 @@ def test_two_who_command_are_an_error_and_refused(harness, allowed):
     if allowed:
         assert graph.mode in ("executing", "arrived")
         return
-    assert graph.commands[-1].points[-1].velocities.tolist() == [0.0] * 7
     graph.until(lambda: graph.mode == "idle")
-    n = len(graph.commands)
+    n = graph.seen("joint_trajectory")
+    harness.spin_until(lambda: len(graph.commands) == n, what="all commands sent")
+    assert graph.commands[-1].points[-1].velocities.tolist() == [0.0] * 7
     for _ in range(30):
         graph.step()
-    assert len(graph.commands) == n
+    assert graph.seen("joint_trajectory") == n
     harness.probe.destroy_publisher(other)
     graph.until(lambda: not graph.node._output.shared)
     graph.until(lambda: graph.mode == "executing")
