@@ -28,6 +28,7 @@ def bench(tmp_path_factory) -> Path:
     bags = _recordings(folder, words)
     _objects(folder)
     _handovers(folder / "handover_csv")
+    _take(folder / "take.csv")
     (folder / "config").symlink_to(ROOT / "config")
     shutil.copy(ROOT / "config" / "dofs.yaml", folder / "my_dofs.yaml")
     shutil.copy(ROOT / "config" / "real_arm.yaml", folder / "my_params.yaml")
@@ -84,6 +85,14 @@ def _handovers(folder: Path) -> None:
             rows = home + way * (goal - home) + 1e-4 * rng.normal(size=(840, 3))
             path = folder / f"{name}_{number:03d}.csv"
             np.savetxt(path, rows, delimiter=",", header="x,y,z", comments="")
+
+
+def _take(path: Path) -> None:
+    """One recording with times and a body that moves, 100 Hz."""
+    times_s = np.arange(300) / 100
+    places = 0.1 * np.sin(times_s[:, None] + np.arange(3))
+    header = "time,wrist_x,wrist_y,wrist_z"
+    np.savetxt(path, np.c_[times_s, places], delimiter=",", header=header, comments="")
 
 
 def _objects(folder: Path) -> None:

@@ -36,6 +36,14 @@ def commands() -> list[Shown]:
     return found
 
 
+def launched(file: str) -> tuple[str, frozenset[str]]:
+    """The graph that a launch file starts, and the arguments that the file itself declares."""
+    text = (ROOT / "launch" / file).read_text(encoding="utf-8")
+    included = re.search(r"launch/(\w+)\.launch\.py", text)
+    own = re.findall(r'DeclareLaunchArgument\("(\w+)"', text)
+    return included[1] if included else file.removesuffix(".launch.py"), frozenset(own)
+
+
 def inline_commands() -> list[Shown]:
     """Every `intent ...` and `make ...` in the text."""
     found = []

@@ -6,7 +6,7 @@ import re
 from itertools import pairwise
 
 import pytest
-from docs.shown import ROOT, commands, inline_commands, nodes
+from docs.shown import ROOT, commands, inline_commands, launched, nodes
 
 from intent_recognition.cli import main as cli
 from intent_recognition.extras import requirements
@@ -115,9 +115,9 @@ def check_ros2(words):
     kind, *rest = words[1:]
     if kind == "launch":
         assert rest[0] == "intent_recognition"
-        assert (ROOT / "launch" / rest[1]).is_file()
-        declared = {a.name for a in GRAPHS[rest[1].removesuffix(".launch.py")].arguments()}
-        assert {word.partition(":=")[0] for word in rest[2:]} <= declared
+        graph, own = launched(rest[1])
+        declared = {a.name for a in GRAPHS[graph].arguments()}
+        assert {word.partition(":=")[0] for word in rest[2:]} <= declared | own
     elif kind == "run":
         assert rest[0] == "intent_recognition"
         if rest[1] == "intent":

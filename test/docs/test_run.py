@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from docs.shown import BLOCK, ROOT, commands
+from docs.shown import BLOCK, ROOT, commands, launched
 from ros_harness import NodeProcess
 
 from intent_recognition.cli import main as cli
@@ -144,9 +144,10 @@ LAUNCHED = [words for words in SHOWN if words[:2] == ("ros2", "launch")]
 @pytest.mark.parametrize("words", LAUNCHED, ids=" ".join)
 def test_what_is_launched_is_complete(words, bench):
     """Launch itself is not installable here; with these arguments it has all that it needs."""
+    graph, own = launched(words[3])
     given = dict(word.split(":=", 1) for word in words[4:])
-    calls = resolve(words[3].removesuffix(".launch.py"), given)
-    assert {call.name for call in calls} <= set(GRAPHS[words[3].split(".")[0]].nodes)
+    calls = resolve(graph, {name: value for name, value in given.items() if name not in own})
+    assert {call.name for call in calls} <= set(GRAPHS[graph].nodes)
     for name in ("model", "dofs", "params_file"):
         assert name not in given or (bench / given[name]).exists()
 

@@ -20,7 +20,7 @@ def test_examples_run_one_after_the_other(tmp_path, monkeypatch, capsys):
     volume_m3, tilt_deg = map(float, capsys.readouterr().out.splitlines()[0].split())
     assert 1e-4 < volume_m3 < 1e-3
     assert 10.0 < tilt_deg < 60.0
-    assert 0.005 < session["values"]["grip_width_m"] < 0.04
+    assert 0.03 < session["values"]["handle_length_m"] < 0.15
     assert 0.002 < session["grasp"].width_m < 0.006
     assert (tmp_path / "cup.npz").is_file()
     assert np.isfinite(session["values"]["lip_point"]).all()
