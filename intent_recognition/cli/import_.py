@@ -82,7 +82,9 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.write(text)
         else:
             check_output("--output", args.output)
+            args.output.parent.mkdir(parents=True, exist_ok=True)
             args.output.write_text(text, encoding="utf-8")
+            make_console().print(f"wrote {args.output}")
         return 0
     if args.map is None or args.output is None:
         option = "--map" if args.map is None else "--output"

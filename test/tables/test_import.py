@@ -286,6 +286,9 @@ def test_a_map_is_suggested_and_asked_for(values, tmp_path, capsys):
     assert content["observed"][0]["columns"] == ["x", "y", "z"]
     assert content["controlled"][0]["columns"] == ["q0", "q1"]
     assert content["time"] == {"column": "t", "unit": "s"} and "it says: give" in text
+    written = tmp_path / "new" / "map.yaml"
+    assert main(["import", str(source), "--suggest", "--output", str(written)]) == 0
+    assert "wrote" in capsys.readouterr().out and written.read_text(encoding="utf-8") == text
 
 
 def test_bags_of_other_storages_get_labels_and_are_cut(tmp_path):
