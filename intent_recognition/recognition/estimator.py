@@ -44,6 +44,8 @@ from intent_recognition.recognition.start_posture import (
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
 from intent_recognition.signals import Observation, as_numbers
 
+LARGEST_VALUE = 1e12
+"""Values from this on count as infinite: their squares leave no digits. Convention."""
 CLOCK_RESET_AFTER = 50
 """Consecutive late observations of a signal, in order, after which its clock was set back.
 
@@ -173,7 +175,7 @@ class IntentEstimator:
         expected = past.n_dofs if dofs is None else len(dofs)
         if np.shape(observation.values) != (expected,):
             return "wrong_size"
-        if not np.all(np.isfinite(observation.values)):
+        if not np.all(np.abs(observation.values) < LARGEST_VALUE):  # NaN is refused, too
             return "not_finite"
         if past.is_late(observation):
             if past.count_late(observation) < CLOCK_RESET_AFTER:
