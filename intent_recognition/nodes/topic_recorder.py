@@ -213,7 +213,7 @@ class TopicRecorder(Node):
             t: self._stored_name(t)
             for t in found
             if t not in NOISE_TOPICS
-            and t != self.resolve_topic_name(ANSWERS)
+            and t.rpartition("/")[2] != ANSWERS  # of nodes in any namespace
             and (t.startswith(space) or t in ABSOLUTE_TOPICS)
             and t not in hidden
             and (self.count_publishers(t) or t in self._sources)
