@@ -23,7 +23,7 @@ from intent_recognition.demonstrations import (
     position_columns,
     reference_of,
 )
-from intent_recognition.errors import ArgumentError, IntentError
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.model import Model, check_dofs, frames_of, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
@@ -249,7 +249,13 @@ class IntentEstimatorNode(ManagedNode):
         if not self._accepts(stream, observation, topic, self._estimator.reason_to_reject):
             return False
         self._last_arrival_s = elapsed_s(self)
-        self._publish(self._estimator.update(observation), observation)
+        try:
+            estimate = self._estimator.update(observation)
+        except ArgumentError as error:  # numbers so large that nothing can be computed of them
+            self._diagnostics.reject("not_finite", f"{topic}: {one_line(error)}")
+            self._forget()
+            return False
+        self._publish(estimate, observation)
         return True
 
     def _observe_context(self, observation: Observation, topic: str) -> bool:

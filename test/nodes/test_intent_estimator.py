@@ -32,6 +32,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
+from intent_recognition.errors import ArgumentError
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
@@ -394,6 +395,21 @@ def test_bad_input_is_counted_and_leaves_the_estimate_alone(harness, wrist):
     counts = {v.key: int(v.value) for v in graph.status().values if v.key.startswith("rejected")}
     assert set(counts) == {f"rejected {fault}" for fault in FAULTS}
     assert min(counts.values()) >= 4
+
+
+def test_what_cannot_be_computed_is_counted_and_the_movement_forgotten(harness, wrist, monkeypatch):
+    graph = Graph(harness, wrist)
+    first, *rest = wrist.observations(1)
+
+    def refuse(observation):
+        raise ArgumentError("innovation covariance: none")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(graph.node._estimator, "update", refuse)
+        assert not graph.send(message_for(graph.dofs, first), first.group)
+    assert graph.rejected("not_finite") == 1
+    graph.feed(rest)
+    check_tasks(graph.tasks, expected(wrist.model, rest), wrist.model.labels)
 
 
 @pytest.mark.slow
