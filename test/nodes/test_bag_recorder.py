@@ -27,9 +27,9 @@ from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
 MODULE = "intent_recognition.nodes.bag_recorder"
 
 
-def recorder(**values) -> BagRecorder:
+def recorder(namespace: str = "", **values) -> BagRecorder:
     overrides = [Parameter(name, value=value) for name, value in values.items()]
-    return BagRecorder(parameter_overrides=overrides)
+    return BagRecorder(namespace=namespace, parameter_overrides=overrides)
 
 
 def pose(index: int) -> PoseStamped:
@@ -305,10 +305,10 @@ def test_simulated_time_is_what_is_logged_and_nothing_before_it_runs(harness, tm
 @pytest.mark.parametrize("topics", [{}, {"topics": ["late", "early"]}])
 def test_topics_that_nobody_publishes_are_named_once(harness, tmp_path, monkeypatch, topics):
     monkeypatch.setattr(topic_recorder, "UNPUBLISHED_S", 0.5)
-    early = harness.publisher(PoseStamped, "early", SENSOR) if topics else None
-    node = harness.add(recorder(output=str(tmp_path / "new"), **topics))
+    early = harness.publisher(PoseStamped, "alone/early", SENSOR) if topics else None
+    node = harness.add(recorder("alone", output=str(tmp_path / "new"), **topics))
     said = []
     monkeypatch.setattr(node.get_logger(), "warning", said.append)
     harness.spin_until(lambda: said)
-    named = "to /late" if early else "anything"
+    named = "to /alone/late" if early else "anything"
     assert said == [f"nobody publishes {named} yet; what comes is recorded"]
