@@ -276,7 +276,9 @@ class IntentEstimatorNode(ManagedNode):
             return False
         reason = reason_not_to(observation)
         if reason is not None:
-            self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
+            misfit = self._estimator.first_samples.misfit if reason == "unit" else None
+            detail = f"at {observation.stamp_ns} ns" if misfit is None else misfit.reason
+            self._diagnostics.reject(reason, f"{topic}: {detail}")
             return False
         self._last_ns[stream] = observation.stamp_ns
         return True

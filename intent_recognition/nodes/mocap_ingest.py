@@ -27,6 +27,7 @@ from intent_recognition.nodes.runtime import (
     when_clock_goes_back,
 )
 from intent_recognition.nodes.serialized import PoseNumbers, SerializedOdometry, read_pose
+from intent_recognition.signals import place_misfit
 from intent_recognition.tracking import (
     IngestSettings,
     IngestState,
@@ -240,6 +241,7 @@ class MocapIngest(Node):
     def _ingest(self, body: str, measured: PoseNumbers) -> None:
         """Check a pose, and send it on."""
         start_s = time.perf_counter()
+        first = not self._states[body].recent
         self._states[body], result = ingest_pose(
             self._settings,
             self._states[body],
@@ -251,6 +253,10 @@ class MocapIngest(Node):
         if isinstance(result, Rejected):
             self._diagnostics.reject(result.reason, f"{body}: {result.detail}")
             return
+        misfit = place_misfit(measured.pose[:3]) if first else None
+        if misfit is not None:
+            self._diagnostics.count("unit_doubtful")
+            self.get_logger().warning(f"{body} {misfit.reason}")
         if result.reanchored:
             self._diagnostics.count("track_restarted")
             self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type, describe
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Observation, as_numbers, as_stamp_ns
+from intent_recognition.signals import Misfit, Observation, as_numbers, as_stamp_ns
 
 LIBRARY_CURE = "Pass what `learn` returns, or `load_model(path).library`."
 
@@ -86,8 +86,12 @@ def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int
     return Observation(as_stamp_ns("stamp_s", stamp_s), signal, position)
 
 
-def observation_error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
-    """The error for a defect of an observation of a signal of so many DOFs."""
+def observation_error(
+    reason: str, observation: Observation, n_dofs: int, misfit: Misfit | None = None
+) -> ArgumentError:
+    """The error for a defect of an observation of a signal of so many DOFs, or of its unit."""
+    if reason == "unit" and misfit is not None:
+        return ArgumentError(misfit.reason)
     m = n_dofs if observation.dofs is None else len(observation.dofs)
     if reason == "wrong_size":
         cure = "Pass every DOF of the signal, or name those that were measured as `dofs`."

@@ -32,6 +32,7 @@ from intent_recognition.recognition.arguments import (
 )
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
+from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movement, MovementAfterStop
 from intent_recognition.recognition.observed_turns import ObservedTurns
@@ -79,6 +80,7 @@ class IntentEstimator:
     Attributes:
         taught: the library in the known context.
         library: in use: what `bend` makes of it.
+        first_samples: judges the units of the first samples.
 
     Raises:
         ArgumentError: library is not a `TaskLibrary`, or the prior is not one over its tasks.
@@ -105,6 +107,7 @@ class IntentEstimator:
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._turns = ObservedTurns(library)
+        self.first_samples = FirstSamples(library)
         self._switching = switching
         self._answer = ""
         self._movement: Movement | None = None
@@ -142,8 +145,10 @@ class IntentEstimator:
         Raises:
             ShapeError: values or covariance do not fit the signal.
             ArgumentError: a number is infinite, the covariance is not one, there is no such
-                signal, or the stamp is not later than the last. After CLOCK_RESET_AFTER such
-                stamps the clock is taken to have been set back, and the estimator starts anew.
+                signal, the first samples are in another unit than was learned (millimetres,
+                degrees, stamps in ms), or the stamp is not later than the last. After
+                CLOCK_RESET_AFTER such stamps the clock is taken to have been set back, and the
+                estimator starts anew.
         """
         sizes = [past.n_dofs for past in self._detector.pasts]
         observation = as_observation(sizes, stamp_s, values, signal, dofs, covariance)
@@ -157,7 +162,7 @@ class IntentEstimator:
             observation = measured
         reason = self._defect(observation)
         if reason is not None:
-            raise observation_error(reason, observation, n_dofs)
+            raise observation_error(reason, observation, n_dofs, self.first_samples.misfit)
         return self.update(observation)
 
     def reason_to_reject(self, observation: Observation) -> str | None:
@@ -184,10 +189,11 @@ class IntentEstimator:
         if observation.derivative and observation.covariance is None:
             return "no_covariance"
         covariance = observation.covariance
-        if covariance is None:
-            return None
-        fits = np.shape(covariance) == (expected, expected)
-        return None if fits and past.is_covariance(covariance) else "bad_covariance"
+        if covariance is not None:
+            fits = np.shape(covariance) == (expected, expected)
+            if not fits or not past.is_covariance(covariance):
+                return "bad_covariance"
+        return "unit" if self.first_samples.refuse(observation) else None
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""

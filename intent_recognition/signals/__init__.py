@@ -53,7 +53,9 @@ from intent_recognition.signals.units import (
     Misfit,
     commensurate,
     is_spatial,
+    learned_misfit,
     misfit,
+    place_misfit,
     time_misfit,
 )
 
@@ -99,6 +101,7 @@ __all__ = [
     "is_slow",
     "is_spatial",
     "jumps",
+    "learned_misfit",
     "mean_orientation",
     "merge",
     "misfit",
@@ -106,6 +109,7 @@ __all__ = [
     "numbered",
     "observations_of",
     "onset_settings",
+    "place_misfit",
     "propose_spans",
     "quaternion_rates",
     "right_jacobian",

@@ -55,6 +55,10 @@ USUAL_PERIODS_S = 1e-3, 0.5
 unit at most explains other steps."""
 FEWEST_STEPS = 4
 """Samples from which the step is taken. Convention: as many as weights are fitted to."""
+FAR_SHARE = 0.1
+"""How far outside what was learned numbers of another unit are, in learned extents and parts of the
+factor between the units. Convention: 100 extents for millimetres, 6 for degrees; a reach that
+begins within a tenth of its extent from the origin is judged once it has left that."""
 
 
 class Known(NamedTuple):
@@ -133,9 +137,7 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     reason = f"{in_words(signal)} moves over {extent:.3g} {unit} at up to {speed:.3g} {unit}/s"
     reason += f" and is at {farthest:.3g} {unit}" if turned else ""
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
-    name, factor = min(
-        OFTEN_TAKEN[unit].items(), key=lambda item: abs(np.log(extent / item[1] / USUAL[unit]))
-    )
+    name, factor = _nearest_usual(unit, extent)
     certain = unit == "m"  # a joint without limits may turn as far, a toy's as fast
     text = f"{reason}: the unit cannot be {NAMES[unit]}. {_taken(unit, name, factor)}"
     return Misfit(text, factor, certain)
@@ -156,6 +158,49 @@ def time_misfit(signal: Signal) -> Misfit | None:
                 said = f"{reason}. Likely {text} (a factor of {scale:.4g}): correct the times."
                 return Misfit(said, scale, certain=True)
     return Misfit(f"{reason}. Record it at 10 Hz or more.", np.nan, certain=False)
+
+
+def learned_misfit(
+    names: Sequence[str], unit: str, values: NDArray[np.float64], learned: Known
+) -> Misfit | None:
+    """Why one sample (d,) is hardly in the unit that was learned; None where it may be.
+
+    Args:
+        names: of the DOFs, (d,).
+        unit: of the library.
+        values: of the sample.
+        learned: where the DOFs were, as far as the library knows.
+    """
+    lower, upper = learned.lower, learned.upper
+    excess = np.maximum(lower - values, values - upper)
+    farthest = int(np.argmax(excess))
+    far = excess[farthest] / max(float(np.max(upper - lower)), 1e-9)
+    for name, factor in OFTEN_TAKEN.get(unit, {}).items():
+        own = values / factor
+        if far > FAR_SHARE * factor and np.all((own >= lower) & (own <= upper)):
+            reason = (
+                f"{names[farthest]} is at {values[farthest]:.3g} {unit}, and was learned between"
+                f" {lower[farthest]:.3g} and {upper[farthest]:.3g} {unit}"
+            )
+            return Misfit(f"{reason}. {_taken(unit, name, factor)}", factor, certain=True)
+    return None
+
+
+def place_misfit(position_m: NDArray[np.float64]) -> Misfit | None:
+    """Why the place of a tracked body (3,) is hardly in metres; None where it may be."""
+    distance = float(np.linalg.norm(position_m))
+    if distance <= WIDEST["m"]:
+        return None
+    name, factor = _nearest_usual("m", distance)
+    reason = f"is {distance:.3g} m from the origin of its frame. {_taken('m', name, factor)}"
+    return Misfit(reason, factor, certain=False)
+
+
+def _nearest_usual(unit: str, length: float) -> tuple[str, float]:
+    """The unit that is taken for another, and its factor, by which a length is most usual."""
+    return min(
+        OFTEN_TAKEN[unit].items(), key=lambda item: abs(np.log(length / item[1] / USUAL[unit]))
+    )
 
 
 def in_words(signal: Signal) -> str:

@@ -130,3 +130,9 @@ def test_when_the_clock_goes_back_the_first_pose_counts(harness):
         received += exchange(harness, [*left_over, *messages], 3)
     expected = [T0 + k * STEP for k in (1000, 1001, 1002, 0, 1, 2)]
     assert [stamp_ns(message) for message in received] == expected
+
+
+def test_a_body_in_millimetres_is_named_once_and_sent_on(harness):
+    node = start(harness)
+    exchange(harness, [pose(i, (800.0 + i * 0.001, -400.0, 300.0)) for i in range(4)], 4)
+    assert node._diagnostics.rejected("unit_doubtful") == 1

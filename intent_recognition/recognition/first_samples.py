@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the first samples of each signal are in the units that were learned."""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import Gaussian
+from intent_recognition.promp import TaskLibrary, rollout
+from intent_recognition.signals import (
+    Known,
+    Misfit,
+    Observation,
+    Signal,
+    learned_misfit,
+    time_misfit,
+)
+
+N_JUDGED = 50
+"""Good samples of a signal after which its units are no longer judged. Convention: half a second at
+100 Hz."""
+N_STEPS = 5
+"""Samples that times are judged by. Convention: one lost sample among them changes nothing."""
+STD_LEARNED = 3.0
+"""Standard deviations about the mean movements that count as learned. Convention."""
+LEARNED_PHASES = np.linspace(0.0, 1.0, 21)
+"""Phases at which learned movements are looked at."""
+
+
+class FirstSamples:
+    """Judges the units of the first samples of each observed signal.
+
+    Args:
+        library: that was learned.
+
+    Attributes:
+        misfit: of the last sample that was refused.
+    """
+
+    def __init__(self, library: TaskLibrary):
+        self._library = library
+        self._judges: dict[int, _OfSignal] = {}
+        self._left = dict.fromkeys(range(len(library.observed_groups)), N_JUDGED)
+        self.misfit: Misfit | None = None
+
+    def refuse(self, observation: Observation) -> bool:
+        """Whether a sample, or the times of the last ones, are hardly in the learned units.
+
+        Args:
+            observation: finite positions, or their rates, which are not judged.
+        """
+        group = observation.group
+        if group not in self._left or observation.derivative:
+            return False
+        if group not in self._judges:
+            self._judges[group] = _OfSignal(self._library, group)
+        self.misfit = self._judges[group].misfit(observation)
+        if self.misfit is None:
+            self._left[group] -= 1
+            if not self._left[group]:
+                del self._left[group], self._judges[group]
+        return self.misfit is not None
+
+
+class _OfSignal:
+    """Judges one signal."""
+
+    def __init__(self, library: TaskLibrary, group: int):
+        dofs = library.observed_dofs(group)
+        self._names = np.array(library.observed_names)[dofs]
+        self._unit = library.observed_units[dofs[0]]
+        self._learned = _learned(library, dofs)
+        self._stamps_ns = deque[int](maxlen=N_STEPS)
+
+    def misfit(self, observation: Observation) -> Misfit | None:
+        """Why it is hardly in the units that were learned; None where it may be."""
+        rows = slice(None) if observation.dofs is None else list(observation.dofs)
+        names = tuple(self._names[rows].tolist())
+        learned = Known(self._learned.lower[rows], self._learned.upper[rows])
+        found = learned_misfit(names, self._unit, observation.values, learned)
+        return found or self._late(observation.stamp_ns, names)
+
+    def _late(self, stamp_ns: int, names: tuple[str, ...]) -> Misfit | None:
+        """What is certainly wrong with the times of the last samples."""
+        stamps = self._stamps_ns
+        if stamps and stamp_ns < stamps[-1]:
+            stamps.clear()  # another clock, or DOFs that have times of their own
+        if not stamps or stamp_ns > stamps[-1]:
+            stamps.append(stamp_ns)
+        if len(stamps) < N_STEPS:
+            return None
+        found = time_misfit(Signal(names[:1], np.array(stamps), np.zeros((N_STEPS, 1)), self._unit))
+        return found if found is not None and found.certain else None
+
+
+def _learned(library: TaskLibrary, dofs: NDArray[np.int64]) -> Known:
+    """Where some observed DOFs were in the demonstrations."""
+    lower, upper = [], []
+    for mean, covariance in zip(library.weight_mean, library.weight_covariance, strict=True):
+        course = rollout(
+            library.basis, Gaussian(mean, covariance), LEARNED_PHASES, 1.0, library.noise_variance
+        )
+        positions, std = course.positions[:, dofs], course.std[:, dofs]
+        lower.append((positions - STD_LEARNED * std).min(axis=0))
+        upper.append((positions + STD_LEARNED * std).max(axis=0))
+    return Known(np.min(lower, axis=0), np.max(upper, axis=0))

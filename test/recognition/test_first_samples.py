@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The units of the first samples: what is refused, with which factor, and what never is."""
+
+import numpy as np
+import pytest
+from online_stream import feed, movement
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.recognition import first_samples
+from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.signals import Observation, merge, place_misfit
+
+AT_M = np.array([0.8, -0.4, 0.3])
+"""Where the movements are, in their frame [m]."""
+
+
+@pytest.fixture(scope="module")
+def placed(library):
+    """The learned tasks away from the origin, as a wrist is in the world."""
+    mean = library.weight_mean.copy()
+    n_basis = mean.shape[1] // (library.n_observed + library.n_controlled)
+    mean[:, : library.n_observed_weights] += np.repeat(AT_M, n_basis)
+    return library.__class__(**{**vars_of(library), "weight_mean": mean})
+
+
+def vars_of(library):
+    return {name: getattr(library, name) for name in library.__dataclass_fields__}
+
+
+def samples(truth, rng):
+    (signal,) = movement(truth, 1, rng).observed
+    return signal.seconds(int(signal.stamps_ns[0])), signal.values + AT_M
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "centimetres")])
+def test_positions_in_another_unit_are_refused_with_the_factor(placed, truth, rng, factor, unit):
+    times_s, values = samples(truth, rng)
+    estimator = IntentEstimator(placed)
+    for stamp_s, value in zip(times_s[:3], values, strict=False):
+        with pytest.raises(ArgumentError, match=rf"Likely {unit} for metres .*{factor:g}"):
+            estimator.observe(stamp_s, factor * value)
+    assert not estimator.observe(times_s[3], values[3]).moving
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")]
+)
+def test_stamps_in_another_unit_are_refused_with_the_factor(placed, truth, rng, factor, unit):
+    times_s, values = samples(truth, rng)
+    estimator = IntentEstimator(placed)
+    stamps = np.round(1e3 + times_s * factor)
+    for stamp, value in zip(stamps[: first_samples.N_STEPS - 1], values, strict=False):
+        estimator.observe(stamp, value)
+    with pytest.raises(ArgumentError, match=f"Likely {unit} for seconds"):
+        estimator.observe(stamps[first_samples.N_STEPS - 1], values[4])
+
+
+def test_degrees_are_refused(placed):
+    in_rad = placed.__class__(**{**vars_of(placed), "observed_units": ("rad",) * 3})
+    with pytest.raises(ArgumentError, match="Likely degrees for radians"):
+        IntentEstimator(in_rad).observe(0.0, np.degrees(AT_M))
+
+
+def test_all_that_is_far_but_explained_by_no_unit_is_taken(placed, truth, rng):
+    """A movement elsewhere is an unknown one; so is one that nobody has shown."""
+    times_s, values = samples(truth, rng)
+    for elsewhere in (values + 30.0, values * [1000.0, 1.0, 1.0], -values * 1000.0):
+        estimator = IntentEstimator(placed)
+        for stamp_s, value in zip(times_s[:9], elsewhere, strict=False):
+            estimator.observe(stamp_s, value)
+
+
+def test_only_the_first_samples_are_judged(placed, truth, rng, monkeypatch):
+    judged = []
+    one = first_samples.learned_misfit
+    monkeypatch.setattr(first_samples, "learned_misfit", lambda *a: judged.append(a) or one(*a))
+    observations = list(merge(movement(truth, 0, rng).observed))
+    moved = [o._replace(values=o.values + AT_M) for o in observations]
+    estimator = IntentEstimator(placed)
+    feed(estimator, moved)
+    assert len(judged) == first_samples.N_JUDGED < len(moved)
+    rate = Observation(moved[-1].stamp_ns + 1, 0, 1000.0 * AT_M, np.eye(3), None, True)
+    assert estimator.reason_to_reject(rate) is None
+
+
+def test_some_dofs_are_judged_by_what_was_learned_of_them(placed):
+    with pytest.raises(ArgumentError, match="is at 300 m, and was learned between"):
+        IntentEstimator(placed).observe(0.0, [300.0], dofs=[2])
+
+
+def test_a_body_far_from_the_origin_is_doubted():
+    assert place_misfit(np.array([3.0, -4.0, 1.0])) is None
+    assert place_misfit(1000.0 * AT_M).factor == 1000.0
+    assert place_misfit(100.0 * AT_M).factor == 100.0
