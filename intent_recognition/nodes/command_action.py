@@ -23,18 +23,27 @@ ros2_control's own action monitor is a twentieth of it."""
 
 @dataclass(eq=False)
 class _Goal:
-    """A goal that was sent, and its handle once it is accepted."""
+    """A goal that was sent, its handle once it is accepted, and whether we have cancelled it."""
 
     sent_s: float
     handle: Any = None
+    given_up: bool = False
+
+    def cancel(self) -> None:
+        """Give it up, now or once it is accepted."""
+        self.given_up = True
+        if self.handle is not None:
+            self.handle.cancel_goal_async()
 
 
 class CommandAction:
     """Sends each command as a goal, which takes the place of the one before.
 
-    Goals that a later one has replaced end as they may. When the newest one is rejected, aborted or
-    cancelled by somebody else, is not answered in `ANSWER_S`, or its controller is gone, what is
-    still under way is cancelled, so that the controller holds the arm, and `give_up` is called.
+    Goals that a later one has replaced end as they may. When the newest one is rejected or aborted,
+    is not answered in `ANSWER_S`, or its controller is gone, and when any goal is cancelled by
+    somebody else, what is still under way is cancelled, so that the controller holds the arm, and
+    `give_up` is called. With ros2_control, a goal that was replaced ends as cancelled
+    with the code INVALID_GOAL, one that somebody cancelled without a code.
     A goal tolerance that was not kept is reported: the arm is at rest near its end.
 
     Args:
@@ -64,7 +73,7 @@ class CommandAction:
         self._diagnostics, self._give_up = diagnostics, give_up
         self._client = ActionClient(node, FollowJointTrajectory, name)
         self._newest: _Goal | None = None
-        self._running: Any = None
+        self._running: _Goal | None = None
         self.trouble = ""
 
     def publish(self, message: JointTrajectory) -> None:
@@ -95,10 +104,10 @@ class CommandAction:
                 self._fail("controller_rejected", f"{self._name} rejected a goal")
             return
         goal.handle = handle
-        if self._newest is None:  # given up before the answer came
-            handle.cancel_goal_async()
+        if goal.given_up:
+            goal.cancel()
             return
-        self._running = handle
+        self._running = goal
         if goal is self._newest:
             self.trouble = ""
         handle.get_result_async().add_done_callback(partial(self._on_result, goal))
@@ -109,17 +118,21 @@ class CommandAction:
             self._diagnostics.value("controller error [rad]", f"{error:.3f}")
 
     def _on_result(self, goal: _Goal, future: Future) -> None:
+        status, result = future.result().status, future.result().result
+        by_others = status == GoalStatus.STATUS_CANCELED and not goal.given_up
         if goal is not self._newest:
+            if by_others and result.error_code == self._type.Result.SUCCESSFUL:
+                text = "a goal was cancelled by somebody else while the next one was on its way"
+                self._fail("controller_cancelled", text)
             return
         self._newest = self._running = None
-        status, result = future.result().status, future.result().result
         if status == GoalStatus.STATUS_SUCCEEDED:
             return
         why = self._explain(result)
         if result.error_code == self._type.Result.GOAL_TOLERANCE_VIOLATED:
             self.trouble = f"controller: {why}"
             self._diagnostics.reject("goal_tolerance_violated", why)
-        elif status == GoalStatus.STATUS_CANCELED:
+        elif by_others:
             self._fail("controller_cancelled", f"a goal was cancelled by somebody else: {why}")
         else:
             self._fail("controller_aborted", why)
@@ -136,9 +149,10 @@ class CommandAction:
 
     def _fail(self, reason: str, text: str) -> None:
         """Cancel what is under way, and say that the newest command is not executed."""
-        running, self._newest, self._running = self._running, None, None
-        if running is not None:
-            running.cancel_goal_async()
+        for goal in {self._running, self._newest}:
+            if goal is not None:
+                goal.cancel()
+        self._newest = self._running = None
         self.trouble = f"controller: {text}"
         self._diagnostics.reject(reason, text)
         self._give_up(reason)

@@ -3,14 +3,17 @@
 
 import copy
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from activation_graph import Graph
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.task import Future
 from ros_harness import NodeProcess
 from std_msgs.msg import String
 
@@ -124,6 +127,23 @@ def test_a_goal_cancelled_by_others_ends_the_interaction(cell):
     cell.harness.call(CancelGoal, f"{ACTION}/_action/cancel_goal", CancelGoal.Request())
     cell.harness.spin_until(lambda: cell.rejected("controller_cancelled"), what="the result")
     assert cell.mode == "idle"
+
+
+def test_a_goal_cancelled_while_the_next_is_on_its_way_ends_the_interaction(cell):
+    """The cancelled one's result comes after the next goal was sent, which is cancelled, too."""
+    cell.begin()
+    cell.until(lambda: cell.heard("accepted"))
+    action = cell.node._action
+    before, result = action._newest, Future()
+    cell.until(lambda: action._newest is not before)
+    update = action._newest
+    result.set_result(
+        SimpleNamespace(status=GoalStatus.STATUS_CANCELED, result=action._type.Result())
+    )
+    action._on_result(before, result)
+    assert cell.rejected("controller_cancelled") and cell.mode == "idle"
+    assert update.given_up
+    cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the update cancelled")
 
 
 def test_a_goal_tolerance_is_told_and_the_arm_goes_home(cell):
