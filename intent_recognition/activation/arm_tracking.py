@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_clock import ArmClock
 from intent_recognition.activation.settings import ActivationSettings
-from intent_recognition.activation.states import Command
+from intent_recognition.activation.states import Command, Samples
 from intent_recognition.motion import JointReference
 
 LARGEST_SKEW_NS = 1_000_000_000
@@ -22,6 +22,19 @@ Convention: 3 degrees, more than an arm sags."""
 SAME_POSTURE_RAD = 1e-3
 """Postures nearer than this in every joint [rad] are the same. Convention: about 1 mm at the
 hand."""
+TELLING_RAD = 0.02
+"""A measured arm farther than this in a joint [rad] from its reference, and less than half as far
+from the one before, has not got the command. Convention: as for clocks, `ArmClock`."""
+LARGEST_LATENESS_NS = 500_000_000
+"""Commands later than this [ns] count as lost. Convention: above the delays of networks on which
+an arm should move."""
+_LATENESS_MARGIN = 1.5
+"""Commands lead by so many times the lateness more. Convention: latencies vary."""
+_SLIVER_NS = 1_000_000
+"""Samples nearer than this [ns] to a switch are left out. Numerical safeguard: differences of
+positions are divided by the square of it."""
+_FORGET = 0.9
+"""What is left of the lateness at the next motion from rest. Convention."""
 _SETTLING_NS = 500_000_000
 """Time an arm needs to settle after the end of a command [ns]. Convention."""
 _REST_WINDOW_NS = 100_000_000
@@ -48,6 +61,7 @@ class ArmTracking:
     Attributes:
         current: the newest command, which takes over at its start; None before the first.
         last_command_ns: when it was sent.
+        late_ns: how long after its start a command had not reached the arm, lately [ns].
         clock: how the stamps of joint states relate to ours.
     """
 
@@ -61,7 +75,7 @@ class ArmTracking:
         """No command is in force any more."""
         self.current: Command | None = None
         self._history: deque[Command] = deque()
-        self.last_command_ns = 0
+        self.last_command_ns = self.late_ns = 0
         self._reported: tuple | None = None
 
     def forget_joints(self) -> None:
@@ -100,6 +114,28 @@ class ArmTracking:
             time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
+            self._look_for_lateness(measured)
+
+    def _look_for_lateness(self, measured: Measured) -> None:
+        """Learn how late commands are.
+
+        An arm that is far from its reference, and near to what it was asked for before a command
+        that is due, has not got that one.
+        """
+        error, time_ns = self._error(measured), measured.time_ns
+        due = [command for command in self._history if command.start_ns <= time_ns]
+        while error >= TELLING_RAD and due:
+            command = due.pop()
+            late_ns = time_ns - command.start_ns
+            before = due[-1].at(time_ns).position if due else command.plan.positions[0]
+            if late_ns > LARGEST_LATENESS_NS:
+                return
+            if np.abs(measured.position - before).max() < 0.5 * error:
+                if late_ns > self.late_ns:
+                    self.late_ns = late_ns
+                    text = "a command came after its start: the next ones lead by more"
+                    self._report_once("commands_late", None, text)
+                return
 
     def lost(self, now_ns: int) -> bool | None:
         """Whether the command that has ended did not reach the arm; None: not known yet.
@@ -123,9 +159,10 @@ class ArmTracking:
 
     @property
     def clocks(self) -> dict[str, str]:
-        """For diagnostics: how far stamps are behind, and what ages count by."""
+        """For diagnostics: how late commands are, how far stamps are behind, and ages by what."""
         by_stamp = self.clock.by_stamp(self.settings.max_joint_state_age_s * 1e9)
         return {
+            "commands late [s]": f"{self.late_ns * 1e-9:.3f}",
             "joint states behind": f"{self.clock.offset_ns * 1e-9:.3f} s",
             "joint states' age by": "stamp" if by_stamp else "arrival",
         }
@@ -153,7 +190,11 @@ class ArmTracking:
         return bool(np.ptp(np.array(positions), axis=0).max() <= speed * span_ns * 1e-9)
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
-        """Note that a command holds from its start on; returns it."""
+        """Note that a command holds from its start on; returns it as it is to be sent."""
+        if not self.under_way(now_ns):
+            self.late_ns = round(_FORGET * self.late_ns)
+        elif command.start_ns - now_ns > 2e9 * self.settings.command_period_s:
+            command = command._replace(before=self._samples(now_ns, command.start_ns))
         self.current = command
         self._history.append(command)
         while len(self._history) > 1 and self._history[1].start_ns < now_ns - 2 * LARGEST_SKEW_NS:
@@ -161,13 +202,35 @@ class ArmTracking:
         self.last_command_ns = now_ns
         return command
 
+    def _samples(self, now_ns: int, end_ns: int) -> Samples | None:
+        """What is in force from now until just before a time; None where that is no time.
+
+        Where commands take over and at their samples: the cubics between are those in force.
+        """
+        starts_ns = [command.start_ns for command in self._history]
+        times_ns = [np.array([now_ns])]
+        for command, until_ns in zip(self._history, [*starts_ns[1:], end_ns], strict=True):
+            own_ns = command.start_ns + np.rint(command.plan.times_s * 1e9).astype(np.int64)
+            times_ns.append(own_ns[(own_ns < until_ns)])
+        every_ns = np.unique(np.concatenate(times_ns))
+        inside = (every_ns >= now_ns + _SLIVER_NS) & (every_ns <= end_ns - _SLIVER_NS)
+        every_ns = every_ns[inside | ((every_ns == now_ns) & (now_ns < end_ns))]
+        references = [self._reference(int(time_ns)) for time_ns in every_ns]
+        if not references:
+            return None
+        rows = zip(*[(r.position, r.velocity) for r in references if r is not None], strict=True)
+        return Samples(every_ns, *(np.array(row) for row in rows))
+
     def under_way(self, now_ns: int) -> bool:
         """Whether the command in force has not come to rest."""
         return self.current is not None and now_ns < self.current.end_ns
 
     def switch_ns(self, now_ns: int) -> int:
-        """When a command planned now takes over; never before the one in force does."""
-        ahead = now_ns + round(self.settings.lead_s * 1e9)
+        """When a command planned now takes over; never before the one in force does.
+
+        The lead grows with the lateness of commands, so that the next ones are in time.
+        """
+        ahead = now_ns + round(self.settings.lead_s * 1e9 + _LATENESS_MARGIN * self.late_ns)
         return ahead if self.current is None else max(ahead, self.current.start_ns)
 
     def phase(self, now_ns: int) -> float:

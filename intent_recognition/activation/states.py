@@ -6,6 +6,9 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from intent_recognition.motion import JointPath, JointPlan, JointReference, PhaseState, Via
 
 
@@ -20,11 +23,36 @@ class Mode(Enum):
     YIELDING = "yielding"
 
 
+class Samples(NamedTuple):
+    """Points of a motion: whole nanoseconds (T,), positions and velocities (T, n) [rad, rad/s]."""
+
+    times_ns: NDArray[np.int64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+
+
 class Command(NamedTuple):
-    """A plan that takes over at start_ns."""
+    """A plan that takes over at start_ns.
+
+    `before` is what is in force from the sending to the start; None for an arm at rest.
+    """
 
     start_ns: int
     plan: JointPlan
+    before: Samples | None = None
+
+    def to_send(self) -> Samples:
+        """The points of a message; those before the start come first.
+
+        A controller that forgets at once what it was doing goes on along them, and one that has
+        lost the last commands comes back onto them.
+        """
+        plan = self.plan
+        times_ns = self.start_ns + np.rint(plan.times_s * 1e9).astype(np.int64)
+        own = Samples(times_ns, plan.positions, plan.velocities)
+        if self.before is None:
+            return own
+        return Samples(*(np.concatenate(pair) for pair in zip(self.before, own, strict=True)))
 
     @property
     def end_ns(self) -> int:

@@ -61,9 +61,9 @@ class ActivationOutput:
         """Send a command, if there is one."""
         if command is None or self._builder is None:
             return
-        plan = command.plan
+        times_ns, positions, velocities = command.to_send()
         message = self._builder.build(
-            command.start_ns, plan.times_s, plan.positions, plan.velocities
+            int(times_ns[0]), (times_ns - times_ns[0]) * 1e-9, positions, velocities
         )
         self._commands.publish(message)
         self._diagnostics.tick("joint_trajectory")

@@ -31,6 +31,7 @@ REASONS = (
     "velocity_at_end",
     "ends_in_past",
     "starts_too_late",
+    "cannot_join",
 )
 LONGEST_WAIT_S = 60.0
 """A trajectory that starts later [s] comes from a sender on another clock. Convention."""

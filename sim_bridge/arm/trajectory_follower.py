@@ -3,9 +3,10 @@
 
 The semantics are those of ros2_control's joint_trajectory_controller: a zero stamp starts now,
 a later one starts then (the old trajectory goes on until then), points in the past are skipped,
-the last point is held. Two things are kinder to the arm: positions without velocities are joined
-by a smooth curve instead of straight lines, and where a new trajectory does not begin at the
-current reference, the difference fades out with bounded acceleration instead of jumping.
+the last point is held. Three things are kinder to the arm: positions without velocities are joined
+by a smooth curve instead of straight lines; where a new trajectory does not begin at the current
+reference, the difference fades out instead of jumping, so slowly that both together keep the
+limits; and one for which that is too slow is rejected.
 """
 
 from bisect import bisect_right
@@ -15,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.kinematics import LWR_LIMITS, JointLimits
-from sim_bridge.arm.trajectory_command import TrajectoryCommand
+from intent_recognition.kinematics import LWR_LIMITS, RATE_TOLERANCE, JointLimits
+from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 
 # Peaks over [0, 1] of the quintic that fades a unit offset (or a unit velocity) to rest.
 _OFFSET_ACCELERATION = 10.0 / np.sqrt(3.0)
@@ -29,6 +30,16 @@ VELOCITY_SHARE = 0.5
 """Share of the velocity limit an offset in position may use. Convention."""
 SHORTEST_FADE_S = 0.05
 """A difference takes at least this long to fade out [s]. Convention."""
+LONGEST_FADE_S = 8.0
+"""A trajectory that cannot be joined in this time [s] is rejected. Convention: the longest time in
+which the activation lets an offset fade."""
+_SLOWER = 1.15
+"""Factor between two durations tried. Convention."""
+_N_LOOKS = 64
+"""Places of a fade at which both together are compared with the limits, beside the trajectory's
+points. Convention: between them its acceleration rises by 0.1 % of the limit."""
+_IN_FORCE_RAD = 1e-9
+"""A smaller difference [rad, rad/s] is that of rounding, and fades at once. Numerical safeguard."""
 
 
 class ArmReference(NamedTuple):
@@ -52,6 +63,7 @@ class _Curve:
         for k, duration in enumerate(np.diff(command.times_s)):
             pieces.append(_segment(command, k, float(duration)))
         pieces.append(_polynomial(last))
+        self.knots_s = times
         self._knots = times.tolist()
         self._origins = [times[0], *times.tolist()]
         self._pieces = pieces
@@ -82,10 +94,9 @@ class _Entry(NamedTuple):
 class TrajectoryFollower:
     """Gives the reference at any time from the commands accepted so far; no clock, no ROS.
 
-    Position and velocity of the reference are continuous; its acceleration is at most that of
-    the trajectory in force plus `ACCELERATION_SHARE` of the limit (plus what a blend cut
-    short by a further command had left). Times are seconds of any one clock, and must not run
-    backward.
+    Position and velocity of the reference are continuous; its velocity and acceleration keep the
+    limits, but where a trajectory exceeds them by itself. Times are seconds of any one clock, and
+    must not run backward.
 
     Args:
         position: where to hold until a command comes (n_joints,) [rad].
@@ -115,27 +126,55 @@ class TrajectoryFollower:
         """Follow this command from its start on; the running one goes on until then.
 
         A command waiting for a later start than this one's is dropped.
+
+        Raises:
+            RejectedTrajectoryError: it is too far from what is in force to be joined within the
+                limits; nothing has changed.
         """
         start_s = now_s if command.start_s is None else command.start_s
         switch_s = max(start_s, now_s)
         self._drop_before(now_s)
-        while len(self._entries) > 1 and self._entries[-1].start_s >= switch_s:
-            self._entries.pop()
-        old = self.sample(switch_s)
+        kept = [e for k, e in enumerate(self._entries) if k == 0 or e.start_s < switch_s]
+        old = _sample(kept, switch_s)
         curve = _Curve(command, start_s)
         new = curve.sample(switch_s)
         offset, velocity = old.q - new.q, old.qd - new.qd
-        fade_s = max(self._fade_time(offset, velocity), curve.first_s - switch_s)
-        rest = np.zeros_like(offset)
-        fading = _quintic(offset, velocity, rest, rest, rest, rest, fade_s)
-        self._entries.append(_Entry(switch_s, curve, fading, fade_s))
+        shortest_s = max(self._fade_time(offset, velocity), curve.first_s - switch_s)
+        self._entries = [*kept, self._joined(curve, switch_s, offset, velocity, shortest_s)]
+
+    def _joined(
+        self,
+        curve: _Curve,
+        switch_s: float,
+        offset: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        fade_s: float,
+    ) -> _Entry:
+        """The curve from switch_s on, with an offset that fades as quickly as the limits allow."""
+        rest, limits = np.zeros_like(offset), self._limits
+        longest_s = max(LONGEST_FADE_S, fade_s)
+        while True:
+            fading = _quintic(offset, velocity, rest, rest, rest, rest, fade_s)
+            entry = _Entry(switch_s, curve, fading, fade_s)
+            if max(np.abs(offset).max(), np.abs(velocity).max()) < _IN_FORCE_RAD:
+                return entry
+            times = switch_s + fade_s * np.linspace(0.0, 1.0, _N_LOOKS + 1)
+            knots = curve.knots_s[(curve.knots_s > switch_s) & (curve.knots_s < times[-1])]
+            times = np.concatenate([times, knots, np.nextafter(knots, -np.inf)])
+            alone = [curve.sample(time) for time in times]
+            both = [entry.sample(time) for time in times]
+            if _within(limits.velocity, [r.qd for r in both], [r.qd for r in alone]) and _within(
+                limits.acceleration, [r.qdd for r in both], [r.qdd for r in alone]
+            ):
+                return entry
+            if fade_s >= longest_s:
+                text = f"cannot be joined within the limits from {np.abs(offset).max():.3f} rad off"
+                raise RejectedTrajectoryError("cannot_join", f"joint_trajectory {text}")
+            fade_s = min(_SLOWER * fade_s, longest_s)
 
     def sample(self, time_s: float) -> ArmReference:
         """Return the reference at a time not before the last accepted command's `now_s`."""
-        for entry in reversed(self._entries):
-            if entry.start_s <= time_s:
-                return entry.sample(time_s)
-        return self._entries[0].sample(time_s)
+        return _sample(self._entries, time_s)
 
     def _drop_before(self, now_s: float) -> None:
         while len(self._entries) > 1 and self._entries[1].start_s <= now_s:
@@ -154,6 +193,24 @@ class TrajectoryFollower:
         speed = VELOCITY_SHARE * self._limits.velocity
         fade = np.maximum(fade, _OFFSET_VELOCITY * np.abs(offset) / speed)
         return max(float(fade.max()), SHORTEST_FADE_S)
+
+
+def _sample(entries: list[_Entry], time_s: float) -> ArmReference:
+    """The reference by the last entry that has started."""
+    for entry in reversed(entries):
+        if entry.start_s <= time_s:
+            return entry.sample(time_s)
+    return entries[0].sample(time_s)
+
+
+def _within(
+    limit: NDArray[np.float64],
+    both: list[NDArray[np.float64]],
+    alone: list[NDArray[np.float64]],
+) -> bool:
+    """Whether rates keep their limit (n,), or the trajectory's own where that is larger."""
+    largest = np.maximum(limit, np.abs(alone).max(axis=0))
+    return bool(np.all(np.abs(both) <= largest * (1.0 + RATE_TOLERANCE)))
 
 
 def _polynomial(*coefficients: NDArray[np.float64]) -> NDArray[np.float64]:

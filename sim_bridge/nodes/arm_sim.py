@@ -349,11 +349,9 @@ class ArmSim(Node):
             self.diagnostics.reject("gravity_compensation", "joint_trajectory while guided")
             return
         try:
-            command = self._command(message)
+            self.follower.accept(self._command(message), self.arm.time_s)
         except RejectedTrajectoryError as error:
             self.diagnostics.reject(error.reason, str(error))
-            return
-        self.follower.accept(command, self.arm.time_s)
 
     def _on_prediction(self, spread: SpreadControl, message: JointTrajectory) -> None:
         start_s = self._start_s(stamp_ns(message))

@@ -342,6 +342,7 @@ def test_an_arm_whose_clock_is_behind_is_followed_while_it_moves(behind_s):
         world.activation.take_joint_state(stamp_ns, world.arm(), np.zeros(7), now_ns=world.now_ns)
         world.step()
     assert world.activation.clocks == {
+        "commands late [s]": "0.000",
         "joint states behind": f"{behind_s:.3f} s",
         "joint states' age by": "arrival",
     }

@@ -8,7 +8,8 @@ from hypothesis.strategies import composite, floats, integers, lists, none, one_
 
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
-from sim_bridge.arm.trajectory_command import TrajectoryCommand
+from sim_bridge.arm import trajectory_follower
+from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from sim_bridge.arm.trajectory_follower import ACCELERATION_SHARE, TrajectoryFollower
 
 REST = np.zeros(7)
@@ -210,3 +211,21 @@ def test_a_stream_of_updates_is_smooth():
         assert np.abs(acceleration).max() < 8.0
         velocities.append(part)
     assert np.abs(np.diff(np.concatenate(velocities), axis=0)).max() <= 8.0 * 0.001 + 1e-9
+
+
+def test_one_that_cannot_be_joined_within_the_limits_is_rejected_and_changes_nothing(monkeypatch):
+    """Where it accelerates as it may, nothing is left to make up with in a short time."""
+    monkeypatch.setattr(trajectory_follower, "LONGEST_FADE_S", 0.1)
+    follower = TrajectoryFollower(REST, LWR_LIMITS)
+    follower.accept(command([0.0, 1.0], [REST, REST + 0.1]), 0.0)
+    before = [follower.sample(t) for t in (0.5, 2.0)]
+    acceleration, seconds = LWR_LIMITS.acceleration[0], 0.2
+    q, qd = np.zeros((3, 7)), np.zeros((3, 7))
+    q[1:, 0] = acceleration * seconds**2 * np.array([0.5, 1.0])
+    qd[1, 0] = acceleration * seconds
+    late = command([0.0, seconds, 2 * seconds], q, qd, start_s=-0.1, now_s=0.0)
+    with pytest.raises(RejectedTrajectoryError, match="joined within the limits") as caught:
+        follower.accept(late, 0.0)
+    assert caught.value.reason == "cannot_join"
+    for t, reference in zip((0.5, 2.0), before, strict=True):
+        np.testing.assert_array_equal(follower.sample(t).q, reference.q)

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that come late or not at all: what the arm executes keeps its limits all the same.
+
+Messages of one sender arrive in the order in which they were sent, as DDS delivers them.
+"""
+
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+from activation_world import HOME, LIMITS, START_NS, STEP_NS, World
+from scipy.interpolate import CubicHermiteSpline
+
+from intent_recognition.activation.states import Mode
+from intent_recognition.kinematics import JOINT_NAMES, RATE_TOLERANCE
+from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
+from sim_bridge.arm.trajectory_follower import ArmReference, TrajectoryFollower
+
+FINE_S = 0.002
+"""Between two looks at what is executed [s]."""
+
+
+class Arm:
+    """The simulated arm's follower behind a channel that delays and loses."""
+
+    def __init__(self, world, rng, latency_s, loss):
+        self.follower = TrajectoryFollower(HOME, LIMITS)
+        self._world, self._rng, self._latency_s, self._loss = world, rng, latency_s, loss
+        self._coming, self._last_s, self.rejected = [], 0.0, []
+        self.executed = []
+
+    def sample(self, t):
+        return self.follower.sample(t)
+
+    def send(self, command, now_s):
+        if self._rng.random() >= self._loss:
+            low, high = self._latency_s
+            self._last_s = max(self._last_s, now_s + self._rng.uniform(low, high))
+            self._coming.append((self._last_s, command))
+
+    def go_to(self, before_s, now_s):
+        """Execute until now; what arrives in between takes over when it arrives."""
+        for t in np.arange(before_s, now_s - 1e-9, FINE_S):
+            while self._coming and self._coming[0][0] <= t:
+                self._take(self._coming.pop(0)[1], t)
+            self.executed.append(self.sample(t))
+
+    def _take(self, command, t):
+        times_ns, q, v = command.to_send()
+        times_s, start_s = (times_ns - times_ns[0]) * 1e-9, times_ns[0] * 1e-9
+        try:
+            sent = TrajectoryCommand.validated(JOINT_NAMES, times_s, q, v, start_s=start_s, now_s=t)
+            self.follower.accept(sent, t)
+        except RejectedTrajectoryError as error:
+            self.rejected.append(error.reason)
+
+    def use(self):
+        """Largest shares of the limits: acceleration, velocity."""
+        a = np.array([reference.qdd for reference in self.executed]) / LIMITS.acceleration
+        v = np.array([reference.qd for reference in self.executed]) / LIMITS.velocity
+        return np.array([np.abs(a).max(), np.abs(v).max()])
+
+
+class ForgetfulArm(Arm):
+    """A controller that forgets what it was doing when a message comes, and jumps to that."""
+
+    curve = None
+
+    def sample(self, t):
+        if self.curve is None:
+            return self.follower.sample(t)
+        q = self.curve(np.clip(t, *self.curve.x[[0, -1]]))
+        return ArmReference(q, np.zeros(7), np.zeros(7))
+
+    def _take(self, command, t):
+        times_ns, q, v = command.to_send()
+        self.curve = CubicHermiteSpline(times_ns * 1e-9, q, v)
+
+
+def session(seed, latency_s, loss, kind=Arm, n=2):
+    """Interactions with an arm behind such a channel, until it is at home again."""
+    world, rng = World(), np.random.default_rng(seed)
+    arm = kind(world, rng, latency_s, loss)
+    world.arm = lambda: arm.sample(world.now_ns * 1e-9).q
+
+    def run(steps):
+        for _ in range(steps):
+            arm.go_to(world.now_ns * 1e-9, (world.now_ns + STEP_NS) * 1e-9)
+            n = len(world.commands)
+            world.step()
+            for command in world.commands[n:]:
+                arm.send(command, world.now_ns * 1e-9)
+
+    run(30)
+    for k in range(n):
+        world.begin("screw" if k % 2 else "plate", already_s=rng.uniform(0.0, 0.6))
+        run(int(rng.integers(150, 350)))
+        world.task = "idle"
+        for _ in range(40):
+            run(100)
+            if world.activation.mode is Mode.IDLE:
+                break
+    return world, arm
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+@pytest.mark.parametrize("latency_s", [(0.0, 0.0), (0.1, 0.1), (0.2, 0.2), (0.3, 0.3), (0.0, 0.3)])
+def test_what_is_executed_keeps_the_limits_and_ends_at_home(latency_s, loss):
+    world, arm = session(1, latency_s, loss)
+    assert np.all(arm.use() <= 1.0 + RATE_TOLERANCE)
+    assert world.activation.mode is Mode.IDLE
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
+    assert world.tasks_seen == ["", "plate", "", "screw", ""]
+    late = float(world.activation.clocks["commands late [s]"])
+    if loss == 0.0:
+        assert (late > 0.0) == (latency_s[1] >= 0.2)
+        assert ("commands_late" in world.rejected) == (late > 0.0)
+
+
+def test_once_lateness_is_known_a_controller_that_forgets_goes_on_without_a_jump():
+    """All it executes in the second interaction is what is in force, as commands lead by enough."""
+    world, arm = session(0, (0.2, 0.2), 0.0, ForgetfulArm)
+    begun_ns = next(
+        c.start_ns
+        for c in world.commands[::-1]
+        if c.before is None and c.plan.kind == "interaction"
+    )
+    compared = 0
+    for k, executed in enumerate(arm.executed):
+        time_ns = START_NS + round(k * FINE_S * 1e9)
+        if time_ns > begun_ns:
+            np.testing.assert_allclose(executed.q, world.reference(time_ns).position, atol=1e-5)
+            compared += 1
+    assert compared > 500
+
+
+if __name__ == "__main__":
+    for latency_s in ((0.0, 0.0), (0.1, 0.1), (0.2, 0.2), (0.3, 0.3), (0.0, 0.3)):
+        for loss in (0.0, 0.1, 0.3):
+            got = [session(seed, latency_s, loss) for seed in range(int(sys.argv[1]))]
+            largest = np.array([arm.use() for _, arm in got]).max(axis=0)
+            home = sum(np.abs(world.arm() - HOME).max() < 1e-3 for world, _ in got)
+            rejected = Counter(reason for world, _ in got for reason in world.rejected)
+            rejected.update(reason for _, arm in got for reason in arm.rejected)
+            print(latency_s, loss, largest.round(4), f"{home} at home", dict(rejected), flush=True)
