@@ -2,6 +2,7 @@
 """A headless Chromium with the page open, and what can be measured of it."""
 
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -47,6 +48,13 @@ COUNT = """() => {
           waiting: viewer.messageQueue.length};
 }"""
 """viser keeps scene, renderer and queue of messages there for its own tests."""
+SEEN = "name => window.__viserMutable && window.__viserMutable.nodeRefFromName[name]"
+FRAME = """async () => {
+  for (let k = 0; k < 2; k++) await new Promise(done => requestAnimationFrame(done));
+  const gl = window.__viserMutable.canvas.getContext("webgl2");
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+}"""
+"""The frame that was begun is drawn to its end before a pixel of it can be read."""
 
 
 class PageSize(NamedTuple):
@@ -118,6 +126,26 @@ def chromium() -> str | None:
 @contextmanager
 def open_page(url: str, width: int, height: int) -> Iterator[OpenPage]:
     """A browser with a fresh profile, and the page open in it."""
+    with _browser(width, height) as (browser, page):
+        calm(page, FRAMES_HZ)
+        page.goto(url)
+        page.wait_for_function("() => window.__viserMutable && window.__viserMutable.scene")
+        yield OpenPage(browser, page)
+
+
+def first_sight_s(url: str, width: int, height: int, node: str) -> float:
+    """Time from the address to the first whole frame that has a node of the scene [s]."""
+    with _browser(width, height) as (_, page):
+        started_s = time.monotonic()
+        page.goto(url)
+        page.wait_for_function(SEEN, arg=node)
+        page.evaluate(FRAME)
+        return time.monotonic() - started_s
+
+
+@contextmanager
+def _browser(width: int, height: int) -> Iterator[tuple["Browser", "Page"]]:
+    """A browser with a fresh profile, and one empty page."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
@@ -125,10 +153,7 @@ def open_page(url: str, width: int, height: int) -> Iterator[OpenPage]:
         try:
             page = browser.new_page(viewport={"width": width, "height": height})
             page.set_default_timeout(1e3 * OPEN_S)
-            calm(page, FRAMES_HZ)
-            page.goto(url)
-            page.wait_for_function("() => window.__viserMutable && window.__viserMutable.scene")
-            yield OpenPage(browser, page)
+            yield browser, page
         finally:
             browser.close()
 

@@ -173,6 +173,7 @@ NODES: Mapping[str, RegisteredNode] = {
         subscribes=(
             "coworker/task",
             "intent/active_task",
+            "intent/feedback",
             "intent/markers",
             "intent/robot_trajectory",
             "intent/tasks",

@@ -18,7 +18,7 @@ from rich.console import Console
 from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
-from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
+from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE, answers
 from intent_recognition.errors import IntentError, ResourceBusyError
 from intent_recognition.interrupts import noted_interrupts
 from intent_recognition.model import LIBRARY_MODEL
@@ -161,6 +161,7 @@ def _run_graph(
         _start_nodes(args, calls, observer, watch)
         console.print("the nodes found one another; the session begins")
         if args.dashboard:
+            watch.until(lambda: answers(_page(args)), GRAPH_DEADLINE_S, "the page")
             say(console, f"the page is at {_page(args)}")
         pace = _follow(args, observer, progress, watch)
         log = observer.log()

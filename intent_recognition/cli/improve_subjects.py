@@ -207,13 +207,18 @@ def _changed(
     change: Callable[[TaskFolder], Change],
     what: str,
 ) -> str:
-    """Change a folder of tasks, and give the model to a running estimator, if ROS is there."""
+    """Change a folder of tasks, and let an estimator that runs its model use it; says who does."""
     if find_spec("rclpy") is None:
         change(folder)
-        return what
+        return f"{what}; no estimator was asked, for ROS 2 is not here"
     args.library = folder.path
     with teacher_node(args) as (teacher, spin):
-        spin(teacher.estimator_runs, FOUND_S)
+        if spin(teacher.estimator_runs, FOUND_S):
+            spin(lambda: teacher.loaded is not None, HANDED_OVER_S)
+            if not teacher.knows_loaded():
+                change(folder)
+                runs = teacher.loaded or "a model that it does not tell"
+                return f"{what}; used by nobody: the estimator runs {runs}, and goes on with it"
         text = teacher.change(lambda: change(folder), what)
         with busy(console, "sending the model"):
             spin(lambda: not teacher.sending_model, HANDED_OVER_S)

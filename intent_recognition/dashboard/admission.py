@@ -12,12 +12,9 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
-
-import numpy as np
-import zstandard
+from urllib.request import urlopen
 
 from intent_recognition.errors import ArgumentError
 
@@ -29,6 +26,8 @@ TOKEN_BYTES = 24
 TOKEN_FORM = re.compile(r"[A-Za-z0-9_-]{16,128}")
 IDLE_S = 60.0
 """An operator that has done nothing for so long may be followed by another [s]. Convention."""
+ANSWER_S = 2.0
+"""Longest wait for an answer of the page [s]. Convention."""
 GRAB, DRAG, LEAVE = (
     f"TransformControls{phase}Message" for phase in ("DragStart", "Update", "DragEnd")
 )
@@ -50,12 +49,16 @@ MOST_NUMBERS = 64
 """Numbers in one message from a browser. Convention."""
 _HOST = re.compile(r"(?:\[(?P<number>[0-9A-Fa-f:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
 """A `Host`: an address of IPv6 or a name, and a port."""
-_SCRIPT = re.compile(r"<script\b([^>]*)>(.*?)</script>", re.DOTALL | re.IGNORECASE)
-_PACKED = re.compile(r'data-c="([^"]+)"')
-"""What viser 1.1.0 runs."""
-_PACKED_AFTER_STYLES = re.compile(r'data-p="([^"]+)"\s+data-ss="(\d+)"')
-"""What viser 1.1.1 runs, in base 88, and how long the styles before it are."""
-_DIGITS = np.array([code for code in range(33, 127) if chr(code) not in "\"&'<>`"], dtype=np.uint8)
+_SCRIPT = re.compile(r"<script\b[^>]*>(.*?)</script>", re.DOTALL | re.IGNORECASE)
+
+
+def answers(address: str) -> bool:
+    """Whether the page answers at its address."""
+    try:
+        with urlopen(address, timeout=ANSWER_S) as answer:
+            return bool(answer.status == 200)
+    except OSError:
+        return False
 
 
 class Admission:
@@ -250,7 +253,7 @@ def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
     """
     rules = {
         "default-src": "'none'",
-        "script-src": " ".join(("'self'", "'wasm-unsafe-eval'", "blob:", *scripts)),
+        "script-src": " ".join(("'strict-dynamic'", "'wasm-unsafe-eval'", *scripts)),
         "worker-src": "'self' blob:",
         "style-src": "'self' 'unsafe-inline'",
         "img-src": "'self' data: blob:",
@@ -271,31 +274,10 @@ def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
     }
 
 
-def script_sources(index: Path) -> tuple[str, ...]:
-    """Hashes of a page's scripts, and of the one that viser packs into an attribute."""
-    found = []
-    for attributes, text in _SCRIPT.findall(index.read_text(encoding="utf-8")):
-        found.append(text.encode())
-        if packed := _PACKED.search(attributes):
-            found.append(_decompressed(base64.b64decode(packed[1])))
-        elif packed := _PACKED_AFTER_STYLES.search(attributes):
-            found.append(_decompressed(_from_base_88(packed[1]))[int(packed[2]) :])
-    return tuple(
-        f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'" for script in found
-    )
-
-
-def _decompressed(data: bytes) -> bytes:
-    return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-
-
-def _from_base_88(text: str) -> bytes:
-    """Bytes of a text whose every five digits of base 88 are four of them."""
-    digits = np.searchsorted(_DIGITS, np.frombuffer(text.encode(), np.uint8)).astype(np.int64)
-    whole = len(digits) // 5 * 5
-    numbers = digits[:whole].reshape(-1, 5) @ (len(_DIGITS) ** np.arange(4, -1, -1))
-    rest = sum(int(n) * len(_DIGITS) ** k for k, n in enumerate(digits[whole:][::-1]))
-    return numbers.astype(">u4").tobytes() + rest.to_bytes(max(len(text) - whole - 1, 0), "big")
+def script_sources(page: str) -> list[str]:
+    """Hashes of the scripts in the text of a page; what they insert themselves may run, too."""
+    scripts = (hashlib.sha256(text.encode()).digest() for text in _SCRIPT.findall(page))
+    return [f"'sha256-{base64.b64encode(digest).decode()}'" for digest in scripts]
 
 
 def _same_origin(origin: str, host: str) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.composing import ViaPoint
-from intent_recognition.model import TO_UNDO
+from intent_recognition.model import ARRIVED, TO_UNDO
 
 PLOTTED_S = 20.0
 """Past of the task posterior that is plotted [s]. Convention."""
@@ -103,6 +103,8 @@ class CellState:
         wrist: newest wrist position (3,) [m], None before the first.
         posterior, predicted, drawn: newest, None before the first.
         active: task being executed.
+        unfinished: task that was executed last, and what ended it before its end; empty if nothing
+            did.
         truth: what the simulated coworker really does; None if it is not published.
         nodes: health by node name.
         teaching: last sentence of `teach/status`.
@@ -120,6 +122,7 @@ class CellState:
     drawn: PathMarkers | None = None
     drawn_at_s: float = -np.inf
     active: str = ""
+    unfinished: tuple[str, str] | None = None
     truth: str | None = None
     description: str = ""
     teaching: str = ""
@@ -141,6 +144,16 @@ class CellState:
     def can_undo(self) -> bool:
         """Whether the teacher has a change to take back."""
         return any(TO_UNDO in row.values for rows in self.skills.values() for row in rows)
+
+    def take_active(self, task: str) -> None:
+        """The task being executed, empty for none."""
+        self.active = task
+        if task:
+            self.unfinished = None
+
+    def take_outcome(self, task: str, what: str) -> None:
+        """What became of the execution of a task."""
+        self.unfinished = None if what == ARRIVED else (task, what)
 
     def take_question(self, tasks: tuple[str, ...], now_s: float) -> None:
         """The tasks that are in question, none where nothing is."""

@@ -53,8 +53,11 @@ def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
 
 
 def now_line(state: CellState, colours: Mapping[str, str]) -> str:
-    """What the robot does, and what the simulated coworker does, if published."""
+    """What the robot does or did not finish, and what the simulated coworker does, if published."""
     parts = [f"robot: {_chip(state.active, colours) if state.active else 'waits'}"]
+    if state.unfinished and not state.active:
+        task, what = state.unfinished
+        parts.append(f"{_chip(task, colours)} <b style='color:{BAD}'>{escape(what)}</b>")
     if state.truth:
         parts.append(f"coworker: {_chip(state.truth, colours)}")
     return _block(f'<div style="padding:.25em 0 .55em">{" &nbsp; ".join(parts)}</div>')

@@ -19,8 +19,9 @@ from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
+from intent_recognition.dashboard.welcome import AUTO, OFF, ON
 from intent_recognition.demonstrations import find_bags
-from intent_recognition.errors import BagError, IntentError, one_line
+from intent_recognition.errors import ArgumentError, BagError, IntentError, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -60,6 +61,15 @@ class Dashboard(Node):
         scene = get("scene", "", "what stands in the cell: a YAML file, or toolbox; empty: nothing")
         hand_link = get("hand_link", "", "link of the arm that is its hand; empty: its last one")
         read_only = get("read_only", False, "only show; nothing can be pressed or dragged")
+        light = get(
+            "light",
+            AUTO,
+            "a scene without shadows and with fewer pixels: on, off, or auto: where a browser"
+            " draws slowly",
+        )
+        if light not in (AUTO, ON, OFF):
+            cure = "Leave it out for auto."
+            raise ArgumentError.about("parameter light", "auto, on or off", light, cure)
         seed = get("seed", 0, "of the variation between shown demonstrations", 0)
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
@@ -89,6 +99,7 @@ class Dashboard(Node):
             hand_link=hand_link,
             names=names,
             read_only=read_only,
+            light=light,
         )
         self.get_logger().info(f"the page is at {self.page.address}")
         steady_timer(self, 1.0 / rate_hz, self._update)

@@ -21,6 +21,7 @@ from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.via_controls import ViaPointControls
 from intent_recognition.dashboard.watch_tab import WatchTab
+from intent_recognition.dashboard.welcome import AUTO, ON
 from intent_recognition.dashboard.widgets import set_content
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
@@ -60,6 +61,7 @@ class DashboardPage:
         hand_link: link of the arm that is its hand; empty: the one that most joints move.
         names: further names under which the page is reached.
         read_only: nobody operates the page.
+        light: when the scene is light, see `welcome`.
         clock: seconds, monotonic.
 
     Raises:
@@ -84,6 +86,7 @@ class DashboardPage:
         hand_link: str = "",
         names: Iterable[str] = (),
         read_only: bool = False,
+        light: str = AUTO,
         clock: Callable[[], float] = time.monotonic,
     ):
         self._state, self._commands, self._clock = state, commands, clock
@@ -103,8 +106,10 @@ class DashboardPage:
             self._admission,
             Operator(read_only),
             lambda why: self.show_message(False, why),
+            light,
+            lambda: self._ask(self._lighten),
         )
-        self._scene = PageScene(self._server, scene or CellScene(), hand_link)
+        self._scene = PageScene(self._server, scene or CellScene(), hand_link, light != ON)
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PIXELS)
@@ -186,6 +191,9 @@ class DashboardPage:
             self._asked[action] = None
             if len(self._asked) > MOST_ASKED:
                 del self._asked[next(iter(self._asked))]
+
+    def _lighten(self) -> None:
+        self._scene.lighten()
 
     def _perform(self, action: Callable[[], None]) -> None:
         """Do what was asked for; what a browser sent that makes no sense is told, no more."""

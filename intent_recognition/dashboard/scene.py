@@ -47,20 +47,32 @@ class PageScene:
         server: the page.
         cell: what stands in the cell.
         hand_link: link of the arm that is its hand.
+        shadows: are drawn; `lighten` leaves them out later.
 
     Attributes:
         hand_path: task and positions (T, 3) [m] of the path predicted last; None before the first.
     """
 
-    def __init__(self, server: viser.ViserServer, cell: CellScene, hand_link: str = ""):
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        cell: CellScene,
+        hand_link: str = "",
+        shadows: bool = True,
+    ):
         self._server, self._cell, self._hand_link = server, cell, hand_link
         self._robot: RobotView | None = None
         self._description = self._problem = ""
         self._hand_path_at_s = -np.inf
         self.hand_path: tuple[str, NDArray[np.float64]] | None = None
         self._prepare()
+        server.scene.configure_default_lights(cast_shadow=shadows)
         self._things = ThingsView(server, cell)
         self._person = PersonView(server, cell.person) if cell.person is not None else None
+
+    def lighten(self) -> None:
+        """Draw no shadows from now on, for a browser that draws slowly."""
+        self._server.scene.configure_default_lights(cast_shadow=False)
 
     @property
     def robot(self) -> RobotView | None:
@@ -91,7 +103,6 @@ class PageScene:
     def _prepare(self) -> None:
         scene = self._server.scene
         scene.set_up_direction("+z")
-        scene.configure_default_lights(cast_shadow=True)
         scene.add_grid(
             "/floor",
             width=12.0,

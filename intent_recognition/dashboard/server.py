@@ -35,6 +35,7 @@ from intent_recognition.dashboard.admission import (
     response_headers,
     script_sources,
 )
+from intent_recognition.dashboard.welcome import AUTO, LIGHT, OFF, welcome
 from intent_recognition.errors import ResourceBusyError, one_line
 
 MOST_CLIENTS = 8
@@ -52,7 +53,6 @@ WINDOW = 32
 Convention: an update of the page has fewer."""
 CLIENT = Path(viser.__file__).parent / "client/build/index.html"
 _LOGGER = logging.getLogger("intent_recognition.page")
-WELCOME = '<!doctype html><meta http-equiv="refresh" content="0;url=/"><title>opening</title>'
 
 
 @_LOGGER.addFilter
@@ -71,6 +71,8 @@ def serve_page(
     admission: Admission,
     operator: Operator,
     refused: Callable[[str], None],
+    light: str = OFF,
+    slow: Callable[[], None] = lambda: None,
 ) -> viser.ViserServer:
     """A server on exactly this port: viser by itself would take the next free one.
 
@@ -81,13 +83,15 @@ def serve_page(
         admission: who may open it.
         operator: who may operate it.
         refused: told why an onlooker's action was not done; called in the server's thread.
+        light: when the scene is light, see `welcome`.
+        slow: called in the server's thread when a browser that draws slowly opens the page.
 
     Raises:
         ResourceBusyError: the port is taken, the address is not this machine's, or this viser
             cannot be guarded.
     """
     _check_free(host, port)
-    guard = _Guard(admission, operator, refused)
+    guard = _Guard(admission, operator, refused, welcome(light), slow if light == AUTO else None)
     with guard.installed(), redirect_stdout(StringIO()):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     if not guard.in_place:
@@ -118,14 +122,20 @@ class _Guard:
     """What the connections of one server have in common."""
 
     def __init__(
-        self, admission: Admission, operator: Operator, refused: Callable[[str], None]
+        self,
+        admission: Admission,
+        operator: Operator,
+        refused: Callable[[str], None],
+        entrance: str,
+        slow: Callable[[], None] | None,
     ) -> None:
         self.admission, self.operator, self.refused = admission, operator, refused
+        self._entrance, self._slow = entrance, slow
         self.sockets: set[ServerConnection] = set()
         self.clients: set[ServerConnection] = set()
         self.in_place = False
         self.page: viser.ViserServer | None = None
-        self._scripts = script_sources(CLIENT)
+        self._scripts = script_sources(entrance + CLIENT.read_text(encoding="utf-8"))
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -169,11 +179,13 @@ class _Guard:
                 return connection.respond(503, f"{MOST_CLIENTS} browsers have the page open.\n")
             return None
         if self.admission.has_token(request.path):
-            response = connection.respond(200, WELCOME)
+            response = connection.respond(200, self._entrance)
             del response.headers["Content-Type"]
             response.headers["Content-Type"] = "text/html; charset=utf-8"
             response.headers["Set-Cookie"] = self.admission.cookie
             return response
+        if self._slow is not None and request.path == LIGHT:
+            self._slow()
         return None
 
     def protect(

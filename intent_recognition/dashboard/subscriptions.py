@@ -32,6 +32,7 @@ from intent_recognition.dashboard.checks import (
     checked_text,
 )
 from intent_recognition.errors import ArgumentError, one_line
+from intent_recognition.model import OUTCOME
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import ENDED
@@ -82,6 +83,7 @@ class CellSubscriptions:
             (JointTrajectory, "intent/robot_trajectory", self._on_predicted, qos.COMMAND),
             (MarkerArray, "intent/markers", self._on_markers, qos.COMMAND),
             (String, "intent/active_task", self._on_active, qos.LATCHED),
+            (DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK),
             (JointState, "intent/question", self._on_question, qos.LATCHED),
             (String, "coworker/task", self._on_truth, qos.STATE),
             (String, "robot_description", self._on_description, qos.LATCHED),
@@ -134,7 +136,12 @@ class CellSubscriptions:
             self._state.drawn_at_s = self._clock()
 
     def _on_active(self, message: String) -> None:
-        self._state.active = checked_text("data", message.data)
+        self._state.take_active(checked_text("data", message.data))
+
+    def _on_feedback(self, message: DiagnosticStatus) -> None:
+        _, values = _told(message)
+        if OUTCOME in values:
+            self._state.take_outcome(checked_text("name", message.name), values[OUTCOME])
 
     def _on_question(self, message: JointState) -> None:
         names = checked_names("name", message.name, MOST_TASKS)

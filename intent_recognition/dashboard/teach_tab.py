@@ -32,6 +32,7 @@ SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
 """Demonstrations of a task that are recorded before learning. Convention."""
 RECORD, REACH = "Record a demonstration", "Reach to the wrist goal"
+DISCARD = "Discard the last one"
 TAKE = "Tick `Take the wrist`."
 BY_GOALS = (
     TAKE,
@@ -96,6 +97,7 @@ class TeachTab:
             self._vary = gui.add_slider("Variation [cm]", 0.0, 8.0, 0.5, 3.0)
         self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color=rgb(markup.BAD))
         self._learn = gui.add_button("Learn", icon=viser.Icon.SCHOOL, color=rgb(markup.GOOD))
+        self._discard = gui.add_button(DISCARD, icon=viser.Icon.TRASH, color="gray")
         self._reach = gui.add_button(REACH, icon=viser.Icon.HAND_FINGER)
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
         self._status = gui.add_html("")
@@ -122,9 +124,10 @@ class TeachTab:
         set_label(self._record, "Stop" if stops else RECORD)
         self._learn.disabled = session.busy or not teacher or not session.recorded
         set_label(self._learn, f"Learn ({session.recorded})" if session.recorded else "Learn")
+        self._discard.disabled = not (stops or (teacher and session.recorded and not session.busy))
         self._undo.disabled = session.busy or not teacher or not state.can_undo
         self._reach.disabled = not taken or session.busy
-        for field in (self._task, self._record, self._learn, self._undo):
+        for field in (self._task, self._record, self._learn, self._discard, self._undo):
             field.visible = teacher
         self._goals.visible = self._reach.visible = not by_hand
         self._update_handles(DIRECT if by_hand else GOALS, taken)
@@ -167,6 +170,7 @@ class TeachTab:
         on_change(self._take, lambda: do(self._take_or_release))
         self._record.on_click(lambda _: do(self._press_record))
         self._learn.on_click(lambda _: do(session.learn))
+        self._discard.on_click(lambda _: do(session.discard))
         self._undo.on_click(lambda _: do(session.undo))
         self._reach.on_click(lambda _: do(self._press_reach))
         for body, field in ((WRIST, self._wrist_goal), (HAND, self._hand_goal)):

@@ -88,6 +88,19 @@ class TeachingSession:
         """End that recording."""
         self._finish(self._rest)
 
+    def discard(self) -> None:
+        """Do not learn what is being recorded by hand, or was recorded last."""
+        if not self.recording and not self._is_free():
+            return
+
+        def discarded(ok: bool, text: str) -> None:
+            if not self.recording:
+                self.recorded -= ok
+            self.busy = self.recording = False
+            self._notify(ok, text)
+
+        self._commands.trigger(f"{TEACHER}/discard", discarded)
+
     def learn(self) -> None:
         """Learn what was recorded; the robot helps again afterwards."""
         if not self._is_free():
@@ -97,7 +110,7 @@ class TeachingSession:
         self._commands.trigger(f"{TEACHER}/learn", self._learned)
 
     def undo(self) -> None:
-        """Take the last demonstration back."""
+        """Take the last demonstration that was learned back."""
         self._commands.trigger(f"{TEACHER}/undo")
 
     def reach(self, goal: NDArray[np.float64], length_s: float) -> None:

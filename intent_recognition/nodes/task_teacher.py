@@ -16,12 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.demonstrations import HAND_LINK, topics_of
-from intent_recognition.errors import (
-    ArgumentError,
-    BagError,
-    IntentError,
-    ResourceBusyError,
-)
+from intent_recognition.errors import ArgumentError, BagError, IntentError, ResourceBusyError
 from intent_recognition.model import (
     PRACTICE,
     SKILL_COLUMNS,
@@ -68,8 +63,8 @@ class TaskTeacher(TopicRecorder):
     `~/start` begins a recording of the task named by the parameter `task`; `~/stop` ends it, adds
     it to the model in the folder `library` and asks the estimator to load that, unless the
     parameter `learn_at_stop` is false: then recordings wait for `~/learn`. `~/discard` ends a
-    recording and keeps it aside; `~/undo` takes the last one back. What happened is on
-    `teach/status`, a sentence each, the last one latched.
+    recording, or takes the last that waits, and keeps it aside; `~/undo` takes the last one that
+    was learned back. What happened is on `teach/status`, a sentence each, the last one latched.
 
     `~/practise` begins (true) and ends (false) practice of the task named by the parameter `task`,
     `~/accept` takes over what it came to; see `task_practice`.
@@ -82,6 +77,7 @@ class TaskTeacher(TopicRecorder):
         waiting: recordings that are not learned yet.
         last_status: the last sentence of `teach/status`.
         sending_model: a model is on its way to the estimator.
+        loaded: model that the estimator has, as it reported last; None before it has.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -90,6 +86,7 @@ class TaskTeacher(TopicRecorder):
         parameter(self, "learn_at_stop", True, "learn each recording at once, not at ~/learn")
         self.last_status = ""
         self.sending_model = False
+        self.loaded: str | None = None
         self._asked_s = 0.0
         self._in_use = False
         self.folder = self._open_folder()
@@ -206,12 +203,13 @@ class TaskTeacher(TopicRecorder):
         return text
 
     def discard(self) -> str:
-        """End the recording without learning it; it is kept in the folder's `undone`.
+        """Do not learn the recording under way, or the last that waits; `undone` keeps it.
 
         Raises:
-            BagError: nothing is being recorded.
+            BagError: nothing is being recorded, and nothing waits.
         """
-        bag = self.close_bag("~/discard").path
+        waits = self.recording is None and self.waiting
+        bag = self.waiting.pop() if waits else self.close_bag("~/discard").path
         self.folder.prune(bag)
         text = f"{bag.name} is not learned, and kept in undone"
         self.report(Level.OK, text)
@@ -333,7 +331,7 @@ class TaskTeacher(TopicRecorder):
         if answer.success:
             self._in_use = True
             self.practice.in_use()
-            self.report(Level.OK, f"{text}; in use")
+            self.report(Level.OK, f"{text}; in use by {self._estimator_name}")
         else:
             self.report(Level.WARN, f"{text}; not loaded: {answer.message}")
 
@@ -342,7 +340,7 @@ class TaskTeacher(TopicRecorder):
         for status in message.status:
             if status.name != self._estimator_name:
                 continue
-            loaded = values_of(status).get(MODEL)
+            self.loaded = loaded = values_of(status).get(MODEL)
             if loaded is None or loaded == self._model_in_force:
                 self._in_use = self._in_use or loaded is not None
             elif (self._in_use or _is_trial(loaded, self.folder)) and not self._is_asking():
@@ -360,6 +358,12 @@ class TaskTeacher(TopicRecorder):
     def estimator_runs(self) -> bool:
         """Whether there is an estimator to give models to."""
         return self._set_model.service_is_ready() and self._reload.service_is_ready()
+
+    def knows_loaded(self) -> bool:
+        """Whether the model that the estimator has is of this library, or what it began with."""
+        model = Path(self.loaded or "")
+        own = model.is_relative_to(self.folder.path) or self.loaded == ""
+        return own or (model.is_file() and self.folder.began_with(model))
 
     def _publish_skills(self) -> None:
         """How each task has done since each of its last changes."""

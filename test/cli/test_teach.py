@@ -5,20 +5,24 @@ import subprocess
 import sys
 import threading
 
+import numpy as np
 import pytest
 import yaml
 from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library, write_recording
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from intent_recognition.cli import teach
 from intent_recognition.demonstrations import DofEntry, DofSpec
 from intent_recognition.errors import BagError, DofError, ModelError, ResourceBusyError
+from intent_recognition.learning import RuleChange
 from intent_recognition.model import TaskFolder, load_model, save_model
 from intent_recognition.nodes import qos, runtime
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.signals.observation import merge
 
 DOFS = make_dofs()
@@ -110,6 +114,33 @@ def send(pose, joints, observation):
         pose.publish(message)
     else:
         joints.publish(to_joint_state(DOFS.controlled_names, observation.values, time_ns=stamp))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("own", [True, False])
+def test_practice_is_given_to_an_estimator_of_its_library_alone(harness, tmp_path, old, own):
+    folder = TaskFolder(tmp_path / "tasks", DOFS)
+    folder.start_from(old)
+    size = load_model(folder.model_path).library.regressions[0].matrix.shape
+    change = RuleChange(np.zeros(size), np.full(size[0], 0.01))
+    practice = folder.path / "practice" / OLD / "practice_00"
+    folder.improve(OLD, practice, change, folder.present_model())
+    other = TaskFolder(tmp_path / "others", DOFS)
+    for seed in (7, 8):
+        other.learn(write_recording(other.new_bag(OLD), perform(TRUTH, 0, seed), DOFS))
+    runs = folder.model_path if own else other.model_path
+    estimator = harness.add(
+        IntentEstimatorNode(parameter_overrides=[Parameter("model", value=str(runs))])
+    )
+    model = estimator._model
+    with Command("improve", OLD, "--library", folder.path, "--undo") as command:
+        harness.spin_until(lambda: command.process.poll() is not None)
+        told = " ".join(command.process.stdout.read().split())
+    assert command.process.returncode == 0
+    assert folder.history()[-1].action == "undo"
+    assert (estimator._model is not model) == own
+    wanted = "in use by intent_estimator" if own else f"used by nobody: the estimator runs {runs}"
+    assert wanted in told
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@
 import os
 import socket
 import time
-import urllib.request
 from contextlib import contextmanager
 from io import BytesIO
 
@@ -13,6 +12,7 @@ import pytest
 from PIL import Image
 
 from benchmarks import browser
+from intent_recognition.dashboard.admission import answers
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 390
 DEADLINE_S = 120.0
@@ -68,14 +68,6 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def _served(address: str) -> bool:
-    try:
-        with urllib.request.urlopen(address, timeout=DEADLINE_S) as answer:
-            return answer.status == 200
-    except OSError:
-        return False
-
-
 LOST = ".mantine-Loader-root"
 """The dots by which viser shows that it connects again. Until it has, it lets nothing be clicked: a
 click meets the nameless `<div>` behind the tabs. It gives each attempt one second and then drops
@@ -96,7 +88,7 @@ class Visitor:
 
     def open(self, port: int) -> None:
         address = f"http://127.0.0.1:{port}/?token={TOKEN}"
-        self.wait_until(lambda: _served(address), "the page is served")
+        self.wait_until(lambda: answers(address), "the page is served")
         self.page.goto(address)
         self.wait_for("Watch")
 

@@ -96,12 +96,12 @@ class Guarded(Visited):
 
 
 @contextmanager
-def guarded(read_only=False, clock=None):
+def guarded(read_only=False, clock=None, **options):
     port = free_port()
     operator = Operator(read_only) if clock is None else Operator(read_only, clock)
     refused = []
     admission = Admission("127.0.0.1", port, TOKEN)
-    server = serve_page("127.0.0.1", port, "test", admission, operator, refused.append)
+    server = serve_page("127.0.0.1", port, "test", admission, operator, refused.append, **options)
     page = Guarded(port, server, operator)
     page.refused = refused
     try:

@@ -29,6 +29,19 @@ def test_old_probabilities_lose_their_colour():
     assert "#0072b2" not in markup.bars(state_with("a"), {"a": "#0072b2"}, False)
 
 
+def test_what_the_robot_did_not_finish_is_told_until_it_begins_again():
+    state = CellState()
+    state.take_active("give_cup")
+    state.take_active("")
+    state.take_outcome("give_cup", "stopped: limits")
+    assert "stopped: limits" in markup.now_line(state, {})
+    state.take_active("give_cup")
+    assert "stopped" not in markup.now_line(state, {})
+    state.take_active("")
+    state.take_outcome("give_cup", "arrived")
+    assert "arrived" not in markup.now_line(state, {})
+
+
 def test_labels_and_messages_are_escaped():
     state = state_with(EVIL)
     nodes = {EVIL: NodeHealth(2, EVIL, {f"rejected {EVIL}": "3"}, 0.0)}

@@ -117,6 +117,11 @@ def teach_a_task(person):
     person.tab("Teach")
     person.page.get_by_label("Take the wrist").check()
     person.page.locator("input.mantine-TextInput-input:visible").fill("wave")
+    person.press("Record a demonstration")
+    person.wait_for("Learn (1)")
+    person.press("Discard the last one")
+    person.wait_for("kept in undone")
+    person.wait_until(lambda: "Learn (1)" not in person.text(), "nothing waits")
     for count in (1, 2, 3):
         person.press("Record a demonstration")
         person.wait_for(f"Learn ({count})")
@@ -149,7 +154,7 @@ def judge_and_undo(person):
     person.press("Keep the last correction")
     person.wait_for("corrected and not kept before")
     person.press("Undo")
-    person.wait_for("took wave_02 back")
+    person.wait_for("took wave_03 back")
 
 
 def keep_a_correction(person, tasks, repository):

@@ -3,12 +3,14 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import viser
 from dashboard.browser import free_port
 
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.teach_tab import BY_GOALS, BY_POINTER, TeachTab
+from intent_recognition.dashboard.teach_tab import BY_GOALS, BY_HAND, BY_POINTER, TeachTab
+from intent_recognition.dashboard.teaching_session import TeachingSession
 
 TICK = "&#10003;"
 
@@ -17,7 +19,11 @@ TICK = "&#10003;"
 def tab():
     server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
     teleoperation = SimpleNamespace(
-        holds_wrist=True, others_move_wrist=lambda: False, can_move_arm=lambda: True
+        holds_wrist=True,
+        position=np.zeros(3),
+        hand=lambda: np.zeros(3),
+        others_move_wrist=lambda: False,
+        can_move_arm=lambda: True,
     )
     session = SimpleNamespace(busy=False, recording=False, recorded=0, learned=False)
     commands = SimpleNamespace(offers=lambda name: True)
@@ -44,6 +50,38 @@ def test_the_last_step_is_done_when_the_robot_has_helped(tab):
     assert ticks(tab) == 1, "another task begins"
     session.recorded = 0
     assert ticks(tab) == 3
+
+
+def test_what_waits_or_is_recorded_by_hand_can_be_discarded(tab):
+    session = tab._session
+    tab.update(CellState())
+    assert tab._discard.disabled
+    session.recorded = 1
+    tab.update(CellState())
+    assert not tab._discard.disabled
+    session.busy = True
+    tab.update(CellState())
+    assert tab._discard.disabled
+    session.recorded, session.recording, tab._how.value = 0, True, BY_HAND
+    tab.update(CellState())
+    assert not tab._discard.disabled
+
+
+@pytest.mark.parametrize("by_hand", [True, False])
+def test_discarding_forgets_one_and_lets_go_on(by_hand):
+    said, asked = [], []
+
+    def trigger(service, done):
+        asked.append(service)
+        done(True, "kept aside")
+
+    commands = SimpleNamespace(trigger=trigger)
+    session = TeachingSession(None, commands, lambda *what: said.append(what), None)
+    session.recorded, session.busy, session.recording = 2, by_hand, by_hand
+    session.discard()
+    assert asked == ["task_teacher/discard"] and said == [(True, "kept aside")]
+    assert session.recorded == (2 if by_hand else 1)
+    assert not session.busy and not session.recording
 
 
 def test_the_steps_name_the_buttons(tab):

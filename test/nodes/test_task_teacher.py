@@ -169,7 +169,14 @@ def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, m
     assert cell.teacher.folder.history()[-1].action == "start"
     assert cell.call("start").success
     assert cell.call("discard").success
-    assert len(list((tmp_path / "mine" / "undone" / NEW).iterdir())) == 2
+    undone = tmp_path / "mine" / "undone" / NEW
+    assert len(list(undone.iterdir())) == 2
+    cell.teacher.set_parameters([Parameter("learn_at_stop", value=False)])
+    assert cell.call("start").success and cell.call("stop").success
+    assert len(cell.teacher.waiting) == 1
+    assert cell.call("discard").success and not cell.teacher.waiting
+    assert len(list(undone.iterdir())) == 3
+    assert not cell.call("discard").success
 
 
 def test_a_library_is_asked_for(harness):
