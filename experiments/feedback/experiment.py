@@ -25,7 +25,7 @@ from experiments.feedback.study import (
 )
 from experiments.results import ExperimentResult
 from experiments.settings import Settings
-from intent_recognition.motion import FeedbackPolicy, feedback_policy
+from sim_bridge.arm import FeedbackPolicy, feedback_policy
 
 
 def run(settings: Settings) -> ExperimentResult:

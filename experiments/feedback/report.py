@@ -23,8 +23,8 @@ from experiments.feedback.study import (
     sample_times,
 )
 from experiments.results import Finding
-from intent_recognition.motion import FeedbackPolicy
 from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from sim_bridge.arm import FeedbackPolicy
 
 CONDITIONS = (
     "The papers name this controller as future work and show no figure of it; what stands in the"

@@ -13,15 +13,15 @@ from intent_recognition.errors import TrainingError, describe
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import jacobian
 from intent_recognition.learning import learn_with_report
-from intent_recognition.motion import (
+from intent_recognition.promp import TaskLibrary, dof_variance
+from intent_recognition.signals import Demonstration
+from sim_bridge.arm import (
     FeedbackPolicy,
     FeedbackSettings,
     feedback_policy,
     initial_state,
     propagate,
 )
-from intent_recognition.promp import TaskLibrary, dof_variance
-from intent_recognition.signals import Demonstration
 
 TASK = "plate_handover"
 DESIGN = FeedbackSettings(disturbance=0.3, bandwidth_rad_s=20.0, n_times=801)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a predicted path to commands: retiming, plans, blending, feedback."""
+"""From a predicted path to commands: retiming, plans, blending."""
 
 from intent_recognition.motion.bending import Spread, least_change
 from intent_recognition.motion.blending import Offset
@@ -15,14 +15,6 @@ from intent_recognition.motion.deviation import (
     DeviationDetector,
     TrackedMotion,
     calibrate_detector,
-)
-from intent_recognition.motion.feedback_controller import (
-    FeedbackPolicy,
-    FeedbackSettings,
-    feedback_policy,
-    initial_state,
-    propagate,
-    resting_gains,
 )
 from intent_recognition.motion.hand_path import (
     hand_targets,
@@ -54,8 +46,6 @@ __all__ = [
     "Clearance",
     "Correction",
     "DeviationDetector",
-    "FeedbackPolicy",
-    "FeedbackSettings",
     "JointPath",
     "JointPlan",
     "JointReference",
@@ -73,10 +63,8 @@ __all__ = [
     "calibrate_detector",
     "check_range",
     "corrected_by",
-    "feedback_policy",
     "hand_targets",
     "home_plan",
-    "initial_state",
     "is_hand",
     "joints_along",
     "least_change",
@@ -85,8 +73,6 @@ __all__ = [
     "phase_of",
     "phase_times_ns",
     "plan_interaction",
-    "propagate",
-    "resting_gains",
     "scaled_limits",
     "stop_plan",
     "with_via",

@@ -2,6 +2,13 @@
 from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
 from .clearances import BulletCell
 from .controllers import ControllerGains
+from .feedback_controller import (
+    FeedbackPolicy,
+    FeedbackSettings,
+    feedback_policy,
+    initial_state,
+    propagate,
+)
 from .feedback_runs import Push, execute
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
@@ -23,6 +30,8 @@ __all__ = [
     "BulletCell",
     "ControllerGains",
     "Edge",
+    "FeedbackPolicy",
+    "FeedbackSettings",
     "LockStep",
     "Pacer",
     "Push",
@@ -36,6 +45,9 @@ __all__ = [
     "TrajectoryFollower",
     "describe_robot",
     "execute",
+    "feedback_policy",
     "find_robot",
+    "initial_state",
     "lwr_urdf",
+    "propagate",
 ]

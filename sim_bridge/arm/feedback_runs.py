@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from intent_recognition.motion import FeedbackPolicy
 from sim_bridge.arm.arm import STEPS_PER_SAMPLE, TIME_STEP_S, SimulatedArm
+from sim_bridge.arm.feedback_controller import FeedbackPolicy
 from sim_bridge.arm.trajectory_follower import ArmReference
 
 NOISE_STEPS = 5

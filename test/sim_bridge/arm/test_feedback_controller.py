@@ -7,14 +7,14 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.motion.feedback_controller import (
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from sim_bridge.arm.feedback_controller import (
     FeedbackSettings,
     feedback_policy,
     initial_state,
     propagate,
     resting_gains,
 )
-from intent_recognition.promp.basis import NormalizedRBFBasis
 
 BASIS = NormalizedRBFBasis(10, 1.0)
 DURATION_S = 2.5
