@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.settings import Settings
-from intent_recognition.report import Column, Table
+from intent_recognition.report import Column, TableBlock
 
 Numbers = Mapping[str, float]
 """What one draw is told by: numbers by name, the same in all draws."""
@@ -78,7 +78,7 @@ def for_json(draws: Sequence[Draw]) -> list[dict[str, float]]:
 
 def draws_tables(
     draws: Sequence[Draw], unit: Callable[[str], str], caption: str
-) -> tuple[Table, ...]:
+) -> tuple[TableBlock, ...]:
     """A row for each draw, and one for median and range; no table of the shipped draw alone.
 
     Args:
@@ -93,4 +93,4 @@ def draws_tables(
     columns = [Column(name, unit(name), form=f".{digits[name]}f") for name in table]
     rows = [(draw.seed, *(draw.numbers[name] for name in table)) for draw in draws]
     last = ("all", *(spread(table[name], digits[name]) for name in table))
-    return (Table.of([Column("seed"), *columns], [*rows, last], caption, strong=[len(draws)]),)
+    return (TableBlock.of([Column("seed"), *columns], [*rows, last], caption, strong=[len(draws)]),)

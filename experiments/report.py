@@ -11,11 +11,11 @@ from intent_recognition.report import (
     Figure,
     KeyNumber,
     KeyNumbers,
+    Paragraph,
     ReportPage,
     Row,
     Section,
-    Table,
-    Text,
+    TableBlock,
     write_page,
 )
 
@@ -61,7 +61,7 @@ def write_figures(folder: Path, name: str, result: ExperimentResult) -> list[Pat
     return written
 
 
-def findings_table(result: ExperimentResult) -> Table:
+def findings_table(result: ExperimentResult) -> TableBlock:
     """The paper's figures and ours."""
     columns = (
         Column("", align="left"),
@@ -75,7 +75,7 @@ def findings_table(result: ExperimentResult) -> Table:
         for f in result.findings
     )
     missed = (k for k, f in enumerate(result.findings) if f.holds is False)
-    return Table.of(columns, rows, marked=missed)
+    return TableBlock.of(columns, rows, marked=missed)
 
 
 def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, str]) -> Section:
@@ -102,20 +102,22 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
     for result in results.values():
         verdicts = [f.holds for f in result.findings]
         rows.append((result.title, result.source, *map(verdicts.count, (True, False, None))))
-    blocks.append(Table.of(columns, rows))
-    blocks += [Text(f"{name} broke off: {reason}") for name, reason in failures.items()]
+    blocks.append(TableBlock.of(columns, rows))
+    blocks += [Paragraph(f"{name} broke off: {reason}") for name, reason in failures.items()]
     return Section("Overview", tuple(blocks))
 
 
 def _section(result: ExperimentResult) -> Section:
     blocks: list[Block] = [
-        Text(result.question),
-        Text(f"Stands beside: {result.source}.", small=True),
+        Paragraph(result.question),
+        Paragraph(f"Stands beside: {result.source}.", small=True),
         findings_table(result),
         *result.blocks,
     ]
     if result.conditions:
-        blocks.append(Text("Conditions that differ. " + " ".join(result.conditions), small=True))
+        blocks.append(
+            Paragraph("Conditions that differ. " + " ".join(result.conditions), small=True)
+        )
     return Section(result.title, tuple(blocks))
 
 

@@ -27,7 +27,7 @@ from experiments.alignment.time_warping import Steps, warped
 from experiments.results import Finding
 from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs
-from intent_recognition.report import Block, Column, Figure, Table, Text, readable, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, readable, to_svg
 
 
 def findings(
@@ -137,7 +137,9 @@ def blocks(
         _recorded_table(recorded),
     ]
     if DTW not in methods:
-        blocks.append(Text("dtaidistance is not installed: rows of DTW are left out.", small=True))
+        blocks.append(
+            Paragraph("dtaidistance is not installed: rows of DTW are left out.", small=True)
+        )
     return tuple(blocks)
 
 
@@ -154,7 +156,7 @@ def _step_cells(walk: Steps) -> tuple[float, ...]:
     return walk.largest, 100 * walk.flat, 100 * walk.longest_flat, walk.change
 
 
-def _known_table(known: Mapping[str, MethodScore]) -> Table:
+def _known_table(known: Mapping[str, MethodScore]) -> TableBlock:
     columns = (
         Column("method", align="left"),
         *_step_columns(),
@@ -170,10 +172,10 @@ def _known_table(known: Mapping[str, MethodScore]) -> Table:
         "Known timing: medians over data sets of 40 movements; the longest are the worst. The truth"
         " stands still where one of the two recordings has not begun or has ended."
     )
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)
 
 
-def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> Table:
+def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> TableBlock:
     columns = (
         Column("task", align="left"),
         Column("method", align="left"),
@@ -193,7 +195,7 @@ def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> Table:
         " timing explains little of how their wrists differ; and part of the variance that goes is"
         " that of ends which a warp leaves out."
     )
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)
 
 
 def conditions(there: bool) -> tuple[str, ...]:

@@ -38,7 +38,16 @@ from experiments.assembly.scores import (
 )
 from experiments.assembly.study import AssemblyStudy
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.report import Block, Column, Figure, Row, Table, Text, readable, to_svg
+from intent_recognition.report import (
+    Block,
+    Column,
+    Figure,
+    Paragraph,
+    Row,
+    TableBlock,
+    readable,
+    to_svg,
+)
 from sim_bridge.scenarios.assembly import FASTENING, HAND_OVER
 
 ENOUGH = 5
@@ -58,7 +67,7 @@ def blocks_of(found: AssemblyStudy, numbers: dict) -> tuple[Block, ...]:
         _prediction_table(numbers),
         _prediction_errors(numbers),
         _prediction_examples(found),
-        Text(
+        Paragraph(
             "The arm in the assistant's place: the predicted path of the wrist becomes that of the"
             " hand, by inverse kinematics; estimator, decision and planning are the nodes' own, at"
             " 100 Hz, and a new plan is made every 80 ms."
@@ -136,7 +145,7 @@ def _ambiguity(found: AssemblyStudy, labels: Sequence[str]) -> Figure:
     )
 
 
-def _prediction_table(numbers: dict) -> Table:
+def _prediction_table(numbers: dict) -> TableBlock:
     columns = (
         Column("task", align="left"),
         *(Column(f"after {count}", "cm") for count in (3, 5, 10, 15)),
@@ -157,7 +166,7 @@ def _prediction_table(numbers: dict) -> Table:
         " root mean square over the movement / at its end, means over left-out demonstrations. The"
         " task's mean and the nearest demonstration know the task and the elapsed share."
     )
-    return Table(columns, tuple(rows), caption)
+    return TableBlock(columns, tuple(rows), caption)
 
 
 def _prediction_errors(numbers: dict) -> Row:
@@ -187,7 +196,7 @@ def _prediction_examples(found: AssemblyStudy) -> Figure:
     )
 
 
-def _arm_table(numbers: dict) -> Table:
+def _arm_table(numbers: dict) -> TableBlock:
     columns = (
         Column("task", align="left"),
         Column("interactions"),
@@ -208,7 +217,7 @@ def _arm_table(numbers: dict) -> Table:
         "The arm's hand against where the assistant's wrist was; times from the start of the"
         " recording, 0.4 s before the worker's onset."
     )
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)
 
 
 def _arm_figures(found: AssemblyStudy, labels: Sequence[str]) -> tuple[Figure, ...]:

@@ -20,7 +20,7 @@ from experiments.change_of_mind.study import (
     GoalChange,
 )
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Figure, Table, to_svg
+from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
 from sim_bridge.coworker import (
     TASKS,
     USUAL_BLEND,
@@ -218,7 +218,7 @@ def _courses(seed: int) -> "Drawing":
     )
 
 
-def _table(study: ChangeStudy) -> Table:
+def _table(study: ChangeStudy) -> TableBlock:
     columns = (
         Column("to", align="left"),
         Column("how", align="left"),
@@ -231,7 +231,7 @@ def _table(study: ChangeStudy) -> Table:
         Column("never meant", "%", form=".0f"),
         Column("hand error", "cm"),
     )
-    return Table.of(
+    return TableBlock.of(
         columns,
         (_row(change, study.cell(change)) for change in study.changed),
         "let go: of those in which the old task was active after the change. delay: median, from"

@@ -16,7 +16,7 @@ from experiments.clearance.study import (
 )
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
-from intent_recognition.report import Block, Column, Figure, Table, to_svg
+from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
 
 LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
 """What is wanted: runs in which the unguarded arm touches, and time lost in the median [s]."""
@@ -125,7 +125,7 @@ def _blocks(runs: Sequence[ClearanceRun]) -> tuple[Block, ...]:
         " arm would be inside a box.",
     )
     bent = sorted(of_outcome["bent"], key=lambda one: one.free_m)
-    table = Table.of(columns, rows, "What became of the runs.")
+    table = TableBlock.of(columns, rows, "What became of the runs.")
     if not bent:
         return nearest, table
     courses = Figure(

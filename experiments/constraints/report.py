@@ -25,7 +25,7 @@ from experiments.constraints.study import (
     CurveTable,
 )
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Figure, Table, Text, readable, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, readable, to_svg
 from sim_bridge.balls import FILLING, POURING, Trials
 from sim_bridge.containers import CONTAINER_NAMES
 
@@ -110,7 +110,7 @@ def blocks(scores: Mapping[str, CurveTable]) -> tuple[Block, ...]:
         ),
         _area_table(scores),
         _object_table(scores),
-        Text(_filling_remark(scores[FILLING])),
+        Paragraph(_filling_remark(scores[FILLING])),
     )
 
 
@@ -136,7 +136,7 @@ def _band(scores: ConstraintScores) -> RocBand:
     return RocBand(scores.curves.mean(axis=0), low, high, scores.area)
 
 
-def _area_table(scores: Mapping[str, CurveTable]) -> Table:
+def _area_table(scores: Mapping[str, CurveTable]) -> TableBlock:
     columns = (
         Column("experiment", align="left"),
         Column("features", align="left"),
@@ -151,17 +151,19 @@ def _area_table(scores: Mapping[str, CurveTable]) -> Table:
             novel = by_test[NOVEL]
             areas = by_test[SAME].area, novel.area, novel.areas.min()
             rows.append((name, method, *areas, 100 * novel.early.mean()))
-    return Table.of(columns, rows, "Areas below the ROC curves, means over the training sets.")
+    return TableBlock.of(columns, rows, "Areas below the ROC curves, means over the training sets.")
 
 
-def _object_table(scores: Mapping[str, CurveTable]) -> Table:
+def _object_table(scores: Mapping[str, CurveTable]) -> TableBlock:
     novel = {f"{e}, {m}": scores[e][m][NOVEL] for e in (POURING, FILLING) for m in METHODS}
     columns = (Column("learned from", align="left"), *(Column(name, form=".3f") for name in novel))
     rows = (
         (readable(name), *(of.areas[of.trained_on == index].mean() for of in novel.values()))
         for index, name in enumerate(CONTAINER_NAMES)
     )
-    return Table.of(columns, rows, "Area on the nine other objects, by the object learned from.")
+    return TableBlock.of(
+        columns, rows, "Area on the nine other objects, by the object learned from."
+    )
 
 
 def conditions(trials: Trials) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from experiments.context.study import (
 )
 from experiments.draws import spread
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Figure, Table, to_svg
+from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
 
 SHOWN = ((0.4, 0.25), (0.55, 0.0), (0.7, -0.25))
 """Places of the box in the figure of the scene [m]."""
@@ -122,7 +122,7 @@ def blocks(study: Sequence[DrawnSet]) -> tuple[Block, ...]:
     )
 
 
-def _table(study: Sequence[DrawnSet]) -> Table:
+def _table(study: Sequence[DrawnSet]) -> TableBlock:
     columns = (Column("", align="left"), *(Column(f"{share:.0%}", "cm") for share in TOLD))
     told = [SHARES.index(share) for share in TOLD]
     rows = ((name, *map(spread, 100.0 * errors_m(study, name)[:, told].T)) for name in CONDITIONS)
@@ -130,10 +130,10 @@ def _table(study: Sequence[DrawnSet]) -> Table:
         "Error of the hand's predicted end, mean over the tests, by share of the movement seen;"
         f" median (range) over {len(study)} draws."
     )
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)
 
 
-def _decisions(study: Sequence[DrawnSet]) -> Table:
+def _decisions(study: Sequence[DrawnSet]) -> TableBlock:
     rows = []
     for name in CONDITIONS:
         all_decided = decided(study, name)
@@ -149,4 +149,4 @@ def _decisions(study: Sequence[DrawnSet]) -> Table:
         Column("inside two standard deviations", "%", form=".0f"),
     )
     caption = f"Decisions of all draws; the box that comes late comes after {LATE:.0%}."
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)

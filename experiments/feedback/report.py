@@ -23,7 +23,7 @@ from experiments.feedback.study import (
     sample_times,
 )
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
 from sim_bridge.arm import FeedbackPolicy
 
 CONDITIONS = (
@@ -142,7 +142,7 @@ def blocks(
             " controller goes on as another of them would, and stays up to"
             f" {100 * max(one.left_m[0] for one in pushes):.0f} cm aside.",
         ),
-        Text(
+        Paragraph(
             "The stiffness is not the demonstrations' variance alone: while the spread grows, the"
             " same law lets deviations grow with it.",
             small=True,
@@ -150,8 +150,8 @@ def blocks(
     )
 
 
-def _ratio_table(ratios: Sequence[NDArray[np.float64]]) -> Table:
+def _ratio_table(ratios: Sequence[NDArray[np.float64]]) -> TableBlock:
     joints = (Column(f"joint {k + 1}", form=".2f") for k in range(len(ratios[0])))
     columns = (Column("std of the arm / the primitive's", align="left"), *joints)
     rows = ((name, *ratio) for name, ratio in zip(CONTROLLERS, ratios, strict=True))
-    return Table.of(columns, rows, "Root mean square over the movement.")
+    return TableBlock.of(columns, rows, "Root mean square over the movement.")

@@ -20,7 +20,7 @@ from experiments.grasps.study import (
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from intent_recognition.errors import IntentError
-from intent_recognition.report import Column, Figure, Table, readable, to_svg
+from intent_recognition.report import Column, Figure, TableBlock, readable, to_svg
 from sim_bridge.grasping import DENSITY_KG_M3, FORCE_N, FRICTION, HOLD_S, LIFT_M
 
 WANTED_SHARE = 0.85
@@ -123,7 +123,7 @@ def _scanned(settings: Settings) -> list[Subject]:
         return []
 
 
-def _table(trials: Sequence[Trial]) -> Table:
+def _table(trials: Sequence[Trial]) -> TableBlock:
     columns = [Column("container", align="left"), Column("lifts")]
     columns += [Column(f"held, {manner}") for manner in MANNERS]
     rows = []
@@ -131,4 +131,4 @@ def _table(trials: Sequence[Trial]) -> Table:
         some = [t for t in trials if t.subject.name == name]
         held = (sum(t.held for t in some if t.manner == manner) for manner in MANNERS)
         rows.append((readable(name), len(some) // len(MANNERS), *held))
-    return Table.of(columns, rows, "Lifts that held, by container.")
+    return TableBlock.of(columns, rows, "Lifts that held, by container.")

@@ -23,7 +23,7 @@ from experiments.noise.study import (
 from experiments.results import Finding
 from experiments.sketches.curves import N_SAMPLES
 from experiments.sketches.models import SMOOTHERS, standard_error
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
 
 
 class Growth(NamedTuple):
@@ -109,7 +109,7 @@ def blocks(
             " \N{PLUS-MINUS SIGN} 2 standard errors.",
         ),
         _growth_table(summary, growth),
-        Text(_explanation(summary, plan)),
+        Paragraph(_explanation(summary, plan)),
     )
 
 
@@ -153,7 +153,7 @@ def _half(plan: Plan) -> int:
 def _growth_table(
     summary: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
     growth: Mapping[str, Growth],
-) -> Table:
+) -> TableBlock:
     columns = (
         Column("method", align="left"),
         Column("RMSE, clean", "1/1000"),
@@ -165,7 +165,9 @@ def _growth_table(
         ends = (1e3 * mean[k, -1] for k in (0, -1)), (1e3 * error[k, -1] for k in (0, -1))
         both = (f"{m:.1f} \N{PLUS-MINUS SIGN} {e:.1f}" for m, e in zip(*ends, strict=True))
         rows.append((method, *both, str(growth[method])))
-    return Table.of(columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error.")
+    return TableBlock.of(
+        columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error."
+    )
 
 
 def conditions(plan: Plan) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from experiments.pointing.figures import (
 from experiments.pointing.study import N_POINTS, Tested, both_agents
 from experiments.results import Finding
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.report import Block, Column, Figure, Row, Table, Text, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, Row, TableBlock, to_svg
 from sim_bridge.scenarios.pointing import CIRCLE_CENTRE_M, CIRCLE_DIAMETER_M, SPOTS_M
 
 PAPER_LARGEST_M = 0.03
@@ -115,7 +115,7 @@ def blocks(
         ),
         *(_conditioned(library, one) for one in shown),
         _table(tested, errors, predicted, nearest),
-        Text(
+        Paragraph(
             f"What the errors come from: the finger was {1000 * teaching.mean():.0f} mm off on"
             f" average when the arm was taught (at most {1000 * teaching.max():.0f} mm), and the"
             f" marker sat {1000 * np.linalg.norm(moved[:2]):.0f} mm away from its place in"
@@ -147,7 +147,7 @@ def _table(
     errors: NDArray[np.float64],
     predicted: NDArray[np.float64],
     nearest: NDArray[np.float64],
-) -> Table:
+) -> TableBlock:
     from_centre = [np.linalg.norm(one.spot_m - CIRCLE_CENTRE_M) for one in tested]
     distances = {
         "from the centre": np.array(from_centre),
@@ -165,4 +165,4 @@ def _table(
         axes = 200.0 * np.sqrt(np.linalg.eigvalsh(one.spread_m2))[::-1]
         values = (100.0 * of[k] for of in distances.values())
         rows.append((f"#{one.index + 1}", *values, f"{axes[0]:.1f}, {axes[1]:.1f}"))
-    return Table.of(columns, rows, "Errors on the table's plane.")
+    return TableBlock.of(columns, rows, "Errors on the table's plane.")

@@ -24,8 +24,8 @@ from intent_recognition.report import (
     Figure,
     KeyNumber,
     KeyNumbers,
-    Table,
-    Text,
+    Paragraph,
+    TableBlock,
     to_png,
     to_svg,
 )
@@ -186,7 +186,7 @@ def _components(study: PoleStudy) -> Figure:
     )
 
 
-def _table(study: PoleStudy) -> Table:
+def _table(study: PoleStudy) -> TableBlock:
     columns = (
         Column("components"),
         Column("left-out density", "nats per sample, lower is better", form=".2f"),
@@ -203,7 +203,7 @@ def _table(study: PoleStudy) -> Table:
         errors = tried.nll.mean(), _one_sigma(tip_rms_m), tried.joint_rms_rad.mean()
         others = other.sum(), (other & ~study.both).sum()
         rows.append((tried.number, *errors, *others, n_through(tried.predicted)))
-    return Table.of(columns, rows, "Predictions, before execution.", strong=[study.chosen - 1])
+    return TableBlock.of(columns, rows, "Predictions, before execution.", strong=[study.chosen - 1])
 
 
 def _one_sigma(errors_m: NDArray[np.float64]) -> str:
@@ -211,7 +211,7 @@ def _one_sigma(errors_m: NDArray[np.float64]) -> str:
     return f"{100.0 * errors_m.mean():.1f} ± {100.0 * errors_m.std(ddof=1):.1f}"
 
 
-def _draws(study: PoleStudy) -> tuple[Table, ...]:
+def _draws(study: PoleStudy) -> tuple[TableBlock, ...]:
     caption = (
         f"The {len(study.demonstrations)} recordings drawn again from other seeds, the shipped ones"
         " first: components taken, demonstrations in a component of their own side, error of the"
@@ -266,7 +266,7 @@ def _two_answers(study: PoleStudy) -> tuple[Block, ...]:
             " sides (the one by the left was left out): two answers, ± 2 sigma, and the single"
             " Gaussian between them.",
         ),
-        Text(
+        Paragraph(
             f"Told the final position only, nothing says the side at such spots: {other} of"
             f" {len(study.mixture_end.runs)} motions go by the other side than was shown, {off} of"
             " them at spots that are reached one way only. The fingertip ends"

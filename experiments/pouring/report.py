@@ -15,7 +15,7 @@ from experiments.pouring.study import (
     to_level,
 )
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
 from intent_recognition.warping import EMPTY, to_warped, warped_scale
 from sim_bridge.scenarios.pouring import (
     MEAN,
@@ -183,7 +183,7 @@ def blocks(
         ),
         _table(pours),
         _level_table(pours),
-        Text(
+        Paragraph(
             "Repeated now: "
             + "; ".join(
                 f"{pair_name(p.order.pair)}, {NAMES[p.order.manner]}: {s} spilled, {k} left in the"
@@ -204,7 +204,7 @@ def _real(pour: RecordedPour, warped: Band, duration_s: float) -> Real:
     return Real(pair_name(pour.order.pair), band, pour.path.times_s, done)
 
 
-def _table(pours: Sequence[RecordedPour]) -> Table:
+def _table(pours: Sequence[RecordedPour]) -> TableBlock:
     columns = [Column("pair", align="left")]
     for name in NAMES.values():
         columns += [Column(f"{name}: in"), Column("left in cup"), Column("spilled")]
@@ -217,10 +217,10 @@ def _table(pours: Sequence[RecordedPour]) -> Table:
         ]
         rows.append((pair_name(pair), *(cell for one in found for cell in _cells(one))))
     caption = "Balls after each pour, of 40, and the probability of a spill expected before it."
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)
 
 
-def _level_table(pours: Sequence[RecordedPour]) -> Table:
+def _level_table(pours: Sequence[RecordedPour]) -> TableBlock:
     columns = [Column("pair", align="left"), Column("asked")]
     names = ("to be left", "left in cup", "spilled", "error [%]")
     columns += [Column(name, form=".0f") for name in names]
@@ -230,7 +230,7 @@ def _level_table(pours: Sequence[RecordedPour]) -> Table:
         balls = p.wanted, p.kept, p.spilled
         rows.append((pair_name(p.order.pair), asked, *balls, 100.0 * p.level_error))
     caption = "Balls after pours to a level, of 40; the error is in shares of the cup's volume."
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)
 
 
 def _cells(pour: RecordedPour | None) -> tuple[float | None, ...]:

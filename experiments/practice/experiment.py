@@ -26,7 +26,7 @@ from intent_recognition.report import (
     PALETTE,
     Column,
     Figure,
-    Table,
+    TableBlock,
     new_figure,
     shared_legend,
     styled,
@@ -133,14 +133,14 @@ def learning_figure(done: Sequence[Practised]) -> "Drawing":
     return figure
 
 
-def _table(done: Sequence[Practised]) -> Table:
+def _table(done: Sequence[Practised]) -> TableBlock:
     names = ["start", *(name for m in METHODS for name in (f"{m}: after", "spilled"))]
     columns = [Column("seed", align="left"), *(Column(name, form=".1f") for name in names)]
     rows = []
     for pair in zip(*(of_method(done, method) for method in METHODS), strict=True):
         after = (value for one in pair for value in (one.settled, one.spilled[1]))
         rows.append((pair[0].seed, pair[0].start, *after))
-    return Table.of(columns, rows, "Cost and spilled balls of fresh pours, means.")
+    return TableBlock.of(columns, rows, "Cost and spilled balls of fresh pours, means.")
 
 
 def _numbers(done: Sequence[Practised]) -> dict[str, object]:

@@ -18,7 +18,7 @@ from experiments.skills.part import SkillPart
 from intent_recognition.report import (
     Column,
     Figure,
-    Table,
+    TableBlock,
     new_axes,
     readable,
     styled,
@@ -106,7 +106,7 @@ def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:
     )
 
 
-def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
+def _blocks(study: CorrectingStudy) -> tuple[Figure | TableBlock, ...]:
     columns = (
         Column("task", align="left"),
         *(Column(f"{k} kept", "cm", form=".1f") for k in range(len(study.sessions[0].error_m))),
@@ -125,7 +125,7 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
     caption = f"Dots: executions; lines: means; dashed: {most:.1f} cm, wanted at most."
     figure = Figure(to_svg(errors_figure(study)), caption)
     caption = "Mean error of the hand at the new place, of executions that nobody touched."
-    return figure, Table.of(columns, rows, caption)
+    return figure, TableBlock.of(columns, rows, caption)
 
 
 @styled

@@ -11,7 +11,7 @@ from experiments.results import ExperimentResult
 from experiments.settings import Settings
 from experiments.skills import correcting_report, practising_report
 from experiments.skills.part import SkillPart
-from intent_recognition.report import Text
+from intent_recognition.report import Paragraph
 
 PartRun = Callable[[Settings], SkillPart | ExperimentResult]
 PARTS: dict[str, tuple[float, PartRun]] = {
@@ -31,7 +31,9 @@ def run(settings: Settings) -> ExperimentResult:
         parts[name] = part(_of_part(settings, name, done, share))
         done += share
     blocks = [
-        block for name, part in parts.items() for block in (Text(name.capitalize()), *part.blocks)
+        block
+        for name, part in parts.items()
+        for block in (Paragraph(name.capitalize()), *part.blocks)
     ]
     return ExperimentResult(
         title="Skills that grow",

@@ -21,7 +21,7 @@ from experiments.skills.practising import (
 from intent_recognition.report import (
     Column,
     Figure,
-    Table,
+    TableBlock,
     new_figure,
     readable,
     styled,
@@ -80,7 +80,7 @@ def _findings(study: PractisingStudy) -> tuple[Finding, ...]:
     return tuple(rows)
 
 
-def _blocks(study: PractisingStudy) -> tuple[Figure | Table, ...]:
+def _blocks(study: PractisingStudy) -> tuple[Figure | TableBlock, ...]:
     columns = [Column("task", align="left")]
     columns += [
         Column(f"{cost}: {when}", SHOWN[cost][1], form=".2f") for cost in COSTS for when in _WHEN
@@ -98,7 +98,7 @@ def _blocks(study: PractisingStudy) -> tuple[Figure | Table, ...]:
             cells += [SHOWN[cost][0] * np.mean(values) for values in means]
         rows.append((readable(one.task), *cells, *(np.median(late) for late in one.late_s)))
     caption = "Cheapest rollout so far over the first's, mean of the seeds; dashed: random search."
-    table = Table.of(columns, rows, "Mean costs of executions beside other people.")
+    table = TableBlock.of(columns, rows, "Mean costs of executions beside other people.")
     return Figure(to_svg(curves_figure(study)), caption), table
 
 

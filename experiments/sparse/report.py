@@ -35,7 +35,7 @@ from experiments.sparse.figures import (
     sparse_error_figure,
 )
 from experiments.sparse.study import DMP_SPLINE, N_TEST, N_TRAIN, NOTHING, PROMP
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
 
 STREAM_VARIANCE = 0.04
 """Of the noisy stream, as in the paper's Fig. 2 (b)."""
@@ -145,7 +145,7 @@ def blocks(
             " (a), and what a spline through four or ten observations of it says.",
         ),
         _table(counts, lines, inside, acceleration),
-        Text(
+        Paragraph(
             "With ten observations the best spline is nearly good enough: ten noisy samples of a"
             " smooth curve determine it. With three or four, most of what a DMP observes is the"
             " spline's own assumption."
@@ -180,7 +180,7 @@ def _table(
     lines: Mapping[str, Line],
     inside: NDArray[np.float64],
     acceleration: NDArray[np.float64],
-) -> Table:
+) -> TableBlock:
     share, wrong = inside.mean(axis=0), np.median(acceleration, axis=0)
     columns = (
         Column("observations"),
@@ -194,6 +194,6 @@ def _table(
         (count, *(line.mean[k] for line in lines.values()), *100 * share[k], *100 * wrong[k, ::-1])
         for k, count in enumerate(counts)
     )
-    return Table.of(
+    return TableBlock.of(
         columns, rows, "Controlled agent's error, calibration, and error of the spline."
     )

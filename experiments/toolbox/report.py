@@ -22,9 +22,9 @@ from intent_recognition.report import (
     Figure,
     KeyNumber,
     KeyNumbers,
+    Paragraph,
     Row,
-    Table,
-    Text,
+    TableBlock,
     hand_error_figure,
     readable,
     to_svg,
@@ -243,7 +243,7 @@ def _hand(study: ToolboxStudy) -> Row:
     )
 
 
-def _table(study: ToolboxStudy) -> Table:
+def _table(study: ToolboxStudy) -> TableBlock:
     columns = (
         Column("components"),
         Column("left-out density", "nats per sample, lower is better", form=".3f"),
@@ -257,16 +257,16 @@ def _table(study: ToolboxStudy) -> Table:
         errors = t.nll.mean(), t.joint_rms_rad.mean(), end_rms_rad.mean()
         members = ", ".join(str(n) for n in np.bincount(t.labels))
         rows.append((t.number, *errors, purity(study.tasks.tolist(), t.labels), members))
-    return Table.of(columns, rows, strong=[study.chosen - 1])
+    return TableBlock.of(columns, rows, strong=[study.chosen - 1])
 
 
-def _end_alone(study: ToolboxStudy) -> Text:
+def _end_alone(study: ToolboxStudy) -> Paragraph:
     right = study.recognised(study.end_alone)
     errors = 100.0 * study.hand_error_m(study.end_alone)
     parts = ", ".join(
         f"{readable(task)} {errors[study.tasks == task].mean():.1f} cm" for task in HAND_TASKS
     )
-    return Text(
+    return Paragraph(
         "Were the component, too, taken from the final position alone, it would be right in"
         f" {int(right.sum())} of {len(right)}: the three regions of goals overlap by more than"
         f" half. The hand's mean error would be {parts}; where the component is right,"
@@ -275,7 +275,7 @@ def _end_alone(study: ToolboxStudy) -> Text:
     )
 
 
-def _executions(study: ToolboxStudy) -> Table:
+def _executions(study: ToolboxStudy) -> TableBlock:
     columns = (
         Column("interaction", align="left"),
         Column("executions"),
@@ -293,4 +293,4 @@ def _executions(study: ToolboxStudy) -> Table:
         error = two_sigma(errors) if errors.size else None
         rows.append((readable(task), len(own), sum(e.right for e in own), decided, error))
     caption = "Executions before the online estimator; wrong at any time counts as wrong."
-    return Table.of(columns, rows, caption)
+    return TableBlock.of(columns, rows, caption)

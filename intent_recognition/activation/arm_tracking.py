@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_clock import ArmClock
 from intent_recognition.activation.settings import ActivationSettings
-from intent_recognition.activation.states import Command, Samples
+from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.motion import JointReference
 
 LARGEST_SKEW_NS = 1_000_000_000
@@ -202,7 +202,7 @@ class ArmTracking:
         self.last_command_ns = now_ns
         return command
 
-    def _samples(self, now_ns: int, end_ns: int) -> Samples | None:
+    def _samples(self, now_ns: int, end_ns: int) -> MotionPoints | None:
         """What is in force from now until just before a time; None where that is no time.
 
         Where commands take over and at their samples: the cubics between are those in force.
@@ -219,7 +219,7 @@ class ArmTracking:
         if not references:
             return None
         rows = zip(*[(r.position, r.velocity) for r in references if r is not None], strict=True)
-        return Samples(every_ns, *(np.array(row) for row in rows))
+        return MotionPoints(every_ns, *(np.array(row) for row in rows))
 
     def under_way(self, now_ns: int) -> bool:
         """Whether the command in force has not come to rest."""

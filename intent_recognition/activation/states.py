@@ -23,7 +23,7 @@ class Mode(Enum):
     YIELDING = "yielding"
 
 
-class Samples(NamedTuple):
+class MotionPoints(NamedTuple):
     """Points of a motion: whole nanoseconds (T,), positions and velocities (T, n) [rad, rad/s]."""
 
     times_ns: NDArray[np.int64]
@@ -39,9 +39,9 @@ class Command(NamedTuple):
 
     start_ns: int
     plan: JointPlan
-    before: Samples | None = None
+    before: MotionPoints | None = None
 
-    def to_send(self) -> Samples:
+    def to_send(self) -> MotionPoints:
         """The points of a message; those before the start come first.
 
         A controller that forgets at once what it was doing goes on along them, and one that has
@@ -49,10 +49,10 @@ class Command(NamedTuple):
         """
         plan = self.plan
         times_ns = self.start_ns + np.rint(plan.times_s * 1e9).astype(np.int64)
-        own = Samples(times_ns, plan.positions, plan.velocities)
+        own = MotionPoints(times_ns, plan.positions, plan.velocities)
         if self.before is None:
             return own
-        return Samples(*(np.concatenate(pair) for pair in zip(self.before, own, strict=True)))
+        return MotionPoints(*(np.concatenate(pair) for pair in zip(self.before, own, strict=True)))
 
     @property
     def end_ns(self) -> int:

@@ -16,7 +16,7 @@ ESTIMATOR = "intent_estimator"
 ANSWER_S = 10.0
 """Longest wait for the estimator and its answer [s]. Convention."""
 
-Change = Callable[[tuple[ViaPoint, ...]], Sequence[ViaPoint]]
+Changed = Callable[[tuple[ViaPoint, ...]], Sequence[ViaPoint]]
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def change_via_points(node: Any, executor: Any, change: Change) -> tuple[ViaPoint, ...]:
+def change_via_points(node: Any, executor: Any, change: Changed) -> tuple[ViaPoint, ...]:
     """Read the via points of the estimator, and set others where the change makes others of them.
 
     Args:

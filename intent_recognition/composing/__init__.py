@@ -11,7 +11,7 @@ from intent_recognition.composing.bending import (
 )
 from intent_recognition.composing.sequences import (
     Moment,
-    Progress,
+    SequenceProgress,
     Sequences,
     Step,
     advance,
@@ -34,7 +34,7 @@ __all__ = [
     "USUAL_STD",
     "BentLibrary",
     "Moment",
-    "Progress",
+    "SequenceProgress",
     "Sequences",
     "Step",
     "ViaPoint",

@@ -103,7 +103,7 @@ class Moment(NamedTuple):
     places: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
 
 
-class Progress(NamedTuple):
+class SequenceProgress(NamedTuple):
     """How far a session is in a sequence.
 
     Attributes:
@@ -123,15 +123,15 @@ class Progress(NamedTuple):
     n_started: int = 0
 
 
-def advance(sequences: Sequences, progress: Progress, moment: Moment) -> Progress:
+def advance(sequences: Sequences, progress: SequenceProgress, moment: Moment) -> SequenceProgress:
     """Take a moment into account.
 
     Args:
         sequences: all there are.
-        progress: as returned for the moment before; `Progress()` at the start.
+        progress: as returned for the moment before; `SequenceProgress()` at the start.
         moment: what is known now.
     """
-    out = Progress(n_started=moment.n_started)
+    out = SequenceProgress(n_started=moment.n_started)
     if moment.n_started != progress.n_started:
         return _begun(sequences, progress, moment)
     if not progress.name:
@@ -156,21 +156,23 @@ def advance(sequences: Sequences, progress: Progress, moment: Moment) -> Progres
     return progress
 
 
-def awaited(sequences: Sequences, progress: Progress) -> Step | None:
+def awaited(sequences: Sequences, progress: SequenceProgress) -> Step | None:
     """The step that runs or is waited for; None outside of any sequence."""
     return sequences[progress.name][progress.step] if progress.name else None
 
 
-def _begun(sequences: Sequences, progress: Progress, moment: Moment) -> Progress:
+def _begun(sequences: Sequences, progress: SequenceProgress, moment: Moment) -> SequenceProgress:
     """The arm has begun an interaction: the step waited for, a first step, or neither."""
     step = awaited(sequences, progress)
-    begun = Progress(progress.name, progress.step, True, moment.now_s, False, moment.n_started)
+    begun = SequenceProgress(
+        progress.name, progress.step, True, moment.now_s, False, moment.n_started
+    )
     if step is not None and moment.active == step.task:
         return begun
     for name, steps in sequences.items():
         if steps[0].task == moment.active:
             return begun._replace(name=name, step=0)
-    return Progress(n_started=moment.n_started)
+    return SequenceProgress(n_started=moment.n_started)
 
 
 def _holds(when: Condition, moment: Moment, waited_s: float) -> bool:

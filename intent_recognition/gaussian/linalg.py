@@ -97,7 +97,7 @@ def student_log_density(
     return constant - log_scale - 0.5 * (nu + m) * np.log1p(squares / nu)
 
 
-class Span(NamedTuple):
+class AffineSpan(NamedTuple):
     """n vectors of length d as coordinates in the at most n - 1 dimensions they span.
 
     `vectors = mean + coordinates @ axes`; distances and inner products of deviations are kept.
@@ -113,11 +113,11 @@ class Span(NamedTuple):
     coordinates: NDArray[np.float64]
 
 
-def affine_span(vectors: NDArray[np.float64]) -> Span:
+def affine_span(vectors: NDArray[np.float64]) -> AffineSpan:
     """Coordinates of vectors (n, d) along their principal axes; r is their rank, 0 if all equal."""
     mean = vectors.mean(axis=0)
     left, values, axes = np.linalg.svd(vectors - mean, full_matrices=False)
     scale = max(float(values[0]) if values.size else 0.0, float(np.abs(mean).max(initial=0.0)))
     rank = int(np.sum(values > RANK_TOLERANCE * scale)) if scale > 0 else 0
     rank = min(rank, len(vectors) - 1)
-    return Span(mean, axes[:rank], left[:, :rank] * values[:rank])
+    return AffineSpan(mean, axes[:rank], left[:, :rank] * values[:rank])

@@ -43,7 +43,7 @@ from intent_recognition.motion import (
     scaled_limits,
 )
 from intent_recognition.promp import NormalizedRBFBasis
-from intent_recognition.tables import ImportedDemonstration, Samples
+from intent_recognition.tables import EntrySamples, ImportedDemonstration
 
 MOST_PEOPLE = 8
 """People with whom a task is executed in one rollout at most. Convention: 40 ms."""
@@ -202,18 +202,18 @@ class TaskPractice:
             bag = ImportedDemonstration(f"{number:02d}", {**known, **outcome, **labels}, samples)
             bag.write(folder)
 
-    def _samples(self, stamps: NDArray[np.int64], one: Rollout) -> tuple[Samples, ...]:
+    def _samples(self, stamps: NDArray[np.int64], one: Rollout) -> tuple[EntrySamples, ...]:
         """What is logged of an execution: the person's hand, and the arm's joints."""
         person = self._dofs.observed[0]
         columns = position_columns(person) or []
         values = np.full((len(stamps), len(person.fields)), np.nan)
         if one.person_m is not None:
             values[:, columns] = one.person_m
-        found = [Samples(person, stamps, values)] if not np.any(np.isnan(values)) else []
+        found = [EntrySamples(person, stamps, values)] if not np.any(np.isnan(values)) else []
         start = 0
         for entry in self._dofs.controlled:
             end = start + len(entry.names)
-            found.append(Samples(entry, stamps, one.joints_rad[:, start:end]))
+            found.append(EntrySamples(entry, stamps, one.joints_rad[:, start:end]))
             start = end
         return tuple(found)
 

@@ -16,7 +16,7 @@ from intent_recognition.filtering import deviations_at, duration_offsets
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
 from intent_recognition.learning.examples import scored_phases
-from intent_recognition.learning.held_out import LeftOutExample, Progress, filter_samples
+from intent_recognition.learning.held_out import FilteredSamples, LeftOutExample, filter_samples
 from intent_recognition.promp import ResidualCoupling, TaskLibrary, reference_phase
 
 EXPONENTS = (0.2, 0.5, 1.0)
@@ -75,7 +75,7 @@ def follow(
 
 def _paths(
     library: TaskLibrary,
-    progress: Progress,
+    progress: FilteredSamples,
     pace: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -34,7 +34,7 @@ MAX_FLOATS = 2**19
 T = TypeVar("T")
 
 
-class Progress(NamedTuple):
+class FilteredSamples(NamedTuple):
     """n hypotheses after some samples.
 
     Attributes:
@@ -91,7 +91,7 @@ def filter_samples(
     prior: Gaussian,
     pace: NDArray[np.float64],
     values: NDArray[np.float64],
-) -> Iterator[Progress]:
+) -> Iterator[FilteredSamples]:
     """Filter samples at `sample_phases` of demonstrations; yields after each sample.
 
     Args:
@@ -118,7 +118,7 @@ def filter_samples(
         density, likelihood = weights.condition(one, deviation)
         evidence += density
         believed.append((deviation.copy(), likelihood))
-        yield Progress(k + 1, evidence, weights, believed)
+        yield FilteredSamples(k + 1, evidence, weights, believed)
 
 
 def evenly(items: Sequence[T], most: int) -> list[T]:

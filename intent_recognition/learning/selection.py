@@ -27,8 +27,8 @@ from intent_recognition.learning.duration_evidence import (
 from intent_recognition.learning.examples import TrainingExample, scored_phases
 from intent_recognition.learning.held_out import (
     MAX_FLOATS,
+    FilteredSamples,
     LeftOutExample,
-    Progress,
     filter_samples,
     nearest_tasks,
     paired_examples,
@@ -218,7 +218,7 @@ def _priors(
 def _predict(
     library: TaskLibrary,
     left_out: Sequence[LeftOutExample],
-    progress: Progress,
+    progress: FilteredSamples,
     own: NDArray[np.int64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Means of both agents at the scored phases, under the own task: (n, s, P) and (n, s, Q)."""

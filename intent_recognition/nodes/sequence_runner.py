@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from intent_recognition.activation import Activation, PredictedInteraction
 from intent_recognition.composing import (
     Moment,
-    Progress,
+    SequenceProgress,
     Step,
     ViaPoint,
     advance,
@@ -69,7 +69,7 @@ class SequenceRunner:
         self._sequences: dict[str, tuple[Step, ...]] = {}
         self._library: TaskLibrary | None = None
         self._points: tuple[ViaPoint, ...] = ()
-        self._progress = Progress()
+        self._progress = SequenceProgress()
         self._places: dict[str, tuple[float, NDArray[np.float64]]] = {}
         self._rest_since_s: float | None = None
         self._tried_s = -math.inf
@@ -127,7 +127,7 @@ class SequenceRunner:
 
     def forget(self) -> None:
         """Be in no sequence, at the beginning of time: after a reset, or a clock that went back."""
-        self._progress, self._rest_since_s, self._tried_s = Progress(), None, -math.inf
+        self._progress, self._rest_since_s, self._tried_s = SequenceProgress(), None, -math.inf
         self._places.clear()
 
     def _moment(self, activation: Activation) -> Moment:

@@ -19,7 +19,7 @@ from intent_recognition.report.html import (
     Figure,
     ReportPage,
     Section,
-    Table,
+    TableBlock,
     write_page,
 )
 
@@ -57,7 +57,7 @@ def write_arms_report(
     rows = tuple(arm_row(arm, records) for arm, records in sessions.items())
     figure = hand_error_figure(errors_cm)
     blocks = (
-        Table(COLUMNS, rows, CAPTION),
+        TableBlock(COLUMNS, rows, CAPTION),
         Figure(to_svg(figure), "Every interaction's hand error, and their mean, by arm."),
     )
     together = summary_line(summarise([one for records in sessions.values() for one in records]))

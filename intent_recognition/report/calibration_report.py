@@ -18,10 +18,10 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
+    Paragraph,
     Row,
     Section,
-    Table,
-    Text,
+    TableBlock,
 )
 
 SHOWN_FRACTIONS = ("0.2", "0.5")
@@ -74,7 +74,7 @@ def confusion_section(result: Mapping, segment: str) -> Section:
     if mistaken:
         columns = tuple(Column(name, align="left") for name in ("recording", "task", "taken for"))
         caption = "Taken for another task with all observed, unknown phase: are the labels right?"
-        rows.append(Table(columns, tuple(mistaken), caption))
+        rows.append(TableBlock(columns, tuple(mistaken), caption))
     return Section("Confusions", tuple(rows))
 
 
@@ -89,7 +89,7 @@ def none_section(result: Mapping) -> Section:
         caption = "Each point is a threshold: how many known and unknown movements reach it."
         blocks.append(Figure(to_svg(figure), caption))
         blocks.append(_left_out_table(none["left_out"]))
-        blocks.append(Text(UNKNOWN_EXPLANATION, small=True))
+        blocks.append(Paragraph(UNKNOWN_EXPLANATION, small=True))
     accuracy = by_phase(none.get("accuracy"))
     if accuracy:
         blocks.append(_accuracy_table(accuracy))
@@ -124,7 +124,7 @@ def _gates(none: Mapping, kind: str) -> str:
     return f"{text}, {recognised} recognised, {held} held back by an uncertain end"
 
 
-def _left_out_table(left_out: Mapping) -> Table:
+def _left_out_table(left_out: Mapping) -> TableBlock:
     columns = (
         Column("task left out", align="left"),
         Column("movements"),
@@ -136,10 +136,10 @@ def _left_out_table(left_out: Mapping) -> Table:
     for task, own in left_out.items():
         shares = 100 * own["above_threshold"], 100 * own["activated"]
         rows.append((readable(task), own["n"], own["area"], *shares))
-    return Table.of(columns, rows, "Each task left out")
+    return TableBlock.of(columns, rows, "Each task left out")
 
 
-def _accuracy_table(accuracy: Mapping) -> Table:
+def _accuracy_table(accuracy: Mapping) -> TableBlock:
     columns = [Column("observed", "%", form=".0f")]
     columns += [
         Column(f"{which} none, {PHASE_NAMES[phase]}", "%", form=".1f")
@@ -151,7 +151,9 @@ def _accuracy_table(accuracy: Mapping) -> Table:
         both = [table.get(fraction, {}) for table in accuracy.values()]
         shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
         rows.append([100 * float(fraction), *(100 * share for share in shares)])
-    return Table.of(columns, rows, "Accuracy on known tasks, without the answer none and with it")
+    return TableBlock.of(
+        columns, rows, "Accuracy on known tasks, without the answer none and with it"
+    )
 
 
 def by_phase(content: Mapping | None) -> dict[str, Mapping]:

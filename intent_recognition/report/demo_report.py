@@ -36,11 +36,11 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
+    Paragraph,
     ReportPage,
     Row,
     Section,
-    Table,
-    Text,
+    TableBlock,
     write_page,
 )
 from intent_recognition.report.interaction_table import FIELDS, cells
@@ -89,7 +89,7 @@ def demo_page(
     by_index = {trace["index"]: usable(trace) for trace in traces}
     labels = [label for trace in by_index.values() for label in trace.get("labels", ())]
     unchanged = [record for record in records if not record.changed_from]
-    remarks = (Text(COLOURS, small=True), Text(CONDITIONS, small=True))
+    remarks = (Paragraph(COLOURS, small=True), Paragraph(CONDITIONS, small=True))
     sections = [
         Section("Result", (_key_numbers(summary), *remarks)),
         Section("Accuracy and timing", _figures_of_records(unchanged, summary, labels)),
@@ -283,7 +283,7 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
         small.append(
             _figure(figure, "Task posterior; solid vertical line: decision; dotted: human's end.")
         )
-    blocks: list[Block] = [Text(_sentence(record))]
+    blocks: list[Block] = [Paragraph(_sentence(record))]
     if small:
         blocks.append(Row(tuple(small)))
     if "predicted_rad" in trace or "joint_rad" in trace:
@@ -310,7 +310,7 @@ def _sentence(record: InteractionRecord) -> str:
     return f"{text[0].upper()}{text[1:]}. {record.note}".strip()
 
 
-def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> Table:
+def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> TableBlock:
     columns = tuple(Column(field.title, field.unit, field.align) for field in FIELDS)
     missed = frozenset(row for row, record in enumerate(records) if not record.right)
     of_changed = summary.n_changed - summary.changes_followed
@@ -318,14 +318,14 @@ def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> Table:
         "decided: after onset. share: of the human's movement at the decision. arrival: after the"
         f" human's end. {summary.missed + of_changed} missed."
     )
-    return Table(columns, tuple(cells(record) for record in records), caption, missed)
+    return TableBlock(columns, tuple(cells(record) for record in records), caption, missed)
 
 
 def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:
     if not settings:
         return ()
     rows = tuple((str(name), str(value)) for name, value in settings.items())
-    return (Table((Column("setting", align="left"), Column("value", align="left")), rows),)
+    return (TableBlock((Column("setting", align="left"), Column("value", align="left")), rows),)
 
 
 def _per_task(records: Sequence[InteractionRecord], name: str) -> dict[str, list[float]]:

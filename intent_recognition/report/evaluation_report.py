@@ -27,11 +27,11 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
+    Paragraph,
     ReportPage,
     Row,
     Section,
-    Table,
-    Text,
+    TableBlock,
     write_page,
 )
 
@@ -86,7 +86,7 @@ def evaluation_page(result: Mapping, title: str) -> ReportPage:
     segment = result.get("segment", "movement")
     explained = " ".join([*remarks_on(result), EXPLANATION.format(segment=segment)])
     sections = [
-        Section("Result", (_key_numbers(result, segment), Text(explained, small=True))),
+        Section("Result", (_key_numbers(result, segment), Paragraph(explained, small=True))),
         Section("Recognition", _recognition(result.get("recognition", {}), segment)),
         confusion_section(result, segment),
         *(_prediction(result.get("prediction", {}), unit, segment) for unit in _units(result)),
@@ -167,7 +167,7 @@ def _recognition(recognition: Mapping, segment: str) -> tuple[Block, ...]:
             row.append(_known(number(scores.get("log_loss"), "")))
         rows.append(row)
     caption = f"Accuracy and mean log loss over the share of the {segment} observed."
-    return Figure(to_svg(figure), caption), Table.of(columns, rows)
+    return Figure(to_svg(figure), caption), TableBlock.of(columns, rows)
 
 
 def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") -> Section:
@@ -190,7 +190,7 @@ def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") 
     return Section(heading, tuple(blocks))
 
 
-def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> Table:
+def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> TableBlock:
     columns = [Column(f"{segment} observed", "%")]
     columns += [Column(t, WITHOUT_UNIT.get(n, unit)) for n, t in PREDICTION_COLUMNS.items()]
     rows = []
@@ -199,7 +199,7 @@ def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> 
         values["coverage_2_sigma"] *= 100
         texts = (_text(v, ".1f" if n == "coverage_2_sigma" else "") for n, v in values.items())
         rows.append((f"{100 * float(fraction):.0f}", *texts))
-    return Table(tuple(columns), tuple(rows), caption[0].upper() + caption[1:])
+    return TableBlock(tuple(columns), tuple(rows), caption[0].upper() + caption[1:])
 
 
 def _online(online: Mapping) -> tuple[Block, ...]:
@@ -212,7 +212,9 @@ def _online(online: Mapping) -> tuple[Block, ...]:
     for phase, scores in phases.items():
         values = [100 * number(scores.get(name), "") for name in ONLINE_COLUMNS]
         rows.append((PHASE_NAMES[phase], *map(_known, values)))
-    return Table.of((Column("", align="left"), *shares), rows), Text(ONLINE_EXPLANATION, small=True)
+    return TableBlock.of((Column("", align="left"), *shares), rows), Paragraph(
+        ONLINE_EXPLANATION, small=True
+    )
 
 
 def _faults(result: Mapping) -> tuple[Block, ...]:
@@ -223,7 +225,7 @@ def _faults(result: Mapping) -> tuple[Block, ...]:
         for one in result.get(key, ())
     ]
     columns = tuple(Column(name, align="left") for name in ("recording", "", "why"))
-    return (Table(columns, tuple(rows)),) if rows else ()
+    return (TableBlock(columns, tuple(rows)),) if rows else ()
 
 
 def _calibration(result: Mapping, segment: str) -> tuple[Block, ...]:

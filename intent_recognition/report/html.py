@@ -20,7 +20,7 @@ ABSENT = "\N{EN DASH}"
 
 
 @dataclass(frozen=True)
-class Text:
+class Paragraph:
     """One paragraph; a small one is set as a remark."""
 
     text: str
@@ -35,7 +35,7 @@ class Column:
         title: its text.
         unit: of its numbers.
         align: of heading and cells.
-        form: how `Table.of` writes its numbers, as `format` takes it.
+        form: how `TableBlock.of` writes its numbers, as `format` takes it.
     """
 
     title: str
@@ -45,7 +45,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Table:
+class TableBlock:
     """Rows of ready-made texts; None is shown as a dash.
 
     Attributes:
@@ -79,7 +79,7 @@ class Table:
         caption: str = "",
         marked: Iterable[int] = (),
         strong: Iterable[int] = (),
-    ) -> "Table":
+    ) -> "TableBlock":
         """A table of values: numbers are written as their column says, texts and None stay.
 
         Raises:
@@ -156,7 +156,7 @@ class KeyNumbers:
     numbers: tuple[KeyNumber, ...]
 
 
-Block = Text | Table | Figure | Row | KeyNumbers
+Block = Paragraph | TableBlock | Figure | Row | KeyNumbers
 
 
 @dataclass(frozen=True)
@@ -222,12 +222,12 @@ def _section(section: Section) -> str:
     return f"<section>\n<h2>{escape(section.heading)}</h2>\n{blocks}\n</section>"
 
 
-def _text(block: Text) -> str:
+def _text(block: Paragraph) -> str:
     kind = ' class="small"' if block.small else ""
     return f"<p{kind}>{escape(block.text)}</p>"
 
 
-def _table(block: Table) -> str:
+def _table(block: TableBlock) -> str:
     caption = f"<caption>{escape(block.caption)}</caption>" if block.caption else ""
     head = "".join(
         f'<th scope="col" class="{column.align}">{escape(column.title)}{_unit(column.unit)}</th>'
@@ -244,7 +244,7 @@ def _unit(unit: str) -> str:
     return f' <span class="unit">[{escape(unit)}]</span>' if unit else ""
 
 
-def _table_row(block: Table, number: int) -> str:
+def _table_row(block: TableBlock, number: int) -> str:
     names = [
         n for n, rows in (("marked", block.marked), ("strong", block.strong)) if number in rows
     ]
@@ -287,8 +287,8 @@ def _key_number(number: KeyNumber) -> str:
 
 
 _RENDERERS: dict[type, Callable[..., str]] = {
-    Text: _text,
-    Table: _table,
+    Paragraph: _text,
+    TableBlock: _table,
     Figure: _figure,
     Row: _row,
     KeyNumbers: _key_numbers,

@@ -15,7 +15,7 @@ from intent_recognition.report.html import (
     KeyNumbers,
     ReportPage,
     Section,
-    Table,
+    TableBlock,
     write_page,
 )
 from intent_recognition.warping import ObjectModel, PouringParameters, WarpedObject
@@ -55,7 +55,7 @@ def write_warp_report(
         KeyNumber("tilt that leaves half", f"{degrees:.1f}\N{DEGREE SIGN}"),
     )
     rows = tuple((name, _text(value)) for name, value in content.items())
-    table = Table((Column("name", align="left"), Column("value", align="left")), rows)
+    table = TableBlock((Column("name", align="left"), Column("value", align="left")), rows)
     caption = (
         "Cut along the lip. The line is the fitted cavity; the dashed one is the level of what is"
         " left when the container is tilted about its lip until half of its volume is above it."

@@ -3,17 +3,17 @@
 
 from intent_recognition.tables.exporting import export_columns, export_map, write_table
 from intent_recognition.tables.import_map import ImportMap, load_map
-from intent_recognition.tables.imported import ImportedDemonstration, Samples
+from intent_recognition.tables.imported import EntrySamples, ImportedDemonstration
 from intent_recognition.tables.imported_bags import ImportedBag
 from intent_recognition.tables.importing import import_demonstrations
 from intent_recognition.tables.lerobot_writing import write_lerobot
 from intent_recognition.tables.suggesting import suggest_map
 
 __all__ = [
+    "EntrySamples",
     "ImportMap",
     "ImportedBag",
     "ImportedDemonstration",
-    "Samples",
     "export_columns",
     "export_map",
     "import_demonstrations",

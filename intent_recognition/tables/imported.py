@@ -14,7 +14,7 @@ from intent_recognition.bags import JOINT_STATE, POSE, BagWriter, message_class
 from intent_recognition.demonstrations import DofEntry
 
 
-class Samples(NamedTuple):
+class EntrySamples(NamedTuple):
     """What one entry of the DOF file gets.
 
     Attributes:
@@ -42,7 +42,7 @@ class ImportedDemonstration:
 
     name: str
     custom_data: Mapping[str, str]
-    samples: tuple[Samples, ...]
+    samples: tuple[EntrySamples, ...]
     frame: str = "world"
     n_dropped: int = 0
 
@@ -70,7 +70,7 @@ class ImportedDemonstration:
 
 def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, str, dict]]:
     """Stamp, topic, type and content of all messages, in order of time."""
-    topics: dict[str, list[Samples]] = {}
+    topics: dict[str, list[EntrySamples]] = {}
     for samples in demonstration.samples:
         topics.setdefault(samples.entry.topic, []).append(samples)
     found = []
@@ -86,7 +86,7 @@ def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, 
 
 
 def _at_each_stamp(
-    parts: Sequence[Samples],
+    parts: Sequence[EntrySamples],
 ) -> dict[int, list[tuple[DofEntry, NDArray[np.float64]]]]:
     """What the entries of one topic say at each stamp; NaN for what they do not."""
     places = [{int(ns): k for k, ns in enumerate(part.stamps_ns)} for part in parts]

@@ -23,7 +23,7 @@ from intent_recognition.tables.import_map import (
     Text,
     TimeSource,
 )
-from intent_recognition.tables.imported import ImportedDemonstration, Samples
+from intent_recognition.tables.imported import EntrySamples, ImportedDemonstration
 from intent_recognition.tables.imported_bags import ImportedBag, bag_parts
 from intent_recognition.tables.table import (
     Table,
@@ -291,7 +291,7 @@ def _cut_at_tasks(
             yield f"{name}_task_{k}", inside, own, cut
 
 
-def _misfit(samples: Sequence[Samples]) -> str | None:
+def _misfit(samples: Sequence[EntrySamples]) -> str | None:
     """Why times or values are certainly in another unit than the map says; None if not."""
     for part in samples:
         seen = np.all(np.isfinite(part.values), axis=1)
@@ -311,14 +311,14 @@ def _between(rows: _Rows, cut: Cut) -> NDArray[np.int64]:
     return np.flatnonzero(rows.known & (rows.stamps_ns >= start_ns) & (rows.stamps_ns <= end_ns))
 
 
-def _samples(rows: _Rows, pick: NDArray[np.int64], every: int) -> tuple[Samples, int]:
+def _samples(rows: _Rows, pick: NDArray[np.int64], every: int) -> tuple[EntrySamples, int]:
     """Samples of an entry in increasing order of time, and how many were not."""
     pick = pick[::every]
     stamps = rows.stamps_ns[pick]
     latest = np.maximum.accumulate(np.where(rows.known[pick], stamps, 0))
     before = np.concatenate([[0], latest[:-1]])[: stamps.size]
     kept = rows.known[pick] & (stamps > before)
-    found = Samples(rows.source.entry, stamps[kept], rows.values[pick[kept]])
+    found = EntrySamples(rows.source.entry, stamps[kept], rows.values[pick[kept]])
     return found, int(np.sum(~kept))
 
 

@@ -11,7 +11,7 @@ from simulation import make_library
 from intent_recognition.activation.states import Mode
 from intent_recognition.composing import (
     Moment,
-    Progress,
+    SequenceProgress,
     advance,
     awaited,
     learned_sequence,
@@ -42,7 +42,7 @@ BACK = {"wrist": np.array([0.3, 0.45, 0.1])}
 
 
 def follow(*moments, progress=None):
-    progress = progress or Progress()
+    progress = progress or SequenceProgress()
     for moment in moments:
         progress = advance(SEQUENCES, progress, moment)
     return progress
@@ -91,7 +91,7 @@ def test_in_order_each_step_is_waited_for_runs_and_is_done():
 
 def test_another_task_leads_out_and_may_begin_another_sequence():
     waiting = follow(*course(until=3))
-    assert follow(Moment(4.0, 2, "unlisted"), progress=waiting) == Progress(n_started=2)
+    assert follow(Moment(4.0, 2, "unlisted"), progress=waiting) == SequenceProgress(n_started=2)
     assert follow(Moment(4.0, 2, "glue"), progress=waiting)[:3] == ("other", 0, True)
     assert follow(Moment(4.0, 2, "plate"), progress=waiting)[:3] == ("toolbox", 0, True)
     assert follow(Moment(4.0, 2, "screw"), progress=waiting)[:3] == ("toolbox", 1, True)
@@ -112,7 +112,7 @@ def test_a_step_that_does_not_arrive_is_waited_for_again_unless_it_began_by_itse
 
 def test_nothing_is_ordered_before_its_conditions_hold_whatever_happens(rng):
     """Random sessions: an order needs its place, rest and time; without events nothing changes."""
-    progress, since_s, n_started, ordered, task = Progress(), 0.0, 0, 0, ""
+    progress, since_s, n_started, ordered, task = SequenceProgress(), 0.0, 0, 0, ""
     for k in range(4000):
         if rng.random() < 0.1:
             n_started += 1

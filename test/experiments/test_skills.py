@@ -27,7 +27,7 @@ from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
 from intent_recognition.motion import scaled_limits
 from intent_recognition.nodes.correction_input import load_detector
-from intent_recognition.report import Table, Text
+from intent_recognition.report import Paragraph, TableBlock
 from sim_bridge.coworker import PLATE
 from sim_bridge.scenarios.toolbox import handover_point
 
@@ -94,7 +94,7 @@ def test_the_report_of_corrections_says_how_far_the_error_falls(monkeypatch):
     assert falls == {"plate": pytest.approx(1 - 0.01 / 0.08), "screw": 1.0}
     assert part.findings[0].ours == "93.8 (87.5 to 100.0)"
     assert all(finding.holds in (True, None) for finding in part.findings)
-    (table,) = (block for block in part.blocks if isinstance(block, Table))
+    (table,) = (block for block in part.blocks if isinstance(block, TableBlock))
     assert [row[0] for row in table.rows] == ["plate", "screw"]
 
 
@@ -110,7 +110,7 @@ def test_the_parts_of_the_experiment_are_one_report_and_share_its_progress(monke
         def run(settings):
             settings.progress(0.5, "half")
             finding = Finding(name, "1", "1", True)
-            return SkillPart((finding,), (Text(f"of {name}"),), (f"as {name}",), {"n": 1})
+            return SkillPart((finding,), (Paragraph(f"of {name}"),), (f"as {name}",), {"n": 1})
 
         return run
 

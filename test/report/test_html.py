@@ -17,11 +17,11 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
+    Paragraph,
     ReportPage,
     Row,
     Section,
-    Table,
-    Text,
+    TableBlock,
     render,
     write_page,
 )
@@ -58,12 +58,12 @@ class Reader(HTMLParser):
 
 def test_values_are_written_as_their_column_says():
     columns = (Column("task"), Column("error", "cm", form=".1f"), Column("n"), Column("late", "s"))
-    table = Table.of(columns, ((t, 2.25, np.int64(3), None) for t in "ab"), "c", strong=[1])
+    table = TableBlock.of(columns, ((t, 2.25, np.int64(3), None) for t in "ab"), "c", strong=[1])
     assert table.rows == (("a", "2.2", "3", None), ("b", "2.2", "3", None))
     assert (table.columns, table.caption, table.strong) == (columns, "c", {1})
-    assert Table.of(columns, [("a", "never", 3, 0.5)]).rows == (("a", "never", "3", "0.5"),)
+    assert TableBlock.of(columns, [("a", "never", 3, 0.5)]).rows == (("a", "never", "3", "0.5"),)
     with pytest.raises(ShapeError, match="row 1: expected 4 cells"):
-        Table.of(columns, [("a", 1.0, 2, 3), ("b", 1.0)])
+        TableBlock.of(columns, [("a", 1.0, 2, 3), ("b", 1.0)])
 
 
 def read(html: str) -> Reader:
@@ -90,7 +90,7 @@ def outside_references(html: str) -> list[str]:
 @given(st.lists(st.lists(PRINTABLE, min_size=3, max_size=3), max_size=5))
 def test_table_cells_are_what_was_given(rows):
     columns = (Column("a", "cm"), Column("b", align="left"), Column("c"))
-    reader = read(render(page(Table(columns, tuple(tuple(row) for row in rows)))))
+    reader = read(render(page(TableBlock(columns, tuple(tuple(row) for row in rows)))))
     assert reader.cells == ["a [cm]", "b", "c", *(cell for row in rows for cell in row)]
 
 
@@ -98,10 +98,10 @@ def test_table_cells_are_what_was_given(rows):
 @given(PRINTABLE)
 def test_any_text_is_escaped_everywhere(text):
     blocks = (
-        Text(text),
+        Paragraph(text),
         KeyNumbers((KeyNumber(text, text, text, True, text),)),
         Figure(SVG, text, text),
-        Table((Column(text, text),), ((text,),), text),
+        TableBlock((Column(text, text),), ((text,),), text),
     )
     html = render(ReportPage(text, text, (Section(text, blocks),), text))
     reader = read(html)
@@ -111,13 +111,13 @@ def test_any_text_is_escaped_everywhere(text):
 
 
 def test_markup_in_a_label_stays_text():
-    html = render(page(Text("<script>alert('1')</script> & \"x\"")))
+    html = render(page(Paragraph("<script>alert('1')</script> & \"x\"")))
     assert "<script" not in html
     assert "&lt;script&gt;" in html
 
 
 def test_alignment_marks_and_absent_cells():
-    table = Table(
+    table = TableBlock(
         (Column("task", align="left"), Column("error", "cm")),
         (("plate", "3.2"), ("screw", None)),
         "errors",
@@ -144,7 +144,7 @@ def test_figures_travel_inside_the_page():
 
 
 def test_the_page_refers_to_nothing_outside():
-    html = render(page(Text("x"), Figure(SVG, "y")))
+    html = render(page(Paragraph("x"), Figure(SVG, "y")))
     assert outside_references(html) == []
     assert "@import" not in html
     assert "<link" not in html
@@ -153,7 +153,7 @@ def test_the_page_refers_to_nothing_outside():
 
 
 def test_empty_sections_are_left_out():
-    html = render(ReportPage("t", "s", (Section("empty", ()), Section("full", (Text("x"),)))))
+    html = render(ReportPage("t", "s", (Section("empty", ()), Section("full", (Paragraph("x"),)))))
     assert "empty" not in html
     assert "full" in html
 
@@ -166,7 +166,7 @@ def test_print_and_dark_styles_are_there():
 
 def test_bad_content_is_refused():
     with pytest.raises(ShapeError, match="row 0"):
-        Table((Column("a"),), (("1", "2"),))
+        TableBlock((Column("a"),), (("1", "2"),))
     with pytest.raises(ArgumentError, match="media_type"):
         Figure(SVG, media_type="image/gif")
     with pytest.raises(ArgumentError, match="data"):
@@ -175,9 +175,11 @@ def test_bad_content_is_refused():
 
 def test_writing_makes_the_folder_and_names_what_fails(tmp_path):
     target = write_page(
-        tmp_path / "new" / "report.html", page(Text("\N{GREEK SMALL LETTER SIGMA}"))
+        tmp_path / "new" / "report.html", page(Paragraph("\N{GREEK SMALL LETTER SIGMA}"))
     )
-    assert target.read_text(encoding="utf-8") == render(page(Text("\N{GREEK SMALL LETTER SIGMA}")))
+    assert target.read_text(encoding="utf-8") == render(
+        page(Paragraph("\N{GREEK SMALL LETTER SIGMA}"))
+    )
     (tmp_path / "file").write_text("")
     with pytest.raises(ResourceBusyError, match="report"):
         write_page(tmp_path / "file" / "report.html", page())

@@ -20,7 +20,7 @@ from intent_recognition.report.evaluation_report import (
     series,
     write_evaluation_report,
 )
-from intent_recognition.report.html import Figure, KeyNumbers, Row, Table, render
+from intent_recognition.report.html import Figure, KeyNumbers, Row, TableBlock, render
 from intent_recognition.report.interaction_table import cells
 
 LABELS = ["hold_screwdriver", "plate_handover", "screw_handover", "none"]
@@ -104,7 +104,7 @@ def test_the_demo_report_needs_nothing_from_outside(page):
 
 def test_the_demo_table_is_the_records(session, page):
     records, _ = session
-    table = blocks_of(page, Table)[0]
+    table = blocks_of(page, TableBlock)[0]
     assert table.rows == tuple(cells(record) for record in records)
     assert table.marked == {4}
 
@@ -222,7 +222,7 @@ def result(rng, unit="rad"):
 @pytest.mark.slow
 def test_evaluation_tables_equal_the_json(rng, undrawn):
     content = result(rng)
-    tables = blocks_of(evaluation_page(content, "t"), Table)
+    tables = blocks_of(evaluation_page(content, "t"), TableBlock)
     for row, fraction in zip(tables[0].rows, content["recognition"]["known_phase"], strict=True):
         known, unknown = (content["recognition"][p][fraction] for p in content["recognition"])
         assert row == (
@@ -250,7 +250,7 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
         "doubtful": [{"recording": "demo_4", "reason": "a hint"}],
     }
     page = evaluation_page({"online": online, **faults}, "t")
-    nodes, left_out = blocks_of(page, Table)
+    nodes, left_out = blocks_of(page, TableBlock)
     assert [r[1:] for r in nodes.rows] == [
         ("90.0", "55.0", "0.0", None),
         ("90.0", "55.0", "0.0", "20.4"),
@@ -264,7 +264,7 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
 @pytest.mark.parametrize("segment", ["recording", "movement"])
 def test_the_evaluation_says_what_its_shares_are_of(rng, undrawn, segment):
     page = evaluation_page(result(rng) | {"segment": segment}, "t")
-    tables = blocks_of(page, Table)
+    tables = blocks_of(page, TableBlock)
     assert {table.columns[0].title for table in tables} == {f"{segment} observed"}
     assert f"recognised at 30 % of the {segment}" in key_numbers(page)
     text = render(page)
@@ -276,7 +276,7 @@ def test_the_evaluation_says_what_its_shares_are_of(rng, undrawn, segment):
 def test_recordings_taken_for_another_task_are_a_table(rng, undrawn):
     one = {"recording": "demo_3", "true": "rocket", "recognised": "waving"}
     page = evaluation_page({"mistaken": [one]}, "t")
-    (table,) = blocks_of(page, Table)
+    (table,) = blocks_of(page, TableBlock)
     assert table.rows == (("demo_3", "rocket", "waving"),)
 
 
@@ -300,7 +300,7 @@ def test_several_units_give_a_section_each(rng, undrawn):
 def test_missing_parts_and_values_are_left_out(rng, tmp_path, undrawn):
     content = result(rng)
     content["prediction"]["known_phase"]["1.0"]["rmse_future"] = None
-    assert blocks_of(evaluation_page(content, "t"), Table)[1].rows[-1][3] is None
+    assert blocks_of(evaluation_page(content, "t"), TableBlock)[1].rows[-1][3] is None
     for part in ("recognition", "prediction"):
         less = {key: value for key, value in content.items() if key != part}
         assert render(evaluation_page(less, "t"))
@@ -341,7 +341,7 @@ def test_optional_parts_are_shown(rng):
     assert key_numbers(page)["area under the ROC"].ours == "0.875"
     new = 2 + 2 + 1 + 1  # reliability and regions, two confusions, errors, ROC
     assert len(figures_of(page)) == len(figures_of(evaluation_page(result(rng), "t"))) + new
-    cells = [row for table in blocks_of(page, Table) for row in table.rows]
+    cells = [row for table in blocks_of(page, TableBlock) for row in table.rows]
     assert ("a", "4", None, "50.0", "0.0") in cells and ("50", "75.0", "50.0") in cells
     headings = [section.heading for section in page.sections]
     assert "Prediction of the controlled agent, start posture known [rad]" in headings
