@@ -23,7 +23,7 @@ BUILDINGS = (LIBRARY, SIMULATION, EXPERIMENTS)
 STOREYS = (  # of the library, from the ground up; rooms of one storey may not form a cycle
     {"errors", "extras", "share", "untrusted", "durable", "interrupts", "plots", "registry"},
     {"gaussian", "signals", "kinematics", "bags"},
-    {"promp", "alignment", "tracking", "warping", "motion"},
+    {"promp", "alignment", "tracking", "warping", "motion", "transfer"},
     {"filtering", "objects", "demonstrations", "composing"},
     {"learning", "recognition", "tables", "improvement"},
     {"activation", "model"},

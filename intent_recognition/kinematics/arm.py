@@ -149,6 +149,27 @@ class Arm:
         """
         return self._pose_and_jacobian(self._one(q, "q"))[1]
 
+    def inverse_dynamics(
+        self,
+        q: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        acceleration: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Torques (n,) [Nm] that move the arm so, from the URDF's inertias; gravity is along -z.
+
+        Args:
+            q: (n,), as the others.
+            velocity: of the joints.
+            acceleration: of the joints.
+
+        Raises:
+            ShapeError: an argument does not fit the arm.
+        """
+        q, *rates = (self._one(a, "q") for a in (q, velocity, acceleration))
+        drive = self._reduced.drive
+        driven = (drive @ rate for rate in rates)
+        return drive.T @ self._pin.rnea(self._model, self._data, self._reduced.values(q), *driven)
+
     def inverse_kinematics(
         self, target: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
     ) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from .feedback_controller import (
     propagate,
 )
 from .feedback_runs import Push, execute
+from .fingers import Fingers, with_fingers
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
 from .robots import NAMES, Robot, describe_robot, find_robot
@@ -32,6 +33,7 @@ __all__ = [
     "Edge",
     "FeedbackPolicy",
     "FeedbackSettings",
+    "Fingers",
     "LockStep",
     "Pacer",
     "Push",
@@ -50,4 +52,5 @@ __all__ = [
     "initial_state",
     "lwr_urdf",
     "propagate",
+    "with_fingers",
 ]

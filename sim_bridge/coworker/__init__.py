@@ -9,6 +9,7 @@ from sim_bridge.coworker.demonstration import (
     demonstration_rng,
     plan_demonstration,
 )
+from sim_bridge.coworker.grip import CompliantHand, Strength
 from sim_bridge.coworker.reach import (
     Reach,
     WristMovement,
@@ -28,6 +29,7 @@ from sim_bridge.coworker.session import (
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.coworker.task_list import change_some, parse_task_list
 from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
+from sim_bridge.coworker.transferring import Giver, Manner, SeenRobot, Taker, progress
 
 __all__ = [
     "HOLD",
@@ -41,10 +43,16 @@ __all__ = [
     "USUAL_BLEND",
     "WITHOUT_PAUSE",
     "ChangedReach",
+    "CompliantHand",
+    "Giver",
     "Interaction",
+    "Manner",
     "Reach",
+    "SeenRobot",
     "SessionPlan",
     "SessionTiming",
+    "Strength",
+    "Taker",
     "WristDemonstration",
     "WristMovement",
     "WristSamples",
@@ -59,5 +67,6 @@ __all__ = [
     "parse_task_list",
     "plan_demonstration",
     "plan_session",
+    "progress",
     "sample_wrist",
 ]

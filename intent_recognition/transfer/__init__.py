@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Handing objects over by force: who carries how much, how hard to grip, and when to let go."""
+
+from intent_recognition.transfer.load import LoadEstimator
+from intent_recognition.transfer.machine import (
+    PATIENCE_S,
+    Holding,
+    Request,
+    Situation,
+    TransferMachine,
+    TransferOutput,
+)
+from intent_recognition.transfer.sharing import (
+    FIRM_N,
+    LIGHTEST_N,
+    MOST_N,
+    carrying_grip,
+    load_share,
+    offering_grip,
+)
+
+__all__ = [
+    "FIRM_N",
+    "LIGHTEST_N",
+    "MOST_N",
+    "PATIENCE_S",
+    "Holding",
+    "LoadEstimator",
+    "Request",
+    "Situation",
+    "TransferMachine",
+    "TransferOutput",
+    "carrying_grip",
+    "load_share",
+    "offering_grip",
+]

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The force at the hand, from the torques of the joints and the arm's model.
+
+What the model does not explain of the torques comes from outside (De Luca and Mattone 2005,
+"Sensorless robot collision detection and hybrid force/motion control", ICRA). Here it is computed
+from differences of the measured velocity instead of the momentum: the same first-order filter of
+the same residual, without the Coriolis matrix.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ShapeError
+from intent_recognition.kinematics import Arm
+
+BANDWIDTH_RAD_S = 35.0
+"""Of the residual's filter [rad/s]: at 63 % after 29 ms, as a slip must be noticed within 50 ms
+(docs/transfer.md), with as little noise of differenced velocities as that allows."""
+LONGEST_GAP_S = 0.1
+"""Joint states further apart begin the filter anew [s]. Convention: three time constants."""
+FORCE_STD_N, MOMENT_STD_NM = 20.0, 1.0
+"""Forces and moments expected at a hand [N], [Nm]; they decide only what the torques leave open.
+Convention: twice what a transfer has."""
+TORQUE_STD_NM = 0.2
+"""Of the residual of a joint [Nm]: that of the simulated LWR with sensor noise."""
+
+
+class LoadEstimator:
+    """Filters the wrench at an arm's hand.
+
+    Args:
+        arm: its model; poses of its base are those of the world.
+        bandwidth_rad_s: of the filter.
+    """
+
+    def __init__(self, arm: Arm, bandwidth_rad_s: float = BANDWIDTH_RAD_S) -> None:
+        self._arm, self._bandwidth_rad_s = arm, bandwidth_rad_s
+        self._last: tuple[float, NDArray[np.float64]] | None = None
+        self._residual = np.zeros(arm.n_joints)
+        self.wrench = np.zeros(6)
+        self.speed_m_s = 0.0
+
+    def update(
+        self,
+        time_s: float,
+        q: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        torque: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """The force on the hand (3,) [N] in the axes of the base, after a joint state.
+
+        Also kept: `wrench` (6,) [N, Nm] with the moment about the tip, and `speed_m_s` of the tip.
+
+        Args:
+            time_s: of the measurement; one that is no later changes nothing.
+            q: (n,) [rad].
+            velocity: (n,) [rad/s].
+            torque: of the motors, that carries the arm's weight too (n,) [Nm].
+
+        Raises:
+            ShapeError: an argument does not fit the arm.
+        """
+        if np.shape(torque) != (self._arm.n_joints,):
+            shape = f"({self._arm.n_joints},)"
+            raise ShapeError.about("torque", shape, np.shape(torque), "Give one value per joint.")
+        if self._last is not None and time_s <= self._last[0]:
+            return self.wrench[:3]
+        gap_s = np.inf if self._last is None else time_s - self._last[0]
+        anew = gap_s > LONGEST_GAP_S
+        acceleration = np.zeros_like(velocity) if anew else (velocity - self._last[1]) / gap_s  # type: ignore[index]
+        residual = self._arm.inverse_dynamics(q, velocity, acceleration) - torque
+        share = 1.0 if anew else 1.0 - np.exp(-self._bandwidth_rad_s * gap_s)
+        self._residual = self._residual + share * (residual - self._residual)
+        self._last = time_s, np.array(velocity)
+        J = self._arm.jacobian(q)
+        self.wrench = wrench_from_torques(J, self._residual)
+        self.speed_m_s = float(np.linalg.norm(J[:3] @ velocity))
+        return self.wrench[:3]
+
+
+def wrench_from_torques(J: NDArray[np.float64], torque: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The wrench w (6,) that most probably makes the joint torques J^T w (n,).
+
+    Gaussian prior of w and noise of the torques: bounded at singular postures.
+    """
+    prior = np.repeat([FORCE_STD_N**2, MOMENT_STD_NM**2], 3)
+    PJ = prior[:, None] * J
+    S = J.T @ PJ + TORQUE_STD_NM**2 * np.eye(J.shape[1])
+    return PJ @ np.linalg.solve(S, torque)

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From forces at the hand to a grip: a state machine.
+
+It is told what the arm wants (`Request`) and what is felt (`Situation`), and says who holds the
+object and how hard to grip. It knows no clock but the times of what is felt.
+"""
+
+from collections import deque
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.transfer.sharing import (
+    LIGHTEST_N,
+    MOST_N,
+    carrying_grip,
+    load_share,
+    offering_grip,
+)
+
+SETTLED_M_S, SETTLED_S = 0.05, 0.1
+"""Speed of the hand, and how long below it, from which on an object is offered [m/s], [s]: the
+simulated arm's overshoot is over. Convention."""
+SHARE_PER_S = 5.0
+"""Fastest change of the share that counts [1/s]. People take 0.2 s and more to take over a load
+(Chan et al. 2012, Fig. 4); a bump of 0.1 s, and what the filter adds to it, ends before."""
+TAKEN_SHARE, LEFT_SHARE = 0.9, 0.3
+"""Share at which the hand opens, and below which an offer may end. Convention: nearly all, and
+less than a hand that rests on the object."""
+HARD = 2.5
+"""A load that is this times the weight is gripped against, whoever may be taking the object.
+Convention: more than a person needs who lifts and pulls at once."""
+PATIENCE_S = 4.0
+"""Time after which what nobody takes is brought back [s]. Convention."""
+OPENING_S = 0.3
+"""Time in which the fingers open [s]: 40 mm at 0.15 m/s."""
+SLIP_SHARE, SLIP_N, SLIP_S = 0.25, 1.5, 0.01
+"""Share of the weight, and force [N], that must be missing, and how long [s], to be a slip: three
+standard deviations of the load, and more than an arm's acceleration (2 m/s^2) takes off it."""
+SLIP_GRIP = 2.0
+"""Grip after a slip, by what the friction that was felt needs to hold. Convention: it must stop the
+object, too, and the load is still falling when the slip is noticed."""
+PRESENT_S = 0.15
+"""Time that the person must hold an object still before the fingers close [s]. Convention."""
+FIRST_N = 8.0
+"""Force with which fingers close on what a person holds [N]. Convention: firm, and harmless."""
+GRIPPED_S = 0.15
+"""Time that the fingers must have stood still on something [s]. Convention."""
+STILL_M_S = 0.005
+"""Speed of a finger below which it stands [m/s]. Convention."""
+EMPTY_M = 0.0015
+"""Half opening below which there is nothing between the fingers [m]. Convention."""
+STEADY_S, STEADY_N = 0.25, 0.9
+"""The person has let go when the load varies by less than this [N] for so long [s]: four standard
+deviations of its noise."""
+WEIGHED, REMEMBERED = 20, 400
+"""Loads from which, and of which at most, an object is weighed: at 100 Hz 0.2 s, and the longest
+way of an arm. Convention."""
+
+
+class Request(Enum):
+    """What the arm is about to do."""
+
+    NOTHING = "nothing"
+    HOLD = "hold"
+    GIVE = "give"
+    TAKE = "take"
+    PUT_DOWN = "put down"
+
+
+class Holding(Enum):
+    """Who holds the object, and what is going on."""
+
+    EMPTY = "empty"
+    RECEIVING = "receiving"
+    CLOSING = "closing"
+    TAKING = "taking"
+    CARRYING = "carrying"
+    OFFERING = "offering"
+    RELEASING = "releasing"
+    RETURNING = "returning"
+
+
+class Situation(NamedTuple):
+    """What is felt at one moment.
+
+    Attributes:
+        time_s: of the measurement.
+        force_n: on the hand (3,), world.
+        moving: whether the arm is under way to where it was told to go.
+        speed_m_s: of the hand.
+        half_opening_m: distance of a finger from the middle; NaN if it is not measured.
+        near: whether the person's hand is at the object; None if nobody tracks it.
+        person_m_s: speed of the person's hand; 0 if nobody tracks it.
+        toward: horizontal unit vector to the person (3,); None if unknown.
+    """
+
+    time_s: float
+    force_n: NDArray[np.float64]
+    moving: bool
+    speed_m_s: float
+    half_opening_m: float = np.nan
+    near: bool | None = None
+    person_m_s: float = 0.0
+    toward: NDArray[np.float64] | None = None
+
+
+class TransferOutput(NamedTuple):
+    """What to do.
+
+    Attributes:
+        holding: the state.
+        share: of the load that the person has, 0 to 1; 0 where it does not matter.
+        weight_n: of the object as far as it is known.
+        grip_n: force of each finger; 0: open.
+        slip: whether the object slips now.
+    """
+
+    holding: Holding
+    share: float
+    weight_n: float
+    grip_n: float
+    slip: bool
+
+
+class TransferMachine:
+    """Holds, offers, releases, takes and brings back one object after the other.
+
+    Args:
+        patience_s: time after which an offer ends.
+        clock_s: for comparison: take no notice of the force, let go so long after the offer began,
+            and go when the fingers have closed.
+    """
+
+    def __init__(self, patience_s: float = PATIENCE_S, clock_s: float | None = None) -> None:
+        self._patience_s, self._clock_s, self._feels = patience_s, clock_s, clock_s is None
+        self.holding, self.weight_n = Holding.EMPTY, 0.0
+        self._share, self._factor = 0.0, 1.0
+        self._loads: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=REMEMBERED)
+        self._since: dict[str, float] = {}
+        self._entered_s, self._time_s = 0.0, np.nan
+        self._half_opening_m = np.nan
+
+    def carry(self, weight_n: float = 0.0) -> None:
+        """Begin with an object between the fingers; its weight is measured if it is not given."""
+        self._enter(Holding.CARRYING, self._time_s)
+        self.weight_n, self._factor = weight_n, 1.0
+
+    def step(self, request: Request, now: Situation) -> TransferOutput:
+        """Take what is felt, and say what to do; times must grow."""
+        step_s = 0.0 if np.isnan(self._time_s) else now.time_s - self._time_s
+        self._time_s = now.time_s
+        reach = SHARE_PER_S * step_s
+        self._share += float(np.clip(self._felt_share(now) - self._share, -reach, reach))
+        slip = False
+        if self.holding in (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING):
+            self._weigh(now)
+            slip = self._slips(now)
+        getattr(self, f"_{self.holding.value}")(request, now)
+        self._half_opening_m = now.half_opening_m
+        return TransferOutput(self.holding, self._share, self.weight_n, self._grip(now), slip)
+
+    def _empty(self, request: Request, now: Situation) -> None:
+        if request is Request.HOLD:
+            self._close(now)
+        elif request is Request.TAKE and not now.moving:
+            self._enter(Holding.RECEIVING, now.time_s)
+
+    def _receiving(self, request: Request, now: Situation) -> None:
+        if request is not Request.TAKE:
+            self._enter(Holding.EMPTY, now.time_s)
+        elif self._lasts("present", self._presented(now), now.time_s, PRESENT_S):
+            self._close(now)
+
+    def _presented(self, now: Situation) -> bool:
+        return now.near is not False and now.person_m_s < SETTLED_M_S
+
+    def _closing(self, request: Request, now: Situation) -> None:
+        """Wait until the fingers stand; on nothing they open again."""
+        if self._lasts("gripped", self._fingers_stand(now), now.time_s, GRIPPED_S):
+            if now.half_opening_m < EMPTY_M:
+                self._enter(Holding.EMPTY, now.time_s)
+            elif request is Request.TAKE:
+                self._enter(Holding.TAKING, now.time_s)
+            else:
+                self.carry()
+
+    def _taking(self, _: Request, now: Situation) -> None:
+        """Hold together with the person until the load is the object's alone."""
+        self._remember(now, STEADY_S)
+        span_s = now.time_s - self._loads[0][0]
+        loads = np.array([force for _, force in self._loads])
+        steady = span_s >= 0.9 * STEADY_S and bool(np.all(np.ptp(loads, axis=0) < STEADY_N))
+        mean = loads.mean(axis=0)
+        carries = mean[2] < -0.25 * LIGHTEST_N and np.hypot(*mean[:2]) < max(1.0, -0.5 * mean[2])
+        gone = now.near is False
+        if not self._feels or gone or (steady and carries):
+            self.carry()
+
+    def _carrying(self, request: Request, now: Situation) -> None:
+        if request is Request.PUT_DOWN:
+            self._put_down(now)
+        at_rest = not now.moving and now.speed_m_s < SETTLED_M_S
+        if self._lasts("rest", request is Request.GIVE and at_rest, now.time_s, SETTLED_S):
+            self._enter(Holding.OFFERING, now.time_s)
+
+    def _offering(self, request: Request, now: Situation) -> None:
+        if request is not Request.GIVE or now.moving:
+            self._enter(Holding.CARRYING, now.time_s)
+        elif self._share >= TAKEN_SHARE or self._is_time(now):
+            self._enter(Holding.RELEASING, now.time_s)
+        elif now.time_s - self._entered_s > self._patience_s and self._share < LEFT_SHARE:
+            self._enter(Holding.RETURNING, now.time_s)
+
+    def _is_time(self, now: Situation) -> bool:
+        return self._clock_s is not None and now.time_s - self._entered_s >= self._clock_s
+
+    def _returning(self, request: Request, now: Situation) -> None:
+        if request is Request.PUT_DOWN:
+            self._put_down(now)
+        elif request is Request.HOLD:
+            self._enter(Holding.CARRYING, now.time_s)
+
+    def _releasing(self, _: Request, now: Situation) -> None:
+        if now.time_s - self._entered_s > OPENING_S:
+            self._enter(Holding.EMPTY, now.time_s)
+            self.weight_n, self._factor = 0.0, 1.0
+
+    def _grip(self, now: Situation) -> float:
+        if self.holding in (Holding.EMPTY, Holding.RECEIVING, Holding.RELEASING):
+            return 0.0
+        if self.holding is Holding.CLOSING:
+            return FIRST_N
+        load_n = float(np.linalg.norm(now.force_n)) if self._feels else 0.0
+        grip_n = carrying_grip(max(load_n, self.weight_n))
+        if load_n < HARD * max(self.weight_n, LIGHTEST_N):
+            grip_n = min(grip_n, offering_grip(self._share, self.weight_n))
+        return min(self._factor * grip_n, MOST_N)
+
+    def _felt_share(self, now: Situation) -> float:
+        """What the person has taken over of an offer; nobody near, nobody takes."""
+        if self.holding is not Holding.OFFERING or now.near is False or not self._feels:
+            return 0.0
+        return load_share(now.force_n, self.weight_n, now.toward)
+
+    def _slips(self, now: Situation) -> bool:
+        """Less than the weight is carried, and nobody takes it: grip harder from now on."""
+        if not self._feels or self._share > 0.0 or self.weight_n == 0.0:
+            return False
+        missing_n = self.weight_n + float(now.force_n[2])
+        less = missing_n > max(SLIP_SHARE * self.weight_n, SLIP_N)
+        slips = self._lasts("slip", less, now.time_s, SLIP_S)
+        if slips:  # what is still carried shows the friction
+            carried = max(-float(now.force_n[2]), 0.1 * self.weight_n)
+            self._factor = max(self._factor, SLIP_GRIP * self.weight_n / carried)
+        return slips
+
+    def _weigh(self, now: Situation) -> None:
+        """The weight is the median of the load since the object was lifted, if it was carried.
+
+        The median: a bump, or a pull of less than half the way, does not count.
+        """
+        if self.holding is not Holding.CARRYING or -now.force_n[2] < 0.25 * LIGHTEST_N:
+            return
+        self._remember(now, np.inf)
+        if len(self._loads) >= WEIGHED:
+            self.weight_n = -float(np.median([force[2] for _, force in self._loads]))
+
+    def _remember(self, now: Situation, span_s: float) -> None:
+        self._loads.append((now.time_s, np.array(now.force_n)))
+        while now.time_s - self._loads[0][0] > span_s:
+            self._loads.popleft()
+
+    def _fingers_stand(self, now: Situation) -> bool:
+        if np.isnan(now.half_opening_m):
+            return True
+        moved_m = abs(now.half_opening_m - self._half_opening_m)
+        before = self._since.get("finger", now.time_s)
+        self._since["finger"] = now.time_s
+        return bool(moved_m <= STILL_M_S * max(now.time_s - before, 1e-6))
+
+    def _put_down(self, now: Situation) -> None:
+        if not now.moving and now.speed_m_s < SETTLED_M_S:
+            self._enter(Holding.RELEASING, now.time_s)
+
+    def _close(self, now: Situation) -> None:
+        self._enter(Holding.CLOSING, now.time_s)
+
+    def _enter(self, holding: Holding, time_s: float) -> None:
+        self.holding, self._entered_s = holding, time_s
+        self._loads.clear()
+        self._since.clear()
+
+    def _lasts(self, name: str, holds: bool, time_s: float, for_s: float) -> bool:
+        """Whether something has held for so long."""
+        if not holds:
+            self._since.pop(name, None)
+            return False
+        return time_s - self._since.setdefault(name, time_s) >= for_s - 1e-9

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two fingers that hold by force: the arm's own, or a simple gripper at the end of its hand."""
+
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import parse_xml
+from sim_bridge.arm.arm import SimulatedArm
+from sim_bridge.arm.robots import Robot
+from sim_bridge.physics import pybullet
+
+GRIP_LINK = "grip"
+"""Link between the pads of a gripper that was added."""
+FINGERS = ("grip_finger_left", "grip_finger_right")
+"""Its joints."""
+PALM_M, FINGER_M = (0.05, 0.12, 0.03), (0.024, 0.012, 0.07)
+"""Its palm and fingers: width, length in the direction of closing, depth [m]. Convention: small
+beside a Franka Hand, with pads as wide."""
+PALM_KG, FINGER_KG = 0.35, 0.05
+"""Its masses [kg]. Convention: half of a Franka Hand."""
+OPENING_M = 0.04
+"""Largest distance of a finger from the middle [m], as the Franka Hand's."""
+PAD_M = 0.015
+"""From a fingertip to where it holds [m]. Convention: near the middle of a pad."""
+CLOSING_M_S, OPENING_M_S = 0.1, 0.15
+"""Speed of the fingers [m/s]: the Franka Hand has at most 0.1 and 0.2."""
+PAD_FRICTION = 1.0
+"""Of the pads; that of a contact is the product of both bodies'."""
+PAD_RADIUS_M = 0.015
+"""Radius of the patch in which a soft pad touches [m]: a finger holds a torque of two thirds of it
+times its friction. Without it the corners of boxes touch, and what hangs off its centre creeps."""
+GEAR_N = 500.0
+"""Force that keeps the fingers alike apart from the middle [N]: much more than they press."""
+OPENED_M = 0.002
+"""Fingers within this of fully open are held there [m]. Convention."""
+
+
+def with_fingers(robot: Robot) -> Robot:
+    """An arm with fingers: as it is if it has two, else with a gripper, whose grip is the tip."""
+    if robot.urdf.count('type="prismatic"') >= 2:
+        return robot
+    urdf, description = (_add(text, robot.tip) for text in (robot.urdf, robot.description))
+    return replace(robot, urdf=urdf, description=description, tip=GRIP_LINK)
+
+
+class Fingers:
+    """The two fingers of a simulated arm, pressed together by a force.
+
+    Args:
+        arm: whose joints beside the chain are two fingers that slide.
+
+    Raises:
+        ArgumentError: it has not two.
+    """
+
+    def __init__(self, arm: SimulatedArm) -> None:
+        self._client, self._body = arm.client, arm.body
+        joints = (
+            arm.client.getJointInfo(arm.body, k) for k in range(arm.client.getNumJoints(arm.body))
+        )
+        numbers = {j[1].decode(): j[0] for j in joints if j[2] == pybullet.JOINT_PRISMATIC}
+        self.links = tuple(numbers[name] for name in arm.other_joints if name in numbers)
+        if len(self.links) != 2:
+            cure = "Give it a gripper by `with_fingers`."
+            raise ArgumentError.about("arm", "two fingers", arm.other_joints, cure)
+        for link in self.links:
+            self._client.changeDynamics(
+                self._body,
+                link,
+                lateralFriction=PAD_FRICTION,
+                spinningFriction=PAD_RADIUS_M * 2.0 / 3.0,
+                frictionAnchor=1,
+            )
+            self._client.resetJointState(self._body, link, OPENING_M)
+        gear = self._client.createConstraint(
+            self._body, self.links[0], self._body, self.links[1], pybullet.JOINT_GEAR,
+            [0.0, 1.0, 0.0], [0.0] * 3, [0.0] * 3,
+        )  # fmt: skip
+        self._client.changeConstraint(gear, gearRatio=-1, erp=0.2, maxForce=GEAR_N)
+        self.press(0.0)
+
+    def press(self, force_n: float) -> None:
+        """Press each finger inward with a force [N]; 0 opens them."""
+        for link in self.links:
+            if force_n > 0.0:
+                aim = {"targetVelocity": -CLOSING_M_S, "force": force_n}
+            elif self.half_opening_m() < OPENING_M - OPENED_M:
+                aim = {"targetVelocity": OPENING_M_S, "force": GEAR_N}
+            else:
+                aim = {"targetVelocity": 0.0, "force": GEAR_N}
+            self._client.setJointMotorControl2(self._body, link, pybullet.VELOCITY_CONTROL, **aim)
+
+    def half_opening_m(self) -> float:
+        """Mean distance of the fingers from the middle [m]."""
+        states = self._client.getJointStates(self._body, self.links)
+        return 0.5 * float(states[0][0] + states[1][0])
+
+    def touching(self, body: int) -> int:
+        """How many of the fingers touch a body."""
+        contacts = self._client.getContactPoints(self._body, body) or ()
+        return len({contact[3] for contact in contacts} & set(self.links))
+
+
+def _add(text: str, tip: str) -> str:
+    """A URDF with the gripper fixed to a link, pointing along its z."""
+    root = parse_xml(text)
+    palm = _link(root, "grip_palm", PALM_M, (0.0, 0.0, 0.5 * PALM_M[2]), PALM_KG)
+    _joint(root, "grip_palm_joint", "fixed", tip, palm, (0.0, 0.0, 0.0))
+    for name, side in zip(FINGERS, (1.0, -1.0), strict=True):
+        centre = (0.0, 0.5 * side * FINGER_M[1], 0.5 * FINGER_M[2])
+        finger = _link(root, f"{name}_link", FINGER_M, centre, FINGER_KG)
+        joint = _joint(root, name, "prismatic", palm, finger, (0.0, 0.0, PALM_M[2]))
+        ET.SubElement(joint, "axis", xyz=f"0 {side} 0")
+        limit = {"lower": "0", "upper": str(OPENING_M), "effort": "100", "velocity": "0.2"}
+        ET.SubElement(joint, "limit", limit)
+    grip = _link(root, GRIP_LINK, None, (0.0, 0.0, 0.0), 0.0)
+    _joint(root, "grip_joint", "fixed", palm, grip, (0.0, 0.0, PALM_M[2] + FINGER_M[2] - PAD_M))
+    return ET.tostring(root, encoding="unicode")
+
+
+def _link(
+    root: ET.Element,
+    name: str,
+    size_m: tuple[float, float, float] | None,
+    centre_m: tuple[float, float, float],
+    mass_kg: float,
+) -> str:
+    link = ET.SubElement(root, "link", name=name)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=_text(centre_m), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=repr(mass_kg))
+    squares: NDArray[np.float64] = np.square(size_m if size_m else (0.0, 0.0, 0.0))
+    moments = mass_kg / 12.0 * (squares.sum() - squares)
+    values = dict(zip(("ixx", "iyy", "izz"), map(repr, moments.tolist()), strict=True))
+    ET.SubElement(inertial, "inertia", {**values, "ixy": "0", "ixz": "0", "iyz": "0"})
+    for kind in ("visual", "collision") if size_m else ():
+        shape = ET.SubElement(link, kind)
+        ET.SubElement(shape, "origin", xyz=_text(centre_m), rpy="0 0 0")
+        ET.SubElement(ET.SubElement(shape, "geometry"), "box", size=_text(size_m or ()))
+    return name
+
+
+def _joint(
+    root: ET.Element, name: str, kind: str, parent: str, child: str, at_m: tuple[float, ...]
+) -> ET.Element:
+    joint = ET.SubElement(root, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    ET.SubElement(joint, "origin", xyz=_text(at_m), rpy="0 0 0")
+    return joint
+
+
+def _text(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A person's hand that takes and gives: mass, compliance, noise, and a grip that can slip.
+
+The hand is a point mass that the arm pulls to where the person wants it, as a spring and damper
+of limited strength; its grip on the object is a stiffer one, which slides when it must bear more
+than friction allows. Nothing here knows what the robot measures or decides.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+HAND_KG = 0.6
+"""Effective mass of hand and forearm [kg] (Dolan, Friedman and Nagurka 1993: 0.5 to 1.5)."""
+DAMPING_RATIO = 0.7
+"""Of arm and grip. Convention."""
+GRIP_N_M, GRIP_NM_RAD = 1200.0, 4.0
+"""Stiffness of the finger pads in a grip [N/m], [Nm/rad]. Convention: they yield by millimetres."""
+LEAST_LIMIT_N, LIMIT_PER_LOAD = 3.0, 1.6
+"""What a grip can bear: this [N], and this times the load that was felt (Johansson and Westling
+1984: people grip 1.4 to 2 times as hard as friction needs)."""
+FEEL_S = 0.08
+"""Time until the grip follows the load [s] (Johansson and Westling 1984: 60 to 100 ms)."""
+LARGEST_TORQUE_NM = 1.0
+"""Of a grip [Nm]. Convention: of a few fingers."""
+LOST_M = 0.04
+"""Sliding after which the object is out of the hand [m]: the width of a few fingers."""
+NOISE_SHARE, TREMOR_N, NOISE_RAD_S = 0.04, 0.1, 60.0
+"""Noise of the arm's force: its share of the force (Jones, Hamilton and Wolpert 2002), that at rest
+[N], and its bandwidth [rad/s]: tremor has about 10 Hz."""
+
+
+@dataclass(frozen=True)
+class Strength:
+    """What the arm of a person is like.
+
+    Attributes:
+        stiffness_n_m: of the arm at the hand (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 400).
+        strongest_n: force at which it yields.
+    """
+
+    stiffness_n_m: float = 200.0
+    strongest_n: float = 14.0
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> "Strength":
+        """Draw a person."""
+        return cls(rng.uniform(120.0, 300.0), rng.uniform(9.0, 14.0))
+
+
+class CompliantHand:
+    """The hand, stepped with the physics.
+
+    Attributes:
+        position_m, velocity_m_s: of the hand (3,), world.
+        target_m: where the person wants it.
+        lift_n: force upward that the person adds on purpose, for the object's weight [N].
+        force_n: on the object (3,), of the last step.
+        holds: whether it has hold of the object.
+
+    Args:
+        position_m: where it is at first.
+        strength: of the person.
+        rng: of the noise.
+    """
+
+    def __init__(
+        self, position_m: NDArray[np.float64], strength: Strength, rng: np.random.Generator
+    ) -> None:
+        self._strength, self._rng = strength, rng
+        self.position_m = np.array(position_m, dtype=np.float64)
+        self.target_m, self.velocity_m_s = self.position_m.copy(), np.zeros(3)
+        self.lift_n, self.force_n, self.holds = 0.0, np.zeros(3), False
+        self._noise, self._felt_n, self._ready = np.zeros(3), 0.0, 1.0
+        self._offset_m, self._slid_m = np.zeros(3), 0.0
+        self._turn0 = np.array([0.0, 0.0, 0.0, 1.0])
+
+    def feel(self, load_n: float) -> None:
+        """Begin with a load that has been carried for a while [N]."""
+        self._felt_n = load_n
+
+    @property
+    def felt_n(self) -> float:
+        """Load on the fingers as it is felt, late [N]."""
+        return self._felt_n
+
+    def grasp(
+        self, point_m: NDArray[np.float64], turn: NDArray[np.float64], ready: float = 1.0
+    ) -> None:
+        """Take hold of the object at a point (3,), as it is turned (quaternion xyzw).
+
+        Args:
+            point_m: of the object.
+            turn: of the object.
+            ready: share of its grip that it has at once; the rest comes with what it feels.
+        """
+        self.holds, self._slid_m, self._ready = True, 0.0, ready
+        self._offset_m, self._turn0 = point_m - self.position_m, np.array(turn)
+
+    def let_go(self) -> None:
+        """Open the hand."""
+        self.holds, self.lift_n = False, 0.0
+
+    def step(
+        self,
+        step_s: float,
+        point_m: NDArray[np.float64],
+        velocity_m_s: NDArray[np.float64],
+        turn: NDArray[np.float64],
+        spin_rad_s: NDArray[np.float64],
+        mass_kg: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Move the hand; return force (3,) [N] and torque (3,) [Nm] on the object.
+
+        Args:
+            step_s: of the physics.
+            point_m: of the object at which it is held (3,).
+            velocity_m_s: of that point (3,).
+            turn: orientation of the object (4,), xyzw.
+            spin_rad_s: its angular velocity (3,).
+            mass_kg: of the object, which sets the damping of the grip.
+        """
+        self.force_n, torque = np.zeros(3), np.zeros(3)
+        if self.holds:
+            self.force_n = self._grip(step_s, point_m, velocity_m_s, mass_kg)
+            torque = self._turning(turn, spin_rad_s)
+        k = self._strength.stiffness_n_m
+        pull = k * (self.target_m - self.position_m)
+        size = float(np.linalg.norm(pull))
+        pull *= min(1.0, self._strength.strongest_n / max(size, 1e-9))
+        pull -= 2.0 * DAMPING_RATIO * np.sqrt(k * HAND_KG) * self.velocity_m_s
+        pull[2] += self.lift_n
+        level = TREMOR_N + NOISE_SHARE * float(np.linalg.norm(self.force_n))
+        self._noise += -NOISE_RAD_S * step_s * self._noise + level * np.sqrt(
+            2.0 * NOISE_RAD_S * step_s
+        ) * self._rng.standard_normal(3)
+        self.velocity_m_s += (pull + self._noise - self.force_n) / HAND_KG * step_s
+        self.position_m += self.velocity_m_s * step_s
+        self._felt_n += step_s / FEEL_S * (float(np.linalg.norm(self.force_n)) - self._felt_n)
+        return self.force_n, torque
+
+    def _grip(
+        self,
+        step_s: float,
+        point_m: NDArray[np.float64],
+        velocity_m_s: NDArray[np.float64],
+        mass_kg: float,
+    ) -> NDArray[np.float64]:
+        reduced_kg = mass_kg * HAND_KG / (mass_kg + HAND_KG)
+        damping = 2.0 * DAMPING_RATIO * np.sqrt(GRIP_N_M * reduced_kg)
+        stretch = self.position_m + self._offset_m - point_m
+        force = GRIP_N_M * stretch + damping * (self.velocity_m_s - velocity_m_s)
+        limit_n = self._ready * LEAST_LIMIT_N + LIMIT_PER_LOAD * self._felt_n
+        self._ready = min(1.0, self._ready + step_s / FEEL_S)
+        size = float(np.linalg.norm(force))
+        if size > limit_n:  # it slides: the pads hold as much as they can
+            force *= limit_n / size
+            held = (force - damping * (self.velocity_m_s - velocity_m_s)) / GRIP_N_M
+            self._slid_m += float(np.linalg.norm(stretch - held))
+            self._offset_m += held - stretch
+            if self._slid_m > LOST_M:
+                self.let_go()
+        return force
+
+    def _turning(
+        self, turn: NDArray[np.float64], spin_rad_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """What keeps the object turned as it was taken."""
+        axis0, w0, axis, w = self._turn0[:3], self._turn0[3], turn[:3], turn[3]
+        (a, b, c), (x, y, z) = axis, axis0
+        cross = np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+        away = w0 * axis - w * axis0 - cross
+        sign = 1.0 if w0 * w + axis0 @ axis >= 0.0 else -1.0
+        torque = -2.0 * sign * GRIP_NM_RAD * away - 0.02 * spin_rad_s
+        size = float(np.linalg.norm(torque))
+        return torque * min(1.0, LARGEST_TORQUE_NM / max(size, 1e-9))

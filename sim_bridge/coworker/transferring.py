@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a person does who takes an object from the robot, or gives it one.
+
+The person sees whether the robot rests and whether its fingers have closed, and feels the load on
+the own hand; each with a delay. Times are drawn for each person and trial.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.coworker.grip import CompliantHand
+
+REACTION_S = (0.18, 0.30)
+"""From what is seen to the begin of a movement [s] (Woods, Wyma, Yund, Herron and Reed 2015, simple
+visual reactions: 0.23 on average)."""
+BUSY_S = (0.0, 1.0)
+"""From what is seen until the person turns to it [s]. Convention: other things end first."""
+REACH_S, LOAD_S, PULL_S = (0.6, 1.0), (0.15, 0.4), (0.9, 1.5)
+"""Time of the reach, of taking over or giving up a load (Chan et al. 2012), and of bringing the
+object to oneself [s]."""
+MISJUDGED = 0.2
+"""Standard deviation of the weight that is expected, as a share. Convention."""
+MISSED_M = 0.005
+"""Standard deviation of where the hand takes hold [m]. Convention."""
+GRASPED_S = 0.15
+"""From the touch until the load is taken over [s]. Convention."""
+LEFT_SHARE = 0.5
+"""Share of the load felt below which a giver opens the hand. Convention."""
+BROUGHT_M = 0.3
+"""How far a taker brings the object, and a giver comes from [m]. Convention."""
+
+
+class SeenRobot(NamedTuple):
+    """What the person sees now: where to hold the object, its turn, and what the robot does."""
+
+    point_m: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    rests: bool
+    closed: bool = False
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How one trial is done: times [s], the weight that is expected [N], and misses.
+
+    Attributes:
+        reaction_s, reach_s, load_s, pull_s, busy_s: times.
+        weight_n: that the person lifts with.
+        toward: direction in which the object is brought to the person (3,).
+        miss_m: from where the hand should hold to where it does (3,).
+    """
+
+    reaction_s: float
+    reach_s: float
+    load_s: float
+    pull_s: float
+    busy_s: float
+    weight_n: float
+    toward: NDArray[np.float64]
+    miss_m: NDArray[np.float64]
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, weight_n: float) -> "Manner":
+        """Draw one for an object of a weight; the person is in the direction of x."""
+        spans = (REACTION_S, REACH_S, LOAD_S, PULL_S, BUSY_S)
+        reaction, reach, load, pull, busy = (float(rng.uniform(*span)) for span in spans)
+        expected = weight_n * float(np.clip(1.0 + MISJUDGED * rng.standard_normal(), 0.5, 1.5))
+        way = np.array([1.0, rng.uniform(-0.4, 0.4), rng.uniform(0.1, 0.6)])
+        miss_m = rng.normal(0.0, MISSED_M, 3)
+        toward = way / np.linalg.norm(way)
+        return cls(reaction, reach, load, pull, busy, expected, toward, miss_m)
+
+
+class Taker:
+    """Reaches for what rests in the robot's hand, takes over its weight, and brings it along."""
+
+    def __init__(self, hand: CompliantHand, manner: Manner) -> None:
+        self.hand, self._manner = hand, manner
+        self._rested_s: float | None = None
+        self._from_m, self._to_m = hand.position_m.copy(), hand.position_m.copy()
+        self._begun_s = self._held_s = np.inf
+
+    def step(self, time_s: float, seen: SeenRobot) -> None:
+        """Set what the hand wants at a time."""
+        manner, hand = self._manner, self.hand
+        if not seen.rests and self._begun_s == np.inf:
+            self._rested_s = None
+            return
+        self._rested_s = time_s if self._rested_s is None else self._rested_s
+        if self._begun_s == np.inf and time_s - self._rested_s >= manner.reaction_s + manner.busy_s:
+            self._begun_s, self._to_m = time_s, seen.point_m + manner.miss_m
+        if self._held_s == np.inf:
+            done = progress((time_s - self._begun_s) / manner.reach_s)
+            hand.target_m = self._from_m + done * (self._to_m - self._from_m)
+            if done >= 1.0 and np.linalg.norm(hand.position_m - self._to_m) < 4.0 * MISSED_M:
+                hand.grasp(seen.point_m, seen.turn, 0.0)
+                self._held_s = time_s
+            return
+        loading_s = time_s - self._held_s - GRASPED_S
+        hand.lift_n = manner.weight_n * progress(loading_s / manner.load_s)
+        brought = BROUGHT_M * progress((loading_s - 0.5 * manner.load_s) / manner.pull_s)
+        hand.target_m = self._to_m + brought * manner.toward
+
+
+class Giver:
+    """Brings an object to the robot's hand, and lets go of it when the robot holds it."""
+
+    def __init__(self, hand: CompliantHand, manner: Manner, to_m: NDArray[np.float64]) -> None:
+        self.hand, self._manner = hand, manner
+        self._from_m, self._to_m = hand.position_m.copy(), to_m
+        self._closed_s: float | None = None
+        self._gone_s = np.inf
+        hand.lift_n = manner.weight_n
+
+    def step(self, time_s: float, seen: SeenRobot) -> None:
+        """Set what the hand wants at a time; it comes when the time is its reaction."""
+        manner, hand = self._manner, self.hand
+        done = progress((time_s - manner.reaction_s) / manner.reach_s)
+        hand.target_m = self._from_m + done * (self._to_m - self._from_m)
+        if not seen.closed and self._closed_s is None:
+            return
+        self._closed_s = time_s if self._closed_s is None else self._closed_s
+        lowering_s = time_s - self._closed_s - manner.reaction_s
+        if hand.holds:
+            hand.lift_n = manner.weight_n * (1.0 - progress(lowering_s / manner.load_s))
+            relieved = hand.felt_n < LEFT_SHARE * manner.weight_n
+            if lowering_s > manner.load_s and (relieved or lowering_s > 2.0 * manner.load_s):
+                hand.let_go()
+                self._gone_s, self._to_m = time_s, hand.position_m.copy()
+        if self._gone_s < np.inf:
+            away = BROUGHT_M * progress((time_s - self._gone_s) / manner.reach_s)
+            hand.target_m = self._to_m + away * manner.toward
+
+
+def progress(share: float) -> float:
+    """Minimum jerk (Flash and Hogan 1985) from 0 to 1, for a share of its time in or out of 0-1."""
+    tau = min(max(share, 0.0), 1.0) if np.isfinite(share) else 0.0
+    return tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)

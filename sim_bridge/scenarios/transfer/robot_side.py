@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot in a transfer: what it measures, how it moves, and what its fingers do.
+
+It sees its own joints and fingers through their sensors, and where a tracker sees the person's
+hand; nothing else of the world.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.transfer import (
+    PATIENCE_S,
+    Holding,
+    LoadEstimator,
+    Request,
+    Situation,
+    TransferMachine,
+    TransferOutput,
+)
+from sim_bridge import GRAVITY_M_S2
+from sim_bridge.arm import TIME_STEP_S, SimulatedArm
+from sim_bridge.coworker import progress
+from sim_bridge.scenarios.transfer.cell import TransferCell
+
+SAMPLE_STEPS = 5
+"""Physics steps between two joint states: 200 Hz, as `arm_sim` publishes them."""
+NEAR_M = 0.25
+"""Distance of the person's hand from the grip below which it is at the object [m]: the length of
+what is handed over, and of a hand."""
+TRACKED_STD_M = 0.002
+"""Noise of the tracker [m]. Convention."""
+PAYLOAD_N_S = 40.0
+"""Fastest change of the weight that the arm compensates [N/s]. Convention: slower than the load is
+measured, and faster than people give it up."""
+
+
+class TransferSample(NamedTuple):
+    """What was measured and done at one time, for scores and figures.
+
+    Attributes:
+        time_s: of the joint state.
+        force_n: estimated, on the robot's hand (3,).
+        output: of the machine.
+        person_n: true force of the person on the object (3,).
+        fingers: how many touch the object.
+        grip_m: where the grip is (3,).
+        object_m: where the object is (3,).
+        object_m_s: how it moves (3,).
+    """
+
+    time_s: float
+    force_n: NDArray[np.float64]
+    output: TransferOutput
+    person_n: NDArray[np.float64]
+    fingers: int
+    grip_m: NDArray[np.float64]
+    object_m: NDArray[np.float64]
+    object_m_s: NDArray[np.float64]
+
+
+class RobotSide:
+    """The robot of a cell; a hook of its steps.
+
+    Args:
+        cell: the physics.
+        rng: of the tracker's noise.
+        patience_s: of the machine.
+        clock_s: of the machine.
+
+    Attributes:
+        request: what it is about to do; set it.
+        samples: of every joint state.
+    """
+
+    def __init__(
+        self,
+        cell: TransferCell,
+        rng: np.random.Generator,
+        patience_s: float = PATIENCE_S,
+        clock_s: float | None = None,
+    ) -> None:
+        self._cell, self._rng = cell, rng
+        self.machine = TransferMachine(patience_s, clock_s)
+        self._estimator = LoadEstimator(cell.model)
+        self.request = Request.NOTHING
+        self.samples: list[TransferSample] = []
+        self._ways = [(0.0, 0.0, cell.home, cell.home)]
+        self._payload_n = 0.0
+        cell.arm.before_step.append(self._step)
+
+    @property
+    def holding(self) -> Holding:
+        """The machine's state."""
+        return self.machine.holding
+
+    @property
+    def moving(self) -> bool:
+        """Whether it is under way."""
+        start_s, length_s, _, _ = self._ways[-1]
+        return self._cell.arm.time_s < start_s + length_s
+
+    def move(self, to: NDArray[np.float64], length_s: float) -> None:
+        """Go to a posture (n,) by minimum jerk, from the one it was to go to before."""
+        self._ways.append((self._cell.arm.time_s, length_s, self._ways[-1][3], to))
+
+    def _step(self, arm: SimulatedArm) -> None:
+        start_s, length_s, a, b = self._ways[-1]
+        tau = min((arm.time_s - start_s) / max(length_s, TIME_STEP_S), 1.0)
+        rate = 30.0 * tau**2 * (1.0 - tau) ** 2 / max(length_s, TIME_STEP_S)
+        bend = 60.0 * tau * (1.0 - 3.0 * tau + 2.0 * tau**2) / max(length_s, TIME_STEP_S) ** 2
+        arm.set_reference(a + progress(tau) * (b - a), rate * (b - a), bend * (b - a))
+        if arm.n_steps % SAMPLE_STEPS == 0:
+            self._sample(arm)
+
+    def _sample(self, arm: SimulatedArm) -> None:
+        state, cell = arm.state(), self._cell
+        force = self._estimator.update(state.time_s, state.q, state.qd, state.torque)
+        near, toward, speed = self._look(state.q)
+        situation = Situation(
+            state.time_s,
+            force,
+            self.moving,
+            self._estimator.speed_m_s,
+            cell.fingers.half_opening_m(),
+            near,
+            speed,
+            toward,
+        )
+        output = self.machine.step(self.request, situation)
+        cell.fingers.press(output.grip_n)
+        self._compensate(arm, output)
+        person = np.zeros(3) if cell.person is None else cell.person.force_n.copy()
+        self.samples.append(
+            TransferSample(
+                state.time_s,
+                force.copy(),
+                output,
+                person,
+                cell.fingers.touching(cell.body),
+                cell.grip_m(),
+                cell.pose()[0],
+                cell.speed_m_s(),
+            )
+        )
+
+    def _look(self, q: NDArray[np.float64]) -> tuple[bool, NDArray[np.float64] | None, float]:
+        """Whether the tracked hand is near, the way to it, and its speed."""
+        person = self._cell.person
+        if person is None:
+            return False, None, 0.0
+        seen = person.position_m + TRACKED_STD_M * self._rng.standard_normal(3)
+        away = seen - self._cell.model.forward_kinematics(q)[:3, 3]
+        level = np.array([away[0], away[1], 0.0])
+        speed = float(np.linalg.norm(person.velocity_m_s))
+        return bool(np.linalg.norm(away) < NEAR_M), level / np.linalg.norm(level), speed
+
+    def _compensate(self, arm: SimulatedArm, output: TransferOutput) -> None:
+        """Carry the weight that the person has not taken over."""
+        carried = output.holding in (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING)
+        wanted = output.weight_n * (1.0 - output.share) if carried else 0.0
+        reach = PAYLOAD_N_S * SAMPLE_STEPS * TIME_STEP_S
+        if output.holding in (Holding.EMPTY, Holding.RELEASING):
+            reach = np.inf
+        self._payload_n += float(np.clip(wanted - self._payload_n, -reach, reach))
+        arm.set_payload(max(self._payload_n, 0.0) / GRAVITY_M_S2)

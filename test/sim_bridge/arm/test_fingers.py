@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fingers that hold by force."""
+
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from sim_bridge import GRAVITY_M_S2
+from sim_bridge.arm import NAMES, Fingers, SimulatedArm, find_robot, with_fingers
+from sim_bridge.physics import pybullet
+
+HALF_M, FRICTION = 0.02, 0.6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_arm_has_two_that_open_and_close(name):
+    robot = with_fingers(find_robot(name))
+    assert with_fingers(robot) is robot
+    with SimulatedArm(robot=robot) as arm:
+        fingers = Fingers(arm)
+        opened = fingers.half_opening_m()
+        fingers.press(10.0)
+        arm.step(800)
+        assert fingers.half_opening_m() < 0.002 < 0.035 < opened
+        for _ in range(80):
+            fingers.press(0.0)
+            arm.step(10)
+        assert fingers.half_opening_m() == pytest.approx(opened, abs=0.003)
+
+
+@pytest.mark.parametrize("name", ["lwr", "panda"])
+@pytest.mark.parametrize(("share", "holds"), [(1.4, True), (0.6, False)])
+def test_friction_holds_what_the_force_is_enough_for(name, share, holds):
+    """Coulomb: two pads hold 2 mu N; the hand's fingers close across gravity."""
+    mass_kg = 0.4
+    robot = with_fingers(find_robot(name))
+    with SimulatedArm(robot=robot) as arm:
+        fingers, client = Fingers(arm), arm.client
+        client.setPhysicsEngineParameter(numSolverIterations=100)
+        shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[HALF_M] * 3)
+        pose = arm.hand_pose()
+        body = client.createMultiBody(
+            mass_kg, shape, -1, pose.position.tolist(), pose.orientation.tolist()
+        )
+        client.changeDynamics(body, -1, lateralFriction=FRICTION)
+        hang = client.createConstraint(
+            body, -1, -1, -1, pybullet.JOINT_FIXED, [0] * 3, [0] * 3,
+            pose.position.tolist(), [0, 0, 0, 1], pose.orientation.tolist(),
+        )  # fmt: skip
+        fingers.press(share * mass_kg * GRAVITY_M_S2 / (2.0 * FRICTION))
+        arm.set_payload(mass_kg)
+        arm.step(700)
+        assert fingers.touching(body) == 2
+        client.removeConstraint(hang)
+        arm.step(400)
+        assert (fingers.touching(body) == 2) is holds
+
+
+def test_an_arm_without_fingers_is_told():
+    with SimulatedArm() as arm, pytest.raises(ArgumentError, match="with_fingers"):
+        Fingers(arm)

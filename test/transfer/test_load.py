@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The force at the hand, from torques that another model of the same arm makes."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ShapeError
+from intent_recognition.kinematics import Arm
+from intent_recognition.transfer import LoadEstimator
+from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot, with_fingers
+
+PUSH_N = np.array([3.0, 0.0, -5.0])
+
+
+@pytest.mark.parametrize("name", ["lwr", "panda"])
+def test_a_push_is_felt_as_it_is(name):
+    """Force, time until it is felt, and its noise, against a push in the physics."""
+    robot = with_fingers(find_robot(name))
+    rng = np.random.default_rng(0)
+    with SimulatedArm(robot=robot, noise=SensorNoise(), rng=rng) as arm:
+        estimator = LoadEstimator(Arm.from_urdf(robot.urdf, tip=robot.tip))
+
+        def push(arm):
+            if arm.time_s >= 1.0:
+                arm.apply_force(PUSH_N)
+
+        arm.before_step.append(push)
+        forces = []
+        for _ in range(300):
+            arm.step(5)
+            state = arm.state()
+            forces.append(estimator.update(state.time_s, state.q, state.qd, state.torque))
+    forces = np.array(forces)
+    np.testing.assert_allclose(forces[40:200].mean(0), 0.0, atol=0.25)
+    assert np.all(forces[40:200].std(0) < 1.0)
+    np.testing.assert_allclose(forces[220:].mean(0), PUSH_N, atol=0.4)
+    along = forces @ PUSH_N / (PUSH_N @ PUSH_N)
+    assert along[205:211].mean() > 0.5  # within 50 ms
+
+
+def test_static_torques_are_the_jacobian_times_the_force():
+    """Without motion the estimate is a linear map, whose inverse is J^T."""
+    robot = find_robot("lwr")
+    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
+    zero = np.zeros(arm.n_joints)
+    held = arm.inverse_dynamics(robot.ready, zero, zero)
+    wrench = np.array([4.0, -2.0, -7.0, 0.1, 0.2, 0.0])
+    torque = held - arm.jacobian(robot.ready).T @ wrench
+    force = LoadEstimator(arm).update(0.0, robot.ready, zero, torque)
+    np.testing.assert_allclose(force, wrench[:3], atol=0.1)
+
+
+def test_gravity_torques_are_the_gradient_of_the_potential_energy():
+    """Of the arm's model, by differences of the work along each joint."""
+    robot = find_robot("panda")
+    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
+    zero = np.zeros(arm.n_joints)
+    held = arm.inverse_dynamics(robot.ready, zero, zero)
+    assert np.abs(held).max() > 5.0
+    a, b = (np.full(arm.n_joints, value) for value in (0.3, -0.4))
+    moved = arm.inverse_dynamics(robot.ready, zero, a + b) - held
+    parts = [arm.inverse_dynamics(robot.ready, zero, one) - held for one in (a, b)]
+    np.testing.assert_allclose(moved, parts[0] + parts[1], atol=1e-9)
+
+
+def test_states_that_are_late_or_far_apart():
+    """One that is no later changes nothing; after a gap the filter begins anew."""
+    robot = find_robot("lwr")
+    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
+    zero = np.zeros(arm.n_joints)
+    torque = arm.inverse_dynamics(robot.ready, zero, zero)
+    torque = torque - arm.jacobian(robot.ready)[2] * -6.0
+    estimator = LoadEstimator(arm)
+    first = estimator.update(1.0, robot.ready, zero, torque).copy()
+    np.testing.assert_array_equal(estimator.update(0.9, robot.ready, zero, zero), first)
+    again = estimator.update(5.0, robot.ready, zero, torque)
+    np.testing.assert_allclose(again, first, atol=1e-9)
+    with pytest.raises(ShapeError, match="torque"):
+        estimator.update(6.0, robot.ready, zero, zero[:3])

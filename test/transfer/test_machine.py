@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state machine of transfers, on forces that are made up."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.transfer import (
+    MOST_N,
+    PATIENCE_S,
+    Holding,
+    Request,
+    Situation,
+    TransferMachine,
+    carrying_grip,
+)
+
+STEP_S, WEIGHT_N = 0.005, 6.0
+AHEAD = np.array([1.0, 0.0, 0.0])
+
+
+class Course:
+    """Steps a machine through made-up time."""
+
+    def __init__(self, machine=None, noise_n=0.0):
+        self.machine, self.time_s = machine or TransferMachine(), 0.0
+        self.rng, self.noise_n = np.random.default_rng(0), noise_n
+        self.outputs = []
+
+    def run(self, length_s, request, force=(0.0, 0.0, -WEIGHT_N), **known):
+        """The outputs while a force, or a function of time, is felt."""
+        begin = len(self.outputs)
+        for k in range(round(length_s / STEP_S)):
+            self.time_s += STEP_S
+            felt = force(k * STEP_S) if callable(force) else force
+            felt = np.array(felt) + self.noise_n * self.rng.standard_normal(3)
+            state = {"moving": False, "speed_m_s": 0.0, "near": True, "toward": AHEAD} | known
+            now = Situation(self.time_s, felt, **state)
+            self.outputs.append(self.machine.step(request, now))
+        return self.outputs[begin:]
+
+    def offer(self):
+        """Up to the offer."""
+        self.machine.carry()
+        self.run(1.0, Request.GIVE, moving=True)
+        return self.run(0.3, Request.GIVE)[-1]
+
+
+def states(outputs):
+    return [one.holding for one in outputs]
+
+
+def taking(t):
+    """A person lifts within 0.3 s, and pulls."""
+    return [2.0 * min(t, 0.5), 0.0, -WEIGHT_N * (1.0 - min(t / 0.3, 1.0))]
+
+
+def test_the_weight_is_measured_on_the_way_and_the_object_offered_at_rest():
+    last = Course(noise_n=0.5).offer()
+    assert last.holding is Holding.OFFERING
+    assert last.weight_n == pytest.approx(WEIGHT_N, abs=0.3)
+
+
+@pytest.mark.parametrize("noise_n", [0.0, 0.6])
+def test_who_takes_over_the_load_gets_the_object_while_the_grip_falls(noise_n):
+    course = Course(noise_n=noise_n)
+    course.offer()
+    outputs = course.run(1.0, Request.GIVE, taking)
+    released = states(outputs).index(Holding.RELEASING) * STEP_S
+    assert 0.15 < released < 0.45  # the lift ends at 0.3 s
+    assert outputs[-1].holding is Holding.EMPTY
+    held = [one for one in outputs if one.holding is Holding.OFFERING]
+    shares = np.array([one.share for one in held])
+    grips = np.array([one.grip_n for one in held])
+    assert np.corrcoef(shares, grips)[0, 1] < -0.99
+    assert all(one.grip_n == 0.0 for one in outputs[round(released / STEP_S) :])
+
+
+@pytest.mark.parametrize("force", [(8.0, 0.0, -1.0), (0.0, 0.0, 2.0), (-9.0, 3.0, -9.0)])
+def test_on_the_way_nothing_opens_the_hand(force):
+    course = Course()
+    course.machine.carry(WEIGHT_N)
+    outputs = course.run(3.0, Request.GIVE, force, moving=True)
+    assert set(states(outputs)) == {Holding.CARRYING}
+    assert min(one.grip_n for one in outputs) >= carrying_grip(WEIGHT_N)
+
+
+@pytest.mark.parametrize("way", [[1, 0, 0], [0, 0, 1], [0.7, 0, 0.7], [-1, 0, 0], [0, 0, -1]])
+def test_bumps_end_before_they_count(way):
+    """Half a sine of 0.1 s and up to 20 N."""
+    course = Course()
+    course.offer()
+
+    def bump(t):
+        return np.array([0, 0, -WEIGHT_N]) + 20.0 * np.sin(np.pi * min(t / 0.1, 1.0)) * np.array(
+            way
+        )
+
+    outputs = course.run(0.8, Request.GIVE, bump)
+    assert set(states(outputs)) == {Holding.OFFERING}
+
+
+def test_a_hand_that_carries_half_and_one_that_is_not_there_get_nothing():
+    course = Course()
+    course.offer()
+    assert set(states(course.run(1.5, Request.GIVE, (0, 0, -WEIGHT_N / 2)))) == {Holding.OFFERING}
+    course = Course()
+    course.offer()
+    outputs = course.run(1.0, Request.GIVE, (0.0, 0.0, 0.0), near=False)
+    assert Holding.RELEASING not in states(outputs)
+
+
+def test_what_nobody_takes_is_brought_back_and_put_down():
+    course = Course()
+    course.offer()
+    assert course.run(PATIENCE_S + 0.1, Request.GIVE)[-1].holding is Holding.RETURNING
+    outputs = course.run(1.0, Request.GIVE, moving=True)
+    assert min(one.grip_n for one in outputs) >= carrying_grip(WEIGHT_N)
+    assert course.run(0.2, Request.PUT_DOWN, moving=True)[-1].holding is Holding.RETURNING
+    assert course.run(0.5, Request.PUT_DOWN)[-1].holding is Holding.EMPTY
+
+
+def test_a_slip_is_noticed_within_50_ms_and_gripped_against():
+    course = Course()
+    course.machine.carry(WEIGHT_N)
+    course.run(0.5, Request.HOLD, moving=True, near=False)
+
+    def slipping(t):  # as the estimator's filter shows half of the friction
+        return [0.0, 0.0, -WEIGHT_N * (1.0 - 0.5 * (1.0 - np.exp(-35.0 * t)))]
+
+    outputs = course.run(0.3, Request.HOLD, slipping, moving=True, near=False)
+    noticed_s = [one.slip for one in outputs].index(True) * STEP_S
+    assert noticed_s <= 0.05
+    assert outputs[-1].grip_n >= 2.0 * carrying_grip(WEIGHT_N)
+    assert outputs[-1].grip_n <= MOST_N
+
+
+def test_what_a_person_holds_out_is_taken_when_the_person_lets_go():
+    course = Course()
+    take = Request.TAKE
+    course.run(0.3, take, (0, 0, 0), near=False, half_opening_m=0.04)
+    course.run(0.3, take, (0, 0, 0), person_m_s=0.4, half_opening_m=0.04)
+    assert course.machine.holding is Holding.RECEIVING
+    outputs = course.run(0.5, take, (0, 0, 0), half_opening_m=0.03)
+    assert outputs[-1].holding is Holding.TAKING
+    assert outputs[-1].grip_n > 0.0
+    outputs = course.run(1.0, take, (0.3, 0, 0.2), half_opening_m=0.03)
+    assert outputs[-1].holding is Holding.TAKING  # the person still has it
+    outputs = course.run(1.0, take, half_opening_m=0.03)
+    assert outputs[-1].holding is Holding.CARRYING
+    assert outputs[-1].weight_n == pytest.approx(WEIGHT_N)
+
+
+def test_fingers_that_close_on_nothing_open_again():
+    course = Course()
+    course.run(0.3, Request.TAKE, (0, 0, 0), half_opening_m=0.04)
+    outputs = course.run(0.25, Request.TAKE, (0, 0, 0), half_opening_m=0.0)
+    assert Holding.EMPTY in states(outputs)
+
+
+def test_by_the_clock_it_lets_go_whoever_holds():
+    course = Course(TransferMachine(clock_s=1.0))
+    course.offer()
+    assert course.run(1.0, Request.GIVE, near=False)[-1].holding is Holding.RELEASING
