@@ -73,6 +73,13 @@ def _last_line(text: Any) -> dict:
     return {"text": text.strip().splitlines()[-1]}
 
 
+def _table(text: Any) -> dict:
+    """The last table that a command printed, and what follows it."""
+    lines = text.rstrip().splitlines()
+    top = max(k for k, line in enumerate(lines) if line.startswith("┏"))
+    return {"text": "\n".join(lines[top - 1 :])}
+
+
 def _demo(numbers: Any) -> dict:
     line = textwrap.fill(numbers["summary"]["line"], 100, subsequent_indent="  ")
     return {"text": line, "values": {"recognised": line.split()[2].rstrip(",")}}
@@ -80,7 +87,20 @@ def _demo(numbers: Any) -> dict:
 
 MODEL = OUT / "toolbox.npz"
 LEARN = f"intent train bags/toolbox/train --output {MODEL}"
+TAKES = "python docs/tutorials/example_takes.py"
 SOURCES = {
+    "own_takes": Source(
+        f"{TAKES} {OUT / 'takes'} && {TAKES} {OUT / 'new_takes'} --number 1 --seed 2"
+        f" && intent import {OUT / 'takes'} --suggest --output {OUT / 'map.yaml'}"
+        f" && intent import {OUT / 'takes'} --map {OUT / 'map.yaml'} --output {OUT / 'demos'}"
+        f" && intent import {OUT / 'new_takes'} --map {OUT / 'map.yaml'}"
+        f" --output {OUT / 'held_out'} && intent train {OUT / 'demos'}"
+        f" --dofs {OUT / 'demos/dofs.yaml'} --output {OUT / 'mine.npz'}"
+        f" && intent demo --arm panda --headless --model {OUT / 'mine.npz'}"
+        f" --recordings {OUT / 'held_out'} --output {OUT / 'demo_takes'}",
+        None,
+        _table,
+    ),
     **{
         f"experiments/{name}": Source(
             f"intent experiments {name}{more} --output {OUT / name}",

@@ -87,6 +87,10 @@ def add_parser(subparsers: Subparsers) -> None:
                 "intent demo --sequences config/examples/toolbox_sequence.yaml --headless"
                 " --task-list plate_handover,plate_handover,screw_handover",
             ),
+            (
+                "what was learned from recordings of your own, as their people move",
+                "intent demo --arm panda --dashboard --model mine.npz --recordings held_out",
+            ),
             ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
             (
                 "no more than 25 millilitres of it",
@@ -206,6 +210,13 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="M.npz",
         help="use this model (pouring: this skill) instead of training one",
     )
+    session.add_argument(
+        "--recordings",
+        type=a_path,
+        metavar="BAGS",
+        help="play the people of these recordings in place of the coworker, in real time, with"
+        " the --model that was learned from such recordings; the arm is the one in them",
+    )
     written.add_argument(
         "--output",
         type=a_path,
@@ -224,6 +235,11 @@ def run(args: argparse.Namespace) -> int:
     import rclpy  # noqa: F401  before anything is trained
 
     end_like_interrupted(*END_SIGNALS)
+    if args.recordings is not None:
+        from intent_recognition.cli.demo_recordings import run_recordings
+
+        _check(args)
+        return run_recordings(args, console)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
     if args.scenario == "pouring":

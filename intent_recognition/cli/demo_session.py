@@ -25,6 +25,8 @@ from intent_recognition.model import LIBRARY_MODEL
 from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from intent_recognition.evaluation import SessionLog
     from intent_recognition.nodes.session_observer import SessionObserver
 
@@ -155,19 +157,19 @@ def _run_graph(
     progress = ProgressLine(n_tasks, console)
     make_observer = partial(SessionObserver, progress.on_task, progress.on_active)
     with watched_graph(args, make_observer) as (observer, watch):
-        _refuse_busy_domain(observer, watch)
+        refuse_busy_domain(observer, watch)
         if args.dashboard:
             begin_library(args.output / LIBRARY, model, console)
         _start_nodes(args, calls, observer, watch)
         console.print("the nodes found one another; the session begins")
         if args.dashboard:
-            watch.until(lambda: answers(_page(args)), GRAPH_DEADLINE_S, "the page")
-            say(console, f"the page is at {_page(args)}")
+            watch.until(lambda: answers(page_address(args)), GRAPH_DEADLINE_S, "the page")
+            say(console, f"the page is at {page_address(args)}")
         pace = _follow(args, observer, progress, watch)
         log = observer.log()
         if args.dashboard:
             observer.close()
-            say(console, f"the session is over; the page stays open at {_page(args)}")
+            say(console, f"the session is over; the page stays open at {page_address(args)}")
             say(console, "teach a task there, or end it with Ctrl-C: the table of results follows")
             watch.until_interrupted()
         console.print(f"simulated time ran at {pace:.2f} x real time")
@@ -253,11 +255,12 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
     }
 
 
-def _page(args: argparse.Namespace) -> str:
+def page_address(args: argparse.Namespace) -> str:
+    """Address of the page, with its token."""
     return f"http://127.0.0.1:{args.port}/?token={os.environ[TOKEN_VARIABLE]}"
 
 
-def _refuse_busy_domain(observer: "SessionObserver", watch: NodeWatch) -> None:
+def refuse_busy_domain(observer: "Node", watch: NodeWatch) -> None:
     """Make sure that no other graph with such nodes, or publishers, is in this domain."""
     watch.for_seconds(DISCOVERY_S)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))

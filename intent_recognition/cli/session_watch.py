@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from intent_recognition.nodes.processes import NodeProcesses
 
-COWORKER = "coworker_sim"
+COWORKER, PLAYER = "coworker_sim", "bag_player"
+"""Nodes that end by themselves."""
 SLICE_S = 0.1
 """Longest wait for a callback between two looks at nodes and signals [s]. Convention."""
 HUNG_S = 15.0
@@ -101,11 +102,15 @@ class NodeWatch:
                 )
             self._step()
 
+    def until_or(self, condition: Callable[[], bool], longest_s: float) -> None:
+        """Wait until a condition holds, or for a time; raises as `until`."""
+        end_s = time.monotonic() + longest_s
+        while not condition() and time.monotonic() <= end_s:
+            self._step()
+
     def for_seconds(self, seconds: float) -> None:
         """Wait for a time; raises as `until`."""
-        end_s = time.monotonic() + seconds
-        while time.monotonic() <= end_s:
-            self._step()
+        self.until_or(lambda: False, seconds)
 
     def until_interrupted(self) -> None:
         """Wait for a signal.
@@ -120,7 +125,7 @@ class NodeWatch:
     def _step(self) -> None:
         if self._interrupts.take():
             raise KeyboardInterrupt
-        self.processes.check(may_end=(COWORKER,))
+        self.processes.check(may_end=(COWORKER, PLAYER))
         self._heartbeats.check(filter(self.processes.running, self.processes.names))
         self._executor.spin_once(timeout_sec=SLICE_S)
 

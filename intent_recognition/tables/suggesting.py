@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from intent_recognition.bags import JOINT_STATE, NANOSECONDS, POSE
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS
-from intent_recognition.tables.files import find_tables, open_table
+from intent_recognition.tables.file_kinds import FileKind, file_kinds
+from intent_recognition.tables.files import find_tables
 from intent_recognition.tables.table import PER_UNIT, Table, numbers, spelled, texts
 
 READ_AT_ONCE = 50
@@ -22,6 +23,8 @@ STILL = 1e-9
 """Extent of a column, as a share of its size, below which it is constant. Convention: rounding."""
 MOST_LISTED = 12
 """Columns of a kind that a comment lists. Convention."""
+LEAST_SEEN = 0.5
+"""Share of the rows that a body is seen in, below which it is only named. Convention."""
 MOST_BODIES = 8
 """Bodies and joints that a suggestion has. Convention: a person is asked to delete the others."""
 USUAL_PERIODS_S = 1e-3, 0.5
@@ -38,15 +41,18 @@ FARTHEST_CM = 300.0
 
 
 class _Column(NamedTuple):
-    """A column of numbers: its name, values, and whether they change."""
+    """A column of numbers: its name, values, whether they change, and share of rows with one."""
 
     name: str
     values: NDArray[np.float64]
     moves: bool
+    seen: float
 
 
 def suggest_map(source: Path) -> str:
-    """The text of a map of the first table in a source, with comments; it is to be corrected.
+    """The text of a map of what is in a source, with comments; it is to be corrected.
+
+    Recordings of several files, in a folder for each kind, get an entry for each kind.
 
     Args:
         source: file, folder or data set.
@@ -54,43 +60,97 @@ def suggest_map(source: Path) -> str:
     Raises:
         BagError: nothing can be read.
     """
-    path = find_tables(source)[0]
-    table = open_table(path)
-    columns, labels = _columns(table)
-    time, time_note = _time(table, columns)
-    used = {str(time.get("column", ""))}
-    bodies = _bodies(columns)
-    used |= {name for body in bodies.values() for name in body}
-    joints = [c for c in columns.values() if c.moves and c.name not in used and not _counts(c)]
-    still = [c.name for c in columns.values() if not c.moves and c.name not in used]
-    moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
-    entries = [_body(table, columns, body, bodies[body]) for body in moving[:MOST_BODIES]]
-    if joints:
-        entries.append(_joints(table, joints[:MOST_BODIES]))
+    kinds = file_kinds(source, find_tables(source))
+    several = len(kinds) > 1
+    parts = [_suggest(kind, kind.name if several else "") for kind in kinds]
+    parts.sort(key=lambda part: not part.bodies)  # the person first
+    entries = [entry for part in parts for entry in (*part.bodies, *part.others)]
     if not entries:
-        raise BagError.about(str(path), "columns that move", "none", "Check the file.")
-    rows = max((column.values.size for column in columns.values()), default=0)
+        place = str(kinds[0].table.source)
+        raise BagError.about(place, "columns that move", "none", "Check the file.")
     others = [line for entry in entries[1:] for line in entry]
     lines = [
-        f"# Suggested from {path.name}: {rows} rows, {len(table.names)} columns.",
+        *(f"# Suggested from {line}" for part in parts for line in part.told),
         "# Delete what is not needed, name the topics, move what the robot does to `controlled`.",
-        *(f"# Note: {note}" for note in table.notes),
+        *(f"# Note: {note}" for part in parts for note in part.notes),
+        *_files(kinds),
         "observed:",
         *entries[0],
         *(["controlled:"] if others else []),
         *others,
-        f"time: {_flow(time)}  # {time_note}",
-        *_of_texts(table, labels),
+        *parts[0].times,
+        *parts[0].tasks,
+        *(line for part in parts for line in part.left_out),
     ]
+    return "\n".join(lines) + "\n"
+
+
+class _Part(NamedTuple):
+    """What a kind of file contributes to a map: lines."""
+
+    told: list[str]
+    notes: Sequence[str]
+    bodies: list[list[str]]
+    others: list[list[str]]
+    times: list[str]
+    tasks: list[str]
+    left_out: list[str]
+
+
+def _suggest(kind: FileKind, name: str) -> _Part:
+    """The part of a kind of file, whose entries name it if it has a name."""
+    table = kind.table
+    columns, labels = _columns(table)
+    time, time_note = _time(table, columns)
+    used = {str(time.get("column", ""))}
+    bodies = _bodies(columns)
+    used |= {column for body in bodies.values() for column in body}
+    joints = [c for c in columns.values() if c.moves and c.name not in used and not _counts(c)]
+    still = [c.name for c in columns.values() if not c.moves and c.name not in used]
+    moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
+    seldom = [b for b in moving if columns[bodies[b][0]].seen < LEAST_SEEN]
+    markers = [b for b in moving if b not in seldom and _is_marker_of(b, moving)]
+    moving = [b for b in moving if b not in (*seldom, *markers)]
+    own = [f"    file: {_flow(name)}", f"    time: {_flow(time)}  # {time_note}"] if name else []
+    found = [_body(table, columns, body, bodies[body]) + own for body in moving[:MOST_BODIES]]
+    others = [_joints(table, joints[:MOST_BODIES]) + own] if joints else []
+    rows = max((column.values.size for column in columns.values()), default=0)
+    left_out = []
     for title, names in (
         ("They do not move", still),
+        ("Markers of these bodies", markers),
+        ("Seldom seen", seldom),
         ("More bodies that move", moving[MOST_BODIES:]),
         ("More columns that move", [c.name for c in joints[MOST_BODIES:]]),
     ):
         if names:
             more = [f"and {len(names) - MOST_LISTED} more"] if names[MOST_LISTED:] else []
-            lines.append(f"# {title}: {', '.join([*names[:MOST_LISTED], *more])}")
-    return "\n".join(lines) + "\n"
+            left_out.append(f"# {title}: {', '.join([*names[:MOST_LISTED], *more])}")
+    return _Part(
+        [f"{kind.first}: {rows} rows, {len(table.names)} columns."],
+        table.notes,
+        found,
+        others,
+        [] if name else [f"time: {_flow(time)}  # {time_note}"],
+        [*_of_texts(kind, labels)],
+        left_out,
+    )
+
+
+def _files(kinds: Sequence[FileKind]) -> Iterator[str]:
+    """The patterns of file names, where they tell the task or belong together."""
+    if len(kinds) > 1:
+        yield "files:  # of one recording"
+        for kind in kinds:
+            yield f"  {kind.name}: {_flow(kind.pattern)}"
+    elif kinds[0].says_task:
+        yield f"files: {_flow(kinds[0].pattern)}"
+
+
+def _is_marker_of(body: str, bodies: Sequence[str]) -> bool:
+    """Whether a body is a marker `BODY:MARKER` of another one."""
+    owner, colon, _ = body.partition(":")
+    return bool(colon) and any(other.split(".")[0] == owner for other in bodies)
 
 
 def _columns(table: Table) -> tuple[dict[str, _Column], dict[str, list[str]]]:
@@ -110,7 +170,7 @@ def _columns(table: Table) -> tuple[dict[str, _Column], dict[str, list[str]]]:
             seen = values[np.isfinite(values)]
             if seen.size:
                 moves = bool(np.ptp(seen) > STILL * max(1.0, float(np.abs(seen).max())))
-                found[name] = _Column(name, values, moves)
+                found[name] = _Column(name, values, moves, seen.size / values.size)
     return found, labels
 
 
@@ -201,8 +261,9 @@ def _unit(table: Table, name: str, values: NDArray[np.float64], base: str) -> tu
     return unit, f"guessed: {farthest:.3g} {base} is too far"
 
 
-def _of_texts(table: Table, labels: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _of_texts(kind: FileKind, labels: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """Where demonstrations begin, and what their label is."""
+    table = kind.table
     for key in ("segments", "task"):
         if isinstance(said := table.defaults.get(key), Mapping):
             yield f"{key}: {_flow(dict(said))}  # the file says so"
@@ -212,7 +273,7 @@ def _of_texts(table: Table, labels: Mapping[str, Sequence[str]]) -> Iterator[str
         kinds = sorted(set(filter(None, values)))
         shown = ", ".join(kinds[:MOST_LISTED])
         yield f"# task: {_flow({'column': name})}  # it says: {shown}"[:200]
-    if not labels:
+    if not labels and not kind.says_task:
         yield "task: give_it_a_name"
 
 

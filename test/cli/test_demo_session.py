@@ -54,10 +54,10 @@ def test_foreign_publishers_are_refused(topic, monkeypatch):
     observer = SimpleNamespace(
         get_node_names=lambda: ["session_observer"], count_publishers=published.__contains__
     )
-    demo_session._refuse_busy_domain(observer, watch)
+    demo_session.refuse_busy_domain(observer, watch)
     published.add(topic)
     with pytest.raises(ResourceBusyError, match=f"ROS_DOMAIN_ID 7: .*got publishers of {topic}"):
-        demo_session._refuse_busy_domain(observer, watch)
+        demo_session.refuse_busy_domain(observer, watch)
 
 
 @pytest.mark.parametrize(("n", "got"), [(0, "got none"), (3, "got 3 poses, none of them at a")])

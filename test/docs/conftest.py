@@ -3,6 +3,8 @@
 
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,7 @@ def bench(tmp_path_factory) -> Path:
     _objects(folder)
     _handovers(folder / "handover_csv")
     _take(folder / "take.csv")
+    _takes(folder)
     (folder / "config").symlink_to(ROOT / "config")
     shutil.copy(ROOT / "config" / "dofs.yaml", folder / "my_dofs.yaml")
     shutil.copy(ROOT / "config" / "real_arm.yaml", folder / "my_params.yaml")
@@ -93,6 +96,18 @@ def _take(path: Path) -> None:
     places = 0.1 * np.sin(times_s[:, None] + np.arange(3))
     header = "time,wrist_x,wrist_y,wrist_z"
     np.savetxt(path, np.c_[times_s, places], delimiter=",", header=header, comments="")
+
+
+def _takes(folder: Path) -> None:
+    """The takes of the tutorial, fewer of them, and what was imported by the suggested map."""
+    script = [sys.executable, ROOT / "docs/tutorials/example_takes.py"]
+    for name, number in (("takes", "2"), ("new_takes", "1")):
+        subprocess.run([*script, folder / name, "--number", number], check=True)
+    to_map = ("import", "takes", "--suggest", "--output", "map.yaml")
+    to_bags = ("import", "takes", "--map", "map.yaml", "--output", "mine")
+    for words in (to_map, to_bags):
+        there = {"takes", "map.yaml", "mine"}
+        assert cli.main([str(folder / word) if word in there else word for word in words]) == 0
 
 
 def _objects(folder: Path) -> None:

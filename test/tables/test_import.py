@@ -16,8 +16,8 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, DofError
-from intent_recognition.signals import LABEL
-from intent_recognition.tables import ImportMap, import_demonstrations, load_map
+from intent_recognition.signals import LABEL, Rejection
+from intent_recognition.tables import ImportMap, import_demonstrations, load_map, suggest_map
 from intent_recognition.tables.table import SINCE_NS
 
 WRIST = {
@@ -448,3 +448,31 @@ def test_lerobot_of_another_version_or_place(lerobot):
         (folder / "meta/info.json").write_text(json.dumps(info | change))
         (left_out,) = import_demonstrations(folder, ImportMap.from_dict(MAP))
         assert said in left_out.reason
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (["give/1.csv", "give/2.csv", "take/1.csv"], "'{task}/{number}.csv'"),
+        (["give_cup-07.csv", "take_cup-12.csv"], "'{task}-{number}.csv'"),
+        (["give_00.csv"], "'{task}_{number}.csv'"),
+        (["give.csv", "take_1.csv"], ""),
+        (["a/deep/x_1.csv", "b/deep/x_2.csv"], ""),
+    ],
+)
+def test_a_suggested_map_reads_the_task_from_the_names(names, pattern, tmp_path):
+    for name in names:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("time,x,y,z\n0,0,0,0\n0.01,0.1,0,0\n0.02,0.3,0,0.1\n")
+    text = suggest_map(tmp_path)
+    told = [line.removeprefix("files: ") for line in text.splitlines() if line.startswith("files")]
+    assert told == ([pattern] if pattern else [])
+    assert ("task: give_it_a_name" in text) == (not pattern)
+    mapping = ImportMap.from_dict(yaml.safe_load(text))
+    assert [find_stem(one) for one in import_demonstrations(tmp_path, mapping)]
+
+
+def find_stem(found):
+    assert not isinstance(found, Rejection), found
+    return found.name

@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent demo --recordings`: an arm does what was learned, as recorded people move."""
+
+import argparse
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from intent_recognition.cli.console import boxed_table, say
+from intent_recognition.cli.demo_session import (
+    LIBRARY,
+    begin_library,
+    page_address,
+    refuse_busy_domain,
+    watched_graph,
+)
+from intent_recognition.cli.output import PRINTED, write_json
+from intent_recognition.cli.session_watch import PLAYER, NodeWatch
+from intent_recognition.dashboard.admission import answers
+from intent_recognition.demonstrations import find_bags, is_raw_pose, read_demonstrations
+from intent_recognition.errors import ArgumentError, DofError
+from intent_recognition.model import Model, frames_of, load_model
+from intent_recognition.motion import is_hand
+from intent_recognition.nodes.graph import ARMS, RECOGNITION, NodeCall, resolve
+from intent_recognition.recognition import start_mean
+from intent_recognition.signals import Demonstration
+
+if TYPE_CHECKING:
+    from intent_recognition.nodes.recording_observer import RecordingObserver
+    from sim_bridge.scenarios.toolbox import ToolboxArm
+
+AFTER_S = 6.0
+"""Longest motion of the arm after a recording [s]. Convention: a recording ends with the person's
+movement, and the arm goes on with what it has begun."""
+HOME_S = 20.0
+"""Longest way home, and longest wait for the arm at first [s]. Convention."""
+AT_HOME_RAD = 0.05
+"""How near to home the arm is at home [rad]. Convention."""
+START_S = 60.0
+"""Longest start of the nodes [s]. Convention."""
+END_S = 0.2
+"""Last part of a recording in which the taught arm is where it belongs [s]. Convention."""
+
+
+class Shown(NamedTuple):
+    """What the arm did while a recording was played.
+
+    Attributes:
+        name: of the recording.
+        label: of the recording; empty where it has none.
+        task: that the arm acted on; empty for none.
+        after_s: when, from the recording's begin [s].
+        off_cm: distance from the arm's hand to where the taught one ended; NaN if it did not act.
+    """
+
+    name: str
+    label: str
+    task: str
+    after_s: float
+    off_cm: float
+
+
+def run_recordings(args: argparse.Namespace, console: Console) -> int:
+    """Play recordings to the nodes; 1 if fewer than half were recognised."""
+    from intent_recognition.nodes.recording_observer import observing
+
+    _check(args)
+    model = load_model(args.model)
+    bags = find_bags(args.recordings)
+    arm, home = _arm(args, model)
+    shown: list[Shown] = []
+    with watched_graph(args, observing(model.dofs.observed[0])) as (observer, watch):
+        refuse_busy_domain(observer, watch)
+        if args.dashboard:
+            begin_library(args.output / LIBRARY, args.model, console)
+        for call in _calls(args, model, arm, home).values():
+            watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
+        started = {name for name in watch.processes.names if name not in ARMS}
+        watch.until(lambda: started <= observer.reported, START_S, "the nodes' reports")
+        watch.until(lambda: observer.joints is not None, START_S, "the arm's joint states")
+        if args.dashboard:
+            watch.until(lambda: answers(page_address(args)), START_S, "the page")
+            say(console, f"the page is at {page_address(args)}")
+            say(console, "the recordings are played again and again until Ctrl-C")
+        with suppress(KeyboardInterrupt):
+            for bag in cycle(bags) if args.dashboard else bags:
+                say(console, f"playing {bag}")
+                shown.append(_play(bag, model, arm, home, observer, watch))
+    return _report(args, shown[-len(bags) :], console)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what means nothing here, before anything is started."""
+    if args.model is None:
+        cure = "intent train RECORDINGS --output M.npz makes one."
+        raise ArgumentError.about("--model", "a model with --recordings", "none", cure)
+    for option, usual in (
+        ("scenario", "toolbox"), ("task_list", "habit"), ("interactions", 0), ("changes", 0),
+        ("rate", None), ("record", None),
+    ):  # fmt: skip
+        if getattr(args, option) != usual:
+            name, got = f"--{option.replace('_', '-')}", getattr(args, option)
+            raise ArgumentError.about(
+                name, "no such option with --recordings", got, "Leave it out."
+            )
+
+
+def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, NDArray[np.float64]]":
+    """The arm, and the posture (n,) in which the tasks begin [rad].
+
+    Raises:
+        DofError: the model is of another arm's joints.
+    """
+    from sim_bridge.arm import find_robot
+    from sim_bridge.scenarios.toolbox import ToolboxArm
+
+    robot = find_robot(args.arm, base=args.base, tip=args.tip)
+    names = model.dofs.controlled_message_names
+    library = model.library
+    start = np.mean([start_mean(library, task) for task in range(library.n_tasks)], axis=0)
+    if is_hand(names):
+        arm = ToolboxArm(robot, start[:3])
+        return arm, arm.home
+    if set(names) != set(robot.joint_names):
+        cure = "Name the --arm that was recorded, or learn its hand (docs: your own robot)."
+        joints = ", ".join(robot.joint_names)
+        raise DofError.about("--model", f"joints of {args.arm}: {joints}", ", ".join(names), cure)
+    return ToolboxArm(robot), start[[names.index(name) for name in robot.joint_names]]
+
+
+def _calls(
+    args: argparse.Namespace, model: Model, arm: "ToolboxArm", home: NDArray[np.float64]
+) -> dict[str, NodeCall]:
+    """The nodes to start, by name: those of the demo without its coworker."""
+    robot, dofs = arm.robot, model.dofs
+    hand = is_hand(dofs.controlled_message_names)
+    tracked = [e.topic for e in (*dofs.observed, *dofs.velocities) if is_raw_pose(e.topic, e.type)]
+    frames = {f for topic in tracked for f in frames_of(model.library).get(topic, ())}
+    names = robot.joint_names if hand else dofs.controlled_message_names
+    order = [robot.joint_names.index(name) for name in names]
+    limits = {
+        name: getattr(robot.limits, name)[order].tolist() for name in ("lower", "upper", "velocity")
+    }
+    own: dict[str, Mapping[str, object]] = {
+        "primitive_activation": {"home": home[order].tolist(), "timeout": AFTER_S}
+        | ({} if hand else limits),
+        "mocap_ingest": {"world_frame": min(frames)} if len(frames) == 1 else {},
+    }
+    if dofs.extrinsics is not None:
+        own["mocap_ingest"] = {"extrinsics": list(dofs.extrinsics)}
+    arms = {"initial_position": home.tolist(), "tip": robot.tip}
+    arms |= {"base_position": list(robot.base_position_m)} if args.arm != "lwr" else {}
+    own |= dict.fromkeys(ARMS, arms)
+    own["lwr_sim"] = {"initial_position": home.tolist()}
+    given: dict[str, object] = {
+        "model": str(args.model.resolve()),
+        "arm": "" if args.arm == "lwr" else _named(args),
+        "hand_link": robot.tip if hand else "",
+        "bodies": list(dict.fromkeys(topic.split("/")[-2] for topic in tracked)),
+        "use_sim_time": False,
+        "publish_clock": False,
+        "coworker": False,
+        "headless": args.headless or not os.environ.get("DISPLAY"),
+        "seed": args.seed,
+        "sequences": str(args.sequences.resolve()) if args.sequences else "",
+        "dashboard": args.dashboard,
+        "port": args.port,
+        "library": str((args.output / LIBRARY).resolve()),
+        "models": str(args.output.resolve()),
+    }
+    calls = {call.name: call for call in resolve("demo", given)}
+    if args.dashboard:
+        del calls["dashboard"].parameters["scene"]  # the toolbox's
+    return {
+        name: replace(call, parameters=call.parameters | dict(own.get(name, {})))
+        for name, call in calls.items()
+    }
+
+
+def _named(args: argparse.Namespace) -> str:
+    path = Path(args.arm)
+    return str(path.resolve()) if path.is_file() else args.arm
+
+
+def _play(
+    bag: Path,
+    model: Model,
+    arm: "ToolboxArm",
+    home: NDArray[np.float64],
+    observer: "RecordingObserver",
+    watch: NodeWatch,
+) -> Shown:
+    """Play the person's part of a recording, and wait until the arm is at home again."""
+    names, dofs = arm.robot.joint_names, model.dofs
+    recorded, _ = read_demonstrations(bag, dofs)
+    lasts_s = sum((one.end_ns - one.start_ns) * 1e-9 for one in recorded)
+    observer.begin()
+    values = {
+        "bag": str(bag.resolve()),
+        "topics": [e.topic for e in (*dofs.observed, *dofs.velocities, *dofs.context)],
+        "restamp": True,
+        "wait_for_nodes": list(RECOGNITION),
+    }
+    watch.processes.start(PLAYER, "intent_recognition.nodes.bag_player", values)
+    watch.until(lambda: not watch.processes.running(PLAYER), START_S + lasts_s, "the recording")
+    watch.until_or(lambda: not observer.active, AFTER_S)
+    task, after_s, posture = observer.task, observer.acted_s, observer.posture(names)
+
+    def at_home() -> bool:
+        joints = observer.joints or {}
+        here = np.array([joints.get(name, np.inf) for name in names])
+        return bool(np.all(np.abs(here - home) < AT_HOME_RAD))
+
+    watch.until_or(at_home, HOME_S)
+    label, off_cm = ", ".join(dict.fromkeys(one.task or "-" for one in recorded)), np.nan
+    if posture is not None and len(recorded) == 1:
+        off_cm = 100.0 * float(np.linalg.norm(arm.hand(posture) - _end(recorded[0], model, arm)))
+    return Shown(bag.name, label, task, after_s, off_cm)
+
+
+def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> NDArray[np.float64]:
+    """Where the taught arm's hand was at the end of a recording (3,) [m]."""
+    names = model.dofs.controlled_message_names
+    values = []
+    for signal in recorded.controlled:
+        last = signal.stamps_ns > signal.stamps_ns[-1] - END_S * 1e9
+        values += signal.values[last].mean(axis=0).tolist()
+    if is_hand(names):
+        return np.array(values[:3])
+    return arm.hand(np.array([values[names.index(name)] for name in arm.robot.joint_names]))
+
+
+def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) -> int:
+    """Print what came of it; 1 if more than half was not recognised."""
+    table = boxed_table(
+        "what the arm did", "recording", "labelled", "acted on", ">after [s]", ">hand off by [cm]"
+    )
+    for one in shown:
+        numbers = [
+            f"{x:.{n}f}" if np.isfinite(x) else "-" for x, n in ((one.after_s, 2), (one.off_cm, 1))
+        ]
+        table.add_row(one.name, one.label, one.task or "-", *numbers)
+    if args.json != PRINTED:
+        console.print(table)
+    write_json(args.json, [one._asdict() for one in shown])
+    if not shown:
+        return 1
+    right = sum(bool(one.task) and one.task == one.label for one in shown)
+    off = [one.off_cm for one in shown if np.isfinite(one.off_cm)]
+    told = f", hand off by {np.mean(off):.1f} cm on average" if off else ""
+    console.file.write(f"acted on as labelled {right}/{len(shown)}{told}\n")
+    return 1 if 2 * right < len(shown) else 0

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: notes what the cell does while a recording of a person is played to it."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from intent_recognition.demonstrations import DofEntry
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import message_class
+
+
+class RecordingObserver(Node):
+    """Notes the active task, and where the arm is, from one recording to the next.
+
+    Args:
+        on_report: called with the name of a node that reports on /diagnostics.
+        entry: observed topic by which a recording has begun.
+
+    Attributes:
+        reported: names of the nodes that have reported.
+        joints: newest positions of the arm by name; None before there are any.
+        task: first active task of this recording; empty if there was none.
+        active: whether a task is active now.
+        held: posture farthest from the one before, while the task was active; None without one.
+    """
+
+    def __init__(self, on_report: Callable[[str], None], entry: DofEntry) -> None:
+        super().__init__("recording_observer")
+        self._on_report = on_report
+        self.reported: set[str] = set()
+        self.joints: dict[str, float] | None = None
+        self._forget = self.create_client(Trigger, "intent_estimator/reset")
+        self.begin()
+        take = self.create_subscription
+        take(message_class(entry.type), entry.topic.lstrip("/"), self._begun, qos.SENSOR, raw=True)
+        take(String, "intent/active_task", self._take_active, qos.LATCHED)
+        take(JointState, "joint_states", self._take_joints, qos.MEASURED)
+        take(DiagnosticArray, "/diagnostics", self._take_reports, 10)
+
+    def begin(self) -> None:
+        """Forget what was noted: another recording follows."""
+        self.task, self.active = "", False
+        self.held: dict[str, float] | None = None
+        self._before, self._farthest = self.joints, 0.0
+        self._began_ns = self._acted_ns = 0
+        if self._forget.service_is_ready():
+            self._forget.call_async(Trigger.Request())
+
+    @property
+    def acted_s(self) -> float:
+        """Time from the first sample to the active task; NaN without one [s]."""
+        return (self._acted_ns - self._began_ns) * 1e-9 if self.task else np.nan
+
+    def posture(self, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+        """Positions (n,) of these joints where the arm went; None where it did not move."""
+        return None if self.held is None else np.array([self.held[name] for name in names])
+
+    def _now_ns(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+    def _begun(self, _: bytes) -> None:
+        self._began_ns = self._began_ns or self._now_ns()
+
+    def _take_active(self, message: String) -> None:
+        if message.data and self._began_ns and not self.task:
+            self.task, self._acted_ns = message.data, self._now_ns()
+        self.active = bool(message.data)
+
+    def _take_joints(self, message: JointState) -> None:
+        self.joints = joints = dict(zip(message.name, message.position, strict=False))
+        if self.active and self.task and self._before is not None:
+            distance = sum((joints[name] - q) ** 2 for name, q in self._before.items())
+            if distance > self._farthest:
+                self._farthest, self.held = distance, joints
+
+    def _take_reports(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.reported.add(status.name)
+            self._on_report(status.name)
+
+
+def observing(entry: DofEntry) -> Callable[..., RecordingObserver]:
+    """What builds the node, for `watched_graph`; it keeps to the computer's clock."""
+    return partial(_build, entry)
+
+
+def _build(entry: DofEntry, on_report: Callable[[str], None], **_: Any) -> RecordingObserver:
+    return RecordingObserver(on_report, entry)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kinds of files in a folder of recordings, and what their names say."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from intent_recognition.tables.files import open_table
+from intent_recognition.tables.table import Table
+
+NUMBERED = re.compile(r"(?P<task>.+?)(?P<between>[_\- ])\d+")
+"""Names such as `give_bracket_07`."""
+
+
+class FileKind(NamedTuple):
+    """Files with the same columns.
+
+    Attributes:
+        name: of their folder, or what they are called by.
+        first: path of the first one below the source.
+        table: what it holds.
+        pattern: of their names; empty where they follow none.
+    """
+
+    name: str
+    first: str
+    table: Table
+    pattern: str
+
+    @property
+    def says_task(self) -> bool:
+        """Whether their names tell the task."""
+        return "{task}" in self.pattern
+
+
+def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
+    """The kinds of the files in a folder: one, or several that each recording has.
+
+    Folders of files with the same columns are one kind. Several kinds belong together only where
+    their files are named alike.
+
+    Args:
+        source: the folder, or a single file.
+        paths: of the files, at least one.
+    """
+    folders: dict[tuple[Path, str], list[Path]] = {}
+    for path in paths:
+        folders.setdefault((path.parent, path.suffix.lower()), []).append(path)
+    kinds: dict[tuple[str, ...], list[Path]] = {}
+    tables: dict[tuple[str, ...], Table] = {}
+    for files in folders.values():
+        table = open_table(files[0])
+        kinds.setdefault(table.names, []).extend(files)
+        tables.setdefault(table.names, table)
+    found = [
+        FileKind(_name(files[0]), _inside(source, files[0]), tables[names], _pattern(source, files))
+        for names, files in kinds.items()
+    ]
+    stems = [{path.stem for path in files} for files in kinds.values()]
+    together = all(kind.pattern for kind in found) and len({k.name for k in found}) == len(found)
+    return found if together and set.intersection(*stems) else found[:1]
+
+
+def _name(path: Path) -> str:
+    return re.sub(r"\W+", "_", path.parent.name)
+
+
+def _pattern(source: Path, files: Sequence[Path]) -> str:
+    """How the files are named below a folder; empty where no rule is seen."""
+    if files[0] == source:
+        return ""
+    inside = [path.relative_to(source) for path in files]
+    above, suffix = {path.parent.as_posix() for path in inside}, files[0].suffix
+    if len(above) > 1:
+        if all("/" not in folder and folder != "." for folder in above):
+            return "{task}/{number}" + suffix
+        return ""
+    (folder,) = above
+    before = "" if folder == "." else f"{folder}/"
+    matches = [NUMBERED.fullmatch(path.stem) for path in inside]
+    betweens = {match["between"] for match in matches if match}
+    if all(matches) and len(betweens) == 1:
+        return f"{before}{{task}}{betweens.pop()}{{number}}{suffix}"
+    return f"{before}{{number}}{suffix}" if len(files) > 1 and before else ""
+
+
+def _inside(source: Path, path: Path) -> str:
+    return path.name if path == source else path.relative_to(source).as_posix()

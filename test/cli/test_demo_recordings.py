@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The newcomer's way: takes of Motive and a Panda's log to an arm that does the tasks."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from intent_recognition.cli.main import main
+from intent_recognition.tables import suggest_map
+
+ROOT = Path(__file__).parents[2]
+END_S = 300.0
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory):
+    """Five takes of each task, by the script of the tutorial."""
+    folder = tmp_path_factory.mktemp("takes")
+    path = ROOT / "docs/tutorials/example_takes.py"
+    subprocess.run([sys.executable, path, folder, "--number", "5"], check=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def learned(takes, tmp_path_factory):
+    """The same imported by the suggested map, one of each task kept apart, and a model."""
+    folder = tmp_path_factory.mktemp("learned")
+    demos, held_out = folder / "demos", folder / "held_out"
+    assert main(["import", str(takes), "--suggest", "--output", str(folder / "map.yaml")]) == 0
+    given = ["--map", str(folder / "map.yaml"), "--output", str(demos)]
+    assert main(["import", str(takes), *given]) == 0
+    held_out.mkdir()
+    for name in ("hand_bolt_04", "hand_tray_04"):
+        (demos / name).rename(held_out / name)
+    model = folder / "mine.npz"
+    given = ["--dofs", str(demos / "dofs.yaml"), "--output", str(model)]
+    assert main(["train", str(demos), *given]) == 0
+    return model, held_out
+
+
+def test_folders_of_two_programs_are_one_recording_each(takes):
+    text = suggest_map(takes)
+    assert "motive: motive/{task}_{number}.csv" in text
+    assert "panda: panda/{task}_{number}.csv" in text
+    observed, controlled = text.split("controlled:")
+    assert "wrist.Position.X" in observed and "panda_joint7" in controlled
+    assert "# Seldom seen: Unlabeled 1204.Position" in controlled
+    assert "# Markers of these bodies: wrist:Marker 001.Position" in controlled
+
+
+@pytest.mark.slow
+def test_the_arm_does_what_was_learned(learned, tmp_path):
+    model, held_out = learned
+    numbers = tmp_path / "numbers.json"
+    given = ["--arm", "panda", "--headless", "--model", str(model), "--recordings", str(held_out)]
+    given += ["--output", str(tmp_path / "out"), "--json", str(numbers)]
+    result = subprocess.run(
+        [sys.executable, "-m", "intent_recognition.cli.main", "demo", *given],
+        capture_output=True,
+        text=True,
+        timeout=END_S,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.splitlines()[-1].startswith("acted on as labelled 2/2, hand off by ")
+    shown = json.loads(numbers.read_text(encoding="utf-8"))
+    assert [one["task"] for one in shown] == ["hand_bolt", "hand_tray"]
+    assert all(one["after_s"] > 0.9 for one in shown)  # the person rests before
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--arm", "lwr"], "joints of lwr"),
+        (["--arm", "panda", "--rate", "2"], "no such option with --recordings"),
+    ],
+)
+def test_what_does_not_fit_is_said_before_anything_starts(learned, options, said, capsys, tmp_path):
+    model, held_out = learned
+    given = ["--model", str(model), "--recordings", str(held_out), "--output", str(tmp_path / "o")]
+    assert main(["demo", "--headless", *given, *options]) != 0
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_recordings_need_a_model(tmp_path, capsys):
+    assert main(["demo", "--recordings", str(tmp_path), "--output", str(tmp_path / "o")]) != 0
+    assert "intent train RECORDINGS" in " ".join(capsys.readouterr().err.split())
