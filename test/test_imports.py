@@ -245,14 +245,10 @@ def test_what_programs_beside_the_package_import_from_it_is_there():
     assert missing == []
 
 
-SHARED = {"Progress", "Samples", "Span", "Table", "Text"}
-"""Names of classes that still mean two things, in rooms that do not meet."""
-
-
 def test_a_public_name_of_a_class_means_one_thing():
     places: dict[str, set[str]] = {}
     for module, path in sources().items():
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, set()).add(module)
-    assert {name for name, modules in places.items() if len(modules) > 1} <= SHARED
+    assert {name for name, modules in places.items() if len(modules) > 1} == set()

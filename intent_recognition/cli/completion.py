@@ -10,6 +10,7 @@ from typing import Any
 from intent_recognition.cli.options import a_path
 from intent_recognition.errors import ArgumentError
 
+COMPLETION = "--print-completion"
 SHELLS = ("bash", "zsh", "fish")
 ANY_NUMBER_ZSH = re.compile(r'^  "\(\*\)::?', re.MULTILINE)
 """What shtab writes for `nargs` of + and *: zsh takes it for one argument and no more."""
@@ -36,7 +37,7 @@ class PrintCompletion(argparse.Action):
 def add_completion_option(parser: argparse.ArgumentParser) -> None:
     """The option of `intent` itself."""
     parser.add_argument(
-        "--print-completion",
+        COMPLETION,
         action=PrintCompletion,
         choices=SHELLS,
         metavar="|".join(SHELLS),

@@ -58,7 +58,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "demo",
-        help="run the whole system with a simulated coworker and arm",
         description="Train on the shipped bags, start the nodes as separate processes, and let a"
         " simulated coworker assemble a toolbox with the arm's help. Needs ROS 2.",
         **examples(

@@ -43,7 +43,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "evaluate",
-        help="score on recordings left out of training",
         description="Train on a part of the recordings and score on the rest, in turn.",
         **examples(
             ("leave one out", "intent evaluate demos --dofs my_dofs.yaml --report evaluation.html"),

@@ -48,7 +48,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "experiments",
-        help="reproduce the results of the papers, beside the published ones",
         description="Run the experiments of the papers on recordings of the simulation, print what"
         " came out beside the paper's figure, and write one report that opens without network.",
         **examples(

@@ -19,7 +19,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "export",
-        help="write demonstrations as a table, CSV or Parquet, or as a LeRobot data set",
         description="Write the degrees of freedom of all demonstrations as one table, with a row"
         " for each stamp, and beside it the map with which `intent import` makes bags of it again."
         " The table holds the samples that training would use: docs/import.md.",

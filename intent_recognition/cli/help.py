@@ -6,18 +6,44 @@ from collections.abc import Generator
 from typing import Any
 
 GROUPS = {
-    "see it work": ("demo", "experiments"),
-    "from recordings to a model": ("inspect", "segment", "train", "evaluate", "replay"),
-    "record and play": ("record", "play", "recover"),
-    "files of others": ("import", "export"),
-    "teach while the nodes run": ("teach", "keep", "undo"),
-    "compose skills": ("via",),
-    "practise": ("improve",),
-    "measure objects": ("warp",),
+    "see it work": {
+        "demo": "run the whole system with a simulated coworker and arm",
+        "experiments": "reproduce the results of the papers, beside the published ones",
+    },
+    "from recordings to a model": {
+        "inspect": "show what is in a recording or model, and how tasks have done",
+        "segment": "cut a session into demonstrations",
+        "train": "learn from demonstrations",
+        "evaluate": "score on recordings left out of training",
+        "replay": "show how the tasks are recognised during a recording",
+    },
+    "record and play": {
+        "record": "record topics into a bag until Ctrl-C",
+        "play": "play a bag onto its topics",
+        "recover": "save what can be saved from a damaged recording",
+    },
+    "files of others": {
+        "import": "make bags from CSV, C3D, BVH, HDF5, Parquet, LeRobot data sets and other bags",
+        "export": "write demonstrations as a table, CSV or Parquet, or as a LeRobot data set",
+    },
+    "teach while the nodes run": {
+        "teach": "record a task, learn it and use it at once",
+        "keep": "learn from the last execution that a person corrected by hand",
+        "undo": "undo the last change that teach or keep made",
+    },
+    "compose skills": {
+        "via": "make the robot pass through given points on its way",
+    },
+    "practise": {
+        "improve": "let the robot practise a task to lower its cost",
+    },
+    "measure objects": {
+        "warp": "measure a container by warping an annotated one onto it",
+    },
 }
-"""The commands by purpose, in the order in which the help lists them."""
+"""The commands by purpose, in the order in which the help lists them, and what each does."""
 
-COMMANDS = tuple(command for commands in GROUPS.values() for command in commands)
+COMMANDS = {name: what for commands in GROUPS.values() for name, what in commands.items()}
 
 HEADING = "examples:\n"
 
@@ -36,7 +62,7 @@ class Formatter(argparse.HelpFormatter):
         if not isinstance(action, argparse._SubParsersAction):
             yield from super()._iter_indented_subactions(action)
             return
-        if not action.choices.keys() & set(COMMANDS):  # the actions of a command
+        if not action.choices.keys() & COMMANDS.keys():  # the actions of a command
             yield from super()._iter_indented_subactions(action)
             return
         by_name = {choice.dest: choice for choice in super()._iter_indented_subactions(action)}
@@ -58,6 +84,14 @@ class Formatter(argparse.HelpFormatter):
                 map(self._format_action, self._iter_indented_subactions(action))
             )
         return super()._format_action(action)
+
+
+class CommandList(argparse._SubParsersAction):
+    """The commands, each with what it does."""
+
+    def add_parser(self, name: str, **options: Any) -> Any:
+        """Add a command, as argparse does."""
+        return super().add_parser(name, help=COMMANDS[name], **options)
 
 
 class _Title(argparse.Action):

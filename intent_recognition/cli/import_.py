@@ -32,7 +32,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "import",
-        help="make bags from CSV, C3D, BVH, HDF5, Parquet, LeRobot data sets and other bags",
         description="Write each demonstration of a file, a folder of files or a data set as a"
         " bag, and a DOF file beside them. The map says which columns are which degrees of freedom,"
         " where times come from, and where a demonstration begins and ends: docs/import.md."

@@ -39,7 +39,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "improve",
-        help="let the robot practise a task to lower its cost",
         description="Let the robot practise in simulation. Each rollout tries a path within two"
         " standard deviations of the demonstrations and within the limits of the arm; it is logged"
         " as a bag and gets a cost, lower is better. Ctrl-C ends practice, and the same command"

@@ -46,7 +46,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "inspect",
-        help="show what is in a recording or model, and how tasks have done",
         description="Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of"
         " a folder, or in a model (tasks, degrees of freedom, timing, noise, where it came from);"
         " of a library of tasks, how each task has done since each of its changes. The exit code"

@@ -11,7 +11,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "keep",
-        help="learn from the last execution that a person corrected by hand",
         description="Learn from the last execution of a task in which a person pushed or guided the"
         " arm: from now on the robot moves as corrected. A running estimator loads the new model,"
         " and other tasks stay as they are. `intent undo` takes the change back. A running"

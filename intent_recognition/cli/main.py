@@ -8,12 +8,12 @@ import io
 import keyword
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 from intent_recognition import __version__
-from intent_recognition.cli.completion import add_completion_option
-from intent_recognition.cli.help import COMMANDS, Formatter
+from intent_recognition.cli.completion import COMPLETION, add_completion_option
+from intent_recognition.cli.help import COMMANDS, CommandList, Formatter
 from intent_recognition.cli.options import CommandParser
 from intent_recognition.errors import IntentError, missing_package, one_line
 from intent_recognition.interrupts import (
@@ -30,8 +30,11 @@ CURES = {
 """What helps against errors that say none themselves."""
 
 
-def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
-    """The parser of all commands, or of some: what is left out need not be imported."""
+def make_parser(commands: Iterable[str] = COMMANDS, whole: bool = True) -> argparse.ArgumentParser:
+    """The parser of all commands or some, with their options or the names alone.
+
+    What is left out need not be imported.
+    """
     parser = CommandParser(
         prog="intent",
         description="Learn interaction primitives from recordings, recognise a coworker's task,"
@@ -42,9 +45,12 @@ def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     add_completion_option(parser)
     subparsers = parser.add_subparsers(
-        title="commands", dest="command", metavar="COMMAND", required=True
+        title="commands", dest="command", metavar="COMMAND", required=True, action=CommandList
     )
     for command in commands:
+        if not whole:
+            subparsers.add_parser(command)
+            continue
         module = command + "_" * keyword.iskeyword(command)
         importlib.import_module(f"intent_recognition.cli.{module}").add_parser(subparsers)
     return parser
@@ -69,7 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     _print_whatever_comes()
     words = list(sys.argv[1:] if argv is None else argv)
     known = words[0] in COMMANDS if words else False
-    parser = make_parser(words[:1] if known else COMMANDS)
+    whole = known or any(word.startswith(COMPLETION) for word in words)
+    parser = make_parser(words[:1] if known else COMMANDS, whole)
     if words and not known and (near := get_close_matches(words[0], COMMANDS, 1)):
         parser.error(f"expected a command, got {words[0]!r}: did you mean {near[0]!r}?")
     args = parser.parse_args(words)

@@ -29,7 +29,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "play",
-        help="play a bag onto its topics",
         description="Publish a bag's messages on their topics in the recorded rhythm. Playing"
         " begins when a topic has a subscriber, or after --wait.",
         **examples(

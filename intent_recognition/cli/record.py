@@ -18,7 +18,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "record",
-        help="record topics into a bag until Ctrl-C",
         description="Record topics, bit for bit, into a new MCAP bag until Ctrl-C.",
         **examples(
             (

@@ -19,7 +19,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "recover",
-        help="save what can be saved from a damaged recording",
         description="Write a whole new bag with every message of a truncated or damaged MCAP"
         " recording whose checksum holds. The damaged recording is not changed.",
         **examples(

@@ -30,7 +30,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "replay",
-        help="show how the tasks are recognised during a recording",
         description="Run the online estimator over a recording and print the probabilities of the"
         " tasks over time, as the nodes would publish them, and when a task became active.",
         **examples(

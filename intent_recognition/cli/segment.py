@@ -30,7 +30,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "segment",
-        help="cut a session into demonstrations",
         description="Find the interactions in a recording of several, and write each as a bag of"
         " its own: with --model labelled by the tasks of the model, otherwise cut by the motion of"
         " both agents and without labels. Markers in the session are not used.",

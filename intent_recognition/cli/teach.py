@@ -43,7 +43,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "teach",
-        help="record a task, learn it and use it at once",
         description="Record demonstrations of a task while the nodes run. Each is learned as soon"
         " as its recording ends, and a running estimator uses it at once. Needs ROS 2.",
         **examples(

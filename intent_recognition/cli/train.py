@@ -51,7 +51,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "train",
-        help="learn from demonstrations",
         description="Learn a library of tasks from labelled demonstrations, and write it to one"
         " file. What could not be used is named, with the reason.",
         **examples(

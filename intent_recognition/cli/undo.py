@@ -22,7 +22,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "undo",
-        help="undo the last change that teach or keep made",
         description="Take back the last change of a library: a demonstration that `intent teach`"
         " learned, or a correction that `intent keep` kept. The model before it returns, a running"
         " estimator loads it, and the recording moves to the folder `undone`. Needs ROS 2.",

@@ -23,7 +23,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "via",
-        help="make the robot pass through given points on its way",
         description="Add, list or remove via points: places or joint values through which the robot"
         " passes in each movement until they are removed. A running estimator holds them. Needs"
         " ROS 2. `intent via ACTION --help` explains an action.",

@@ -53,7 +53,6 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "warp",
-        help="measure a container by warping an annotated one onto it",
         description="Warp an annotated object onto a mesh or a cloud, and print its parameters"
         " (opening, volume, height, lip, tilt) and the grasp annotated on the source, all in the"
         " target's own coordinates. The shipped mug is one annotated object; docs/warping.md"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
-from intent_recognition.dashboard.widgets import probability_plot, set_content
+from intent_recognition.dashboard.widgets import probability_plot
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model
@@ -70,7 +70,7 @@ class CompareTab:
         found = names_of(self._find())
         if found.keys() != self._models.keys() and found:
             self._models = found
-            set_content(self._hint, self._about())
+            self._hint.content = self._about()
             for field in self._chosen:
                 field.options = tuple(found)
             self._show_fields()
@@ -79,7 +79,7 @@ class CompareTab:
         if not self._bags or not self._models:
             return
         self._button.disabled = True
-        set_content(self._result, markup.remark("Both are watching the recording ..."))
+        self._result.content = markup.remark("Both are watching the recording ...")
         threading.Thread(target=self._run, name="compare", daemon=True).start()
 
     def _show_fields(self) -> None:
@@ -97,13 +97,13 @@ class CompareTab:
             models = [self._models[field.value] for field in self._chosen]
             found = [posterior_over(bag, model) for model in models]
         except (IntentError, KeyError) as error:
-            set_content(self._result, markup.banner(one_line(error), markup.WARNING))
+            self._result.content = markup.banner(one_line(error), markup.WARNING)
             return
         finally:
             self._button.disabled = False
         self._draw(found)
         rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
-        set_content(self._result, markup.table(HEAD, rows))
+        self._result.content = markup.table(HEAD, rows)
 
     def _draw(self, found: Sequence[tuple]) -> None:
         """One diagram for each model, in the same colours and over the same time."""

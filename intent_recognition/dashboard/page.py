@@ -22,7 +22,6 @@ from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.via_controls import ViaPointControls
 from intent_recognition.dashboard.watch_tab import WatchTab
 from intent_recognition.dashboard.welcome import AUTO, ON
-from intent_recognition.dashboard.widgets import set_content
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
 
@@ -150,7 +149,7 @@ class DashboardPage:
         if not text:
             return
         colour = INK if ok else markup.WARNING
-        set_content(self._banner, markup.banner(text, colour))
+        self._banner.content = markup.banner(text, colour)
         self._banner.visible = True
         self._message_until_s = self._clock() + MESSAGE_S
 
@@ -171,7 +170,7 @@ class DashboardPage:
         if now_s - self._panel_at_s >= PANEL_PERIOD_S:
             self._panel_at_s = now_s
             self._now.visible = bool(state.joints) or state.posterior is not None
-            set_content(self._now, markup.now_line(state, self._colours))
+            self._now.content = markup.now_line(state, self._colours)
             self._watch.update(state, self._colours, now_s)
             self._via.update(state.via_points, self._scene.hand_path)
             self._teach.update(state)
@@ -218,7 +217,7 @@ class DashboardPage:
         if self._state.teaching != self._taught:  # only then may there be new models
             self._taught = self._state.teaching
             self._compare.refresh()
-        set_content(self._nodes, markup.nodes_table(self._state.nodes, now_s))
+        self._nodes.content = markup.nodes_table(self._state.nodes, now_s)
         if now_s < self._message_until_s:
             return
         silent = markup.silent_nodes(self._state.nodes, now_s)
@@ -226,4 +225,4 @@ class DashboardPage:
         wrong += [problem] if problem else []
         self._banner.visible = bool(wrong)
         if wrong:
-            set_content(self._banner, markup.banner("; ".join(wrong)))
+            self._banner.content = markup.banner("; ".join(wrong))

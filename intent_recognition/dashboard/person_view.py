@@ -14,7 +14,6 @@ from intent_recognition.dashboard.things_view import (
     quaternions,
     set_position,
     set_turn,
-    set_visible,
 )
 
 COLOUR = (158, 160, 163)
@@ -99,7 +98,7 @@ class PersonView:
             (self._upper_body, self._upper_arm, self._forearm), turned, strict=True
         ):
             set_turn(handle, wxyz)
-        set_visible(self._root, True)
+        self._root.visible = True
 
     def _frame(self, name: str, **options: Any) -> viser.FrameHandle:
         return self._server.scene.add_frame(f"{ROOT}{name}", show_axes=False, **options)

@@ -9,7 +9,7 @@ import viser
 from intent_recognition.bags import read_metadata
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.commands import ESTIMATOR, Commands
-from intent_recognition.dashboard.widgets import on_change, set_content, set_value, slider_value
+from intent_recognition.dashboard.widgets import on_change, set_value, slider_value
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_player import BagPlayer
 
@@ -70,7 +70,7 @@ class ReplayTab:
     def update(self) -> None:
         """Show how far it is; end what is over."""
         present = self._commands.offers(f"{ESTIMATOR}/reset") or not self._bags
-        set_content(self._hint, "" if present else markup.ways(SHOWN_ONLY, START_ESTIMATOR))
+        self._hint.content = "" if present else markup.ways(SHOWN_ONLY, START_ESTIMATOR)
         player = self._player
         if player is None:
             return
@@ -97,14 +97,14 @@ class ReplayTab:
         try:
             found = read_metadata(self._bags[self._bag.value])
         except BagError as error:
-            set_content(self._facts, markup.banner(str(error), markup.WARNING))
+            self._facts.content = markup.banner(str(error), markup.WARNING)
             return
         self._set_length(found.duration_ns * 1e-9)
         task = found.custom_data.get("task", "")
         facts = [f"task {task.replace('_', ' ')}"] if task else []
         facts += [f"{found.duration_ns * 1e-9:.1f} s"]
         facts += sorted(topic.name.lstrip("/") for topic in found.topics)
-        set_content(self._facts, markup.remark(", ".join(facts)))
+        self._facts.content = markup.remark(", ".join(facts))
 
     def _set_length(self, seconds: float) -> None:
         longest = max(round(seconds, 2), SHORTEST_S)

@@ -12,7 +12,7 @@ from intent_recognition.dashboard.handling import HandlingMoment
 from intent_recognition.dashboard.person_view import PersonView
 from intent_recognition.dashboard.robot_view import ROOT, RobotView
 from intent_recognition.dashboard.scene_file import CellScene
-from intent_recognition.dashboard.things_view import Colour, ThingsView, rgb, set_visible
+from intent_recognition.dashboard.things_view import Colour, ThingsView, rgb
 from intent_recognition.errors import one_line
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 from intent_recognition.promp import NONE
@@ -83,7 +83,7 @@ class PageScene:
         """Draw the newest; returns what is wrong with the robot's description, empty if nothing."""
         self._guard(lambda: self._update_robot(state))
         bare = self._robot is None and not self._problem
-        set_visible(self._base, bare)
+        self._base.visible = bare
         self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, ARM_WIDTH_M)
         self._update_wrist(state, now_s)
         self._guard(lambda: self._update_things(state, colours, now_s))
@@ -169,7 +169,7 @@ class PageScene:
     def _draw_label(self, path: NDArray[np.float64], text: str) -> None:
         """Name the task above the predicted end; a new text fades in, so the same is not sent."""
         visible = len(path) > 0
-        set_visible(self._label, visible)
+        self._label.visible = visible
         if visible:
             self._label.position = path[-1] + np.array([0.0, 0.0, LABEL_M])
             if self._label.text != text:
@@ -194,7 +194,7 @@ class PageScene:
         handle = self._lines.get(name)
         if len(path) < 2:
             if handle is not None:
-                set_visible(handle, False)
+                handle.visible = False
             return
         pairs = np.stack((path[:-1], path[1:]), axis=1).astype(np.float32)
         if handle is None:
@@ -206,12 +206,12 @@ class PageScene:
         tint = np.array(colour, dtype=np.uint8)  # of the whole line: those of points come out paler
         if not np.array_equal(handle.colors, tint):
             handle.colors = tint
-        set_visible(handle, True)
+        handle.visible = True
 
     def _draw_tube(self, corners: NDArray[np.float64], colour: Colour) -> None:
         if len(corners) < 3:
             if self._tube is not None:
-                set_visible(self._tube, False)
+                self._tube.visible = False
             return
         vertices = corners.astype(np.float32)
         if self._tube is None or len(self._tube.vertices) != len(vertices):
@@ -229,7 +229,7 @@ class PageScene:
         self._tube.vertices = vertices
         if tuple(self._tube.color) != colour:
             self._tube.color = colour
-        set_visible(self._tube, True)
+        self._tube.visible = True
 
 
 def _skeleton(joints: Mapping[str, float]) -> NDArray[np.float64]:

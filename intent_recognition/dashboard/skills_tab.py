@@ -10,7 +10,6 @@ from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState, SkillRow
 from intent_recognition.dashboard.commands import TEACHER, Commands
 from intent_recognition.dashboard.scene import rgb
-from intent_recognition.dashboard.widgets import set_content
 from intent_recognition.model import DOWN, UP
 from intent_recognition.report import readable
 
@@ -66,8 +65,8 @@ class SkillsTab:
         self._undo.disabled = not teacher or not state.can_undo
         self._thumbs.visible = teacher and bool(self._task)
         last = f"Last execution: {readable(self._task)}" if self._task else ""
-        set_content(self._last, markup.heading(last))
-        set_content(self._table, skills_table(state.skills))
+        self._last.content = markup.heading(last)
+        self._table.content = skills_table(state.skills)
 
     def _judge(self) -> None:
         self._commands.tell(self._task, {"thumbs": THUMBS[self._thumbs.value]})

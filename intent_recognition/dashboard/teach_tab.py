@@ -16,8 +16,6 @@ from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.widgets import (
     on_change,
-    set_content,
-    set_label,
     set_value,
     slider_value,
 )
@@ -115,15 +113,15 @@ class TeachTab:
         came = session.learned and state.active == self._task.value.strip()
         self._helped = (self._helped or came) and not session.recorded
         steps = BY_POINTER if by_hand else BY_GOALS
-        set_content(self._hint, obstacle or markup.steps(steps, self._steps_done(taken)))
+        self._hint.content = obstacle or markup.steps(steps, self._steps_done(taken))
         others = not taken and teleoperation.others_move_wrist()
         self._take.disabled = others or session.busy
         stops = by_hand and session.recording
         free = taken and teacher and not obstacle and not session.busy
         self._record.disabled = not (free or stops)
-        set_label(self._record, "Stop" if stops else RECORD)
+        self._record.label = "Stop" if stops else RECORD
         self._learn.disabled = session.busy or not teacher or not session.recorded
-        set_label(self._learn, f"Learn ({session.recorded})" if session.recorded else "Learn")
+        self._learn.label = f"Learn ({session.recorded})" if session.recorded else "Learn"
         self._discard.disabled = not (stops or (teacher and session.recorded and not session.busy))
         self._undo.disabled = session.busy or not teacher or not state.can_undo
         self._reach.disabled = not taken or session.busy
@@ -131,7 +129,7 @@ class TeachTab:
             field.visible = teacher
         self._goals.visible = self._reach.visible = not by_hand
         self._update_handles(DIRECT if by_hand else GOALS, taken)
-        set_content(self._status, markup.remark(state.teaching))
+        self._status.content = markup.remark(state.teaching)
 
     def _obstacle(self, teacher: bool, taken: bool) -> str:
         """What has to be mended before anything can be recorded, and how; empty if nothing."""

@@ -92,12 +92,6 @@ def _add_part(scene: viser.SceneApi, name: str, part: ScenePart, colour: Colour)
     return scene.add_cylinder(name, radius, length, colour, wxyz=wxyz, position=position)
 
 
-def set_visible(handle: viser.SceneNodeHandle, visible: bool) -> None:
-    """Show or hide a thing, where that is a change."""
-    if handle.visible != visible:
-        handle.visible = visible
-
-
 def set_position(handle: viser.SceneNodeHandle, position: NDArray[np.float64]) -> None:
     """Move a thing to a position (3,) [m], where it is not there already."""
     if np.abs(handle.position - position).max() > MOVED:

@@ -11,7 +11,6 @@ from intent_recognition.composing import HAND, ViaPoint, write_via_points
 from intent_recognition.dashboard.commands import ESTIMATOR, Commands
 from intent_recognition.dashboard.drag_handles import BALL_M, MOVED_M, SIZE_M, Drag
 from intent_recognition.dashboard.scene import DARK
-from intent_recognition.dashboard.things_view import set_visible
 from intent_recognition.dashboard.widgets import set_value, slider_value
 
 NOTHING = "none"
@@ -64,7 +63,7 @@ class ViaPointControls:
         """
         self._path = path
         visible = bool(self._drag.value) and path is not None
-        set_visible(self._handle, visible)
+        self._handle.visible = visible
         if path is not None and visible and not self._dragged.held:
             place = self._place(path[1])
             if np.linalg.norm(np.asarray(self._handle.position) - place) > MOVED_M:

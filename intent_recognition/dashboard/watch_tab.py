@@ -14,7 +14,6 @@ from intent_recognition.dashboard.widgets import (
     on_change,
     probability_plot,
     series_of,
-    set_content,
     set_value,
 )
 from intent_recognition.report import readable
@@ -69,7 +68,7 @@ class WatchTab:
         present = state.posterior is not None
         self._empty.visible = not present and not state.joints
         fresh = present and state.fresh(state.tasks_at_s, now_s)
-        set_content(self._bars, markup.bars(state, colours, fresh))
+        self._bars.content = markup.bars(state, colours, fresh)
         self._ask(state.question(now_s) if fresh else ())
         self._place.visible = present
         if present and now_s - self._plotted_at_s >= PLOT_PERIOD_S:

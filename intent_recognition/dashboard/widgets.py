@@ -30,18 +30,6 @@ def on_change(handle: viser.GuiInputHandle, action: Callable[[], object]) -> Non
     handle.on_update(update)
 
 
-def set_content(handle: viser.GuiHtmlHandle, content: str) -> None:
-    """Change a piece of the page if its text is new; each change is sent to all browsers."""
-    if handle.content != content:
-        handle.content = content
-
-
-def set_label(button: viser.GuiButtonHandle, text: str) -> None:
-    """Change the text of a button if it is new."""
-    if button.label != text:
-        button.label = text
-
-
 def set_value(handle: viser.GuiInputHandle[ControlValue], value: ControlValue) -> None:
     """Change the value of a control."""
     handle.value = value  # type: ignore[misc]  # viser 1.0 has a method before the setter
