@@ -167,6 +167,20 @@ NODES: Mapping[str, RegisteredNode] = {
         ),
         publishes=("intent/robot_trajectory", "intent/tasks"),
     ),
+    "object_transfer": RegisteredNode(
+        "intent_recognition.nodes.object_transfer",
+        "Feels at the hand who carries an object, and says when to let it go.",
+        subscribes=(
+            f"human/{BODY}",
+            "intent/active_task",
+            "intent/holding",
+            "joint_states",
+            "joint_trajectory",
+            "robot_description",
+            "wrench",
+        ),
+        publishes=("intent/transfer",),
+    ),
     "dashboard": RegisteredNode(
         "intent_recognition.dashboard.node",
         "Serves the web page.",

@@ -28,6 +28,7 @@ NAMESPACE = "/elsewhere"
 HOW = {
     "task_teacher": "../teach.md#teach-while-it-runs",
     "object_warper": "../warping.md",
+    "object_transfer": "../transfer.md",
     "warped_primitive": "../pouring.md#in-a-graph-of-nodes",
     "dashboard": "../dashboard.md",
     "lwr_sim": "#arm_sim",

@@ -34,7 +34,7 @@ class LoadEstimator:
     """
 
     def __init__(self, arm: Arm, bandwidth_rad_s: float = BANDWIDTH_RAD_S) -> None:
-        self._arm, self._bandwidth_rad_s = arm, bandwidth_rad_s
+        self.arm, self._bandwidth_rad_s = arm, bandwidth_rad_s
         self._last: tuple[float, NDArray[np.float64]] | None = None
         self._residual = np.zeros(arm.n_joints)
         self.wrench = np.zeros(6)
@@ -60,19 +60,19 @@ class LoadEstimator:
         Raises:
             ShapeError: an argument does not fit the arm.
         """
-        if np.shape(torque) != (self._arm.n_joints,):
-            shape = f"({self._arm.n_joints},)"
+        if np.shape(torque) != (self.arm.n_joints,):
+            shape = f"({self.arm.n_joints},)"
             raise ShapeError.about("torque", shape, np.shape(torque), "Give one value per joint.")
         if self._last is not None and time_s <= self._last[0]:
             return self.wrench[:3]
         gap_s = np.inf if self._last is None else time_s - self._last[0]
         anew = gap_s > LONGEST_GAP_S
         acceleration = np.zeros_like(velocity) if anew else (velocity - self._last[1]) / gap_s  # type: ignore[index]
-        residual = self._arm.inverse_dynamics(q, velocity, acceleration) - torque
+        residual = self.arm.inverse_dynamics(q, velocity, acceleration) - torque
         share = 1.0 if anew else 1.0 - np.exp(-self._bandwidth_rad_s * gap_s)
         self._residual = self._residual + share * (residual - self._residual)
         self._last = time_s, np.array(velocity)
-        J = self._arm.jacobian(q)
+        J = self.arm.jacobian(q)
         self.wrench = wrench_from_torques(J, self._residual)
         self.speed_m_s = float(np.linalg.norm(J[:3] @ velocity))
         return self.wrench[:3]

@@ -148,6 +148,11 @@ class TransferMachine:
         self._enter(Holding.CARRYING, self._time_s)
         self.weight_n, self._factor = weight_n, 1.0
 
+    def drop(self) -> None:
+        """Begin with empty fingers."""
+        self._enter(Holding.EMPTY, self._time_s)
+        self.weight_n, self._factor = 0.0, 1.0
+
     def step(self, request: Request, now: Situation) -> TransferOutput:
         """Take what is felt, and say what to do; times must grow."""
         step_s = 0.0 if np.isnan(self._time_s) else now.time_s - self._time_s
@@ -225,8 +230,7 @@ class TransferMachine:
 
     def _releasing(self, _: Request, now: Situation) -> None:
         if now.time_s - self._entered_s > OPENING_S:
-            self._enter(Holding.EMPTY, now.time_s)
-            self.weight_n, self._factor = 0.0, 1.0
+            self.drop()
 
     def _grip(self, now: Situation) -> float:
         if self.holding in (Holding.EMPTY, Holding.RECEIVING, Holding.RELEASING):

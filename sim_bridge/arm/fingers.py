@@ -73,7 +73,6 @@ class Fingers:
                 link,
                 lateralFriction=PAD_FRICTION,
                 spinningFriction=PAD_RADIUS_M * 2.0 / 3.0,
-                frictionAnchor=1,
             )
             self._client.resetJointState(self._body, link, OPENING_M)
         gear = self._client.createConstraint(

@@ -18,6 +18,7 @@ from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.object_transfer import ObjectTransfer
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.nodes.processes import node_environment
@@ -32,6 +33,7 @@ NODES = {
     "bag_recorder": (BagRecorder, {}),
     "bag_player": (BagPlayer, {"start_paused": True, "wait_for_subscribers": 0.0}),
     "object_warper": (ObjectWarper, {}),
+    "object_transfer": (ObjectTransfer, {}),
     "lwr_sim": (LwrSim, {"publish_clock": True}),
     "coworker_sim": (CoworkerSim, {"use_sim_time": True}),
     "task_teacher": (TaskTeacher, {}),
@@ -54,6 +56,7 @@ OFFERED = {
     },
     "primitive_activation": {"joint_trajectory": COMMAND, "intent/active_task": LATCHED},
     "object_warper": {"object/labelled_cloud": STATE, "object/parameters": STATE},
+    "object_transfer": {"intent/transfer": STATE},
     "lwr_sim": {"joint_states": STATE, "robot_description": LATCHED},
     "coworker_sim": {"mocap/wrist/pose": SENSOR, "coworker/task": STATE},
     "task_teacher": {"teach/status": LATCHED},

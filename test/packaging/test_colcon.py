@@ -20,6 +20,7 @@ EXECUTABLES = {
     "primitive_activation",
     "bag_recorder",
     "bag_player",
+    "object_transfer",
     "object_warper",
     "warped_primitive",
     "task_teacher",

@@ -29,8 +29,8 @@ LEVEL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """Rotation of the level hand: its z along x, its y along y."""
 STAND_M = (0.02, 0.02, 0.01)
 """Half edges of the stand below an object [m]. Convention: narrower than the objects."""
-SOLVER_ITERATIONS = 100
-"""Of the contact solver. Convention: a grip needs more than falling bodies."""
+WAY_POINTS = 10
+"""Points of a straight way along which a posture is sought. Convention: 3 cm apart."""
 
 
 class TransferObject(NamedTuple):
@@ -84,7 +84,6 @@ class TransferCell:
         self.arm = SimulatedArm(self.home, robot=found, noise=SensorNoise(), rng=rng)
         self.fingers = Fingers(self.arm)
         client = self.arm.client
-        client.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS)
         half = self._world_edges()
         centre = place_m + [thing.grasp_m, 0.0, 0.0]
         shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half.tolist())
@@ -101,10 +100,14 @@ class TransferCell:
     def posture(
         self, grip_m: NDArray[np.float64], near: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Joint angles (n,) with the level hand's grip at a place (3,), or nearest to it."""
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = LEVEL, grip_m
-        return self.model.nearest(pose, near).q
+        """Joint angles (n,) with the level hand's grip at a place (3,), or nearest to it.
+
+        Given a posture, on its branch: along a straight way from there.
+        """
+        begin_m = grip_m if near is None else self.model.forward_kinematics(near)[:3, 3]
+        poses = np.tile(np.eye(4), (WAY_POINTS, 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = LEVEL, np.linspace(begin_m, grip_m, WAY_POINTS)
+        return self.model.follow(poses, near, near).positions[-1]
 
     def set_friction(self, friction: float) -> None:
         """Change the friction of the object."""

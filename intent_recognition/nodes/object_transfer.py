@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: feels at the hand who carries an object, and says how hard to grip it and when to let go.
+
+From `joint_states` and the arm's model, or from `wrench` where there is a sensor. The gripper
+follows `grip_force` on `intent/transfer`, and tells on `intent/holding` what else it grasped or
+let go.
+"""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.kinematics import Arm
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import duration_s, position_array, stamp_ns
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.hand_input import HandInput
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.runtime import run
+from intent_recognition.transfer import (
+    PATIENCE_S,
+    Holding,
+    LoadEstimator,
+    Request,
+    Situation,
+    TransferMachine,
+    TransferOutput,
+)
+
+TRANSFER, HOLDING, WRENCH = "intent/transfer", "intent/holding", "wrench"
+NAMES = ("load_share", "load", "weight", "grip_force", "slip")
+"""Of the values on `intent/transfer`: the person's share, the load and the weight [N], the force of
+each finger [N] (0: open), and 1 while the object slips."""
+FRESH_S = 0.3
+"""A tracked hand or a wrench counts for so long [s]. Convention: a few samples of slow sensors."""
+
+
+class ObjectTransfer(Node):
+    """Translates joint states to `transfer.TransferMachine` and back."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("object_transfer", **kwargs)
+        get = partial(fixed_parameter, self)
+        body = get("body", "wrist", "Tracked body that takes and gives objects.")
+        self._near_m = get("near", 0.25, "Its distance from the hand at an object [m].", 0.01, 2.0)
+        self._takes: list[str] = get(
+            "takes", ["hold"], "Tasks in which the robot takes an object; in others it gives one."
+        )
+        patience = get("patience", PATIENCE_S, "Time after which an offer ends [s].", 0.1, 600.0)
+        self._fingers: list[str] = get(
+            "fingers", [], "Joints of the fingers, whose mean is half of the opening [m]."
+        )
+        self._diagnostics = Diagnostics(self)
+        self._hand = HandInput(self, self._diagnostics)
+        self._machine = TransferMachine(patience)
+        self._estimator: LoadEstimator | None = None
+        self._task, self._until_ns = "", 0
+        self._person: tuple[int, NDArray[np.float64], float] | None = None
+        self._wrench: tuple[int, str, NDArray[np.float64]] | None = None
+        self._out = self.create_publisher(JointState, TRANSFER, qos.STATE)
+        subscribe = self.create_subscription
+        subscribe(String, "intent/active_task", self._on_task, qos.LATCHED)
+        subscribe(Bool, HOLDING, self._on_holding, qos.STATE)
+        subscribe(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
+        subscribe(Odometry, f"human/{body}", self._on_person, qos.SENSOR)
+        subscribe(WrenchStamped, WRENCH, self._on_wrench, qos.SENSOR)
+        states = subscribe(JointState, "joint_states", self._on_joints, qos.MEASURED)
+        self._diagnostics.watch(states, "joint_states")
+
+    def _on_joints(self, message: JointState) -> None:
+        self._diagnostics.tick("joint_states")
+        arm = self._hand.arm
+        if arm is None:
+            self._diagnostics.reject("no_robot_description", "which arm is this?")
+            return
+        if self._estimator is None or self._estimator.arm is not arm:
+            self._estimator = LoadEstimator(arm)
+        situation = self._situation(message, arm, self._estimator)
+        if situation is None:
+            return
+        output = self._machine.step(self._request(), situation)
+        load_n = float(np.linalg.norm(situation.force_n))
+        self._out.publish(to_message(message, output, load_n))
+        self._diagnostics.tick(TRANSFER)
+        self._diagnostics.value("state", output.holding.value)
+
+    def _situation(
+        self, message: JointState, arm: Arm, estimator: LoadEstimator
+    ) -> Situation | None:
+        """What is felt and seen; None where the message has not what that needs."""
+        rows = {name: k for k, name in enumerate(message.name)}
+        at_ns = stamp_ns(message)
+        try:
+            chosen = [rows[name] for name in arm.joint_names]
+            q, velocity = (np.array(a)[chosen] for a in (message.position, message.velocity))
+            torque = np.array(message.effort)[chosen] if message.effort else np.zeros(len(q))
+        except (KeyError, IndexError):
+            self._diagnostics.reject("bad_joint_states", f"not all of {', '.join(arm.joint_names)}")
+            return None
+        if not np.all(np.isfinite([q, velocity, torque])):
+            self._diagnostics.reject("not_finite", "joint_states hold NaN or infinity")
+            return None
+        pose = arm.forward_kinematics(q)
+        force = estimator.update(at_ns * 1e-9, q, velocity, torque)
+        measured = self._measured(at_ns, arm, pose)
+        if measured is None and not message.effort:
+            self._diagnostics.reject("no_effort", "neither efforts in joint_states nor a wrench")
+            return None
+        half = [message.position[rows[name]] for name in self._fingers if name in rows]
+        near, toward, speed = self._look(at_ns, pose[:3, 3])
+        return Situation(
+            at_ns * 1e-9,
+            force if measured is None else measured,
+            at_ns < self._until_ns,
+            estimator.speed_m_s,
+            float(np.mean(half)) if half else np.nan,
+            near,
+            speed,
+            toward,
+        )
+
+    def _request(self) -> Request:
+        """What the active task asks for; between tasks what is held is held on to."""
+        if self._task in self._takes and self._machine.holding is not Holding.CARRYING:
+            return Request.TAKE
+        return Request.GIVE if self._task and self._task not in self._takes else Request.NOTHING
+
+    def _measured(
+        self, at_ns: int, arm: Arm, pose: NDArray[np.float64]
+    ) -> NDArray[np.float64] | None:
+        """The force of a fresh wrench in the axes of the base (3,); None without one."""
+        if self._wrench is None or abs(at_ns - self._wrench[0]) > FRESH_S * 1e9:
+            return None
+        _, frame, force = self._wrench
+        if frame in ("", arm.base):
+            return force
+        if frame == arm.tip:
+            return pose[:3, :3] @ force
+        self._diagnostics.reject("unknown_frame", f"{WRENCH} in {frame!r}, not {arm.tip}")
+        return None
+
+    def _look(
+        self, at_ns: int, hand_m: NDArray[np.float64]
+    ) -> tuple[bool | None, NDArray[np.float64] | None, float]:
+        """Whether the person's hand is near, the way to it, and its speed."""
+        if self._person is None or abs(at_ns - self._person[0]) > FRESH_S * 1e9:
+            return None, None, 0.0
+        _, at_m, speed = self._person
+        away = at_m - hand_m
+        level = np.array([away[0], away[1], 0.0])
+        size = float(np.linalg.norm(level))
+        toward = level / size if size > 0.0 else None
+        return bool(np.linalg.norm(away) < self._near_m), toward, speed
+
+    def _on_task(self, message: String) -> None:
+        self._task = message.data
+
+    def _on_holding(self, message: Bool) -> None:
+        """The gripper grasped something by itself, or let it go."""
+        self._diagnostics.tick(HOLDING)
+        self._machine.carry() if message.data else self._machine.drop()
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        begin_ns = stamp_ns(message) or self.get_clock().now().nanoseconds
+        end_s = duration_s(message.points[-1].time_from_start) if message.points else 0.0
+        self._until_ns = begin_ns + round(end_s * 1e9)
+
+    def _on_person(self, message: Odometry) -> None:
+        at_m, v = position_array(message.pose.pose), message.twist.twist.linear
+        speed = float(np.linalg.norm([v.x, v.y, v.z]))
+        if np.all(np.isfinite(at_m)):
+            self._person = stamp_ns(message), at_m, speed if np.isfinite(speed) else 0.0
+
+    def _on_wrench(self, message: WrenchStamped) -> None:
+        self._diagnostics.tick(WRENCH)
+        f = message.wrench.force
+        force = np.array([f.x, f.y, f.z])
+        if not np.all(np.isfinite(force)):
+            self._diagnostics.reject("not_finite", f"{WRENCH} holds NaN or infinity")
+            return
+        self._wrench = stamp_ns(message), message.header.frame_id, force
+
+
+def to_message(of: JointState, output: TransferOutput, load_n: float) -> JointState:
+    """`intent/transfer`: the state is its `frame_id`, the stamp that of the joint state."""
+    message = JointState(name=list(NAMES))
+    message.header.stamp, message.header.frame_id = of.header.stamp, output.holding.value
+    values = (output.share, load_n, output.weight_n, output.grip_n, float(output.slip))
+    message.position = [float(value) for value in values]
+    return message
+
+
+main = partial(run, ObjectTransfer)

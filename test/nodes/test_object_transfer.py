@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node object_transfer on its topics: joint states in, grip and state out."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from intent_recognition.demonstrations import arm_in_world
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns, to_stamp
+from intent_recognition.nodes.object_transfer import NAMES, ObjectTransfer
+from sim_bridge.arm import find_robot
+
+STEP_NS, WEIGHT_N = 10_000_000, 6.0
+HANGS = np.array([0.0, 0.0, -WEIGHT_N])
+ROBOT = find_robot("lwr")
+
+
+class Cell:
+    """The node with an arm at rest, on which forces act."""
+
+    def __init__(self, harness, **parameters):
+        chosen = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.harness = harness
+        self.node = harness.add(ObjectTransfer(parameter_overrides=chosen))
+        self.arm = arm_in_world(ROBOT.description, "")
+        zero = np.zeros(7)
+        self.held = self.arm.inverse_dynamics(ROBOT.ready, zero, zero)
+        self.J = self.arm.jacobian(ROBOT.ready)
+        self.now_ns, self.out = 1_700_000_000_000_000_000, []
+        self.out = harness.collect(JointState, "intent/transfer", qos.STATE)
+        topics = {
+            "joint_states": (JointState, qos.STATE),
+            "robot_description": (String, qos.LATCHED),
+            "intent/active_task": (String, qos.LATCHED),
+            "intent/holding": (Bool, qos.STATE),
+            "joint_trajectory": (JointTrajectory, qos.COMMAND),
+            "human/wrist": (Odometry, qos.SENSOR),
+            "wrench": (WrenchStamped, qos.SENSOR),
+        }
+        self.pub = {
+            name: harness.publisher(kind, name, profile) for name, (kind, profile) in topics.items()
+        }
+        harness.spin_until(
+            lambda: all(p.get_subscription_count() for p in self.pub.values()), what="connection"
+        )
+        self.pub["robot_description"].publish(String(data=ROBOT.description))
+        harness.spin_until(lambda: self.node._hand.description, what="the arm")
+
+    def tell(self, topic, message, heard):
+        self.pub[topic].publish(message)
+        self.harness.spin_until(heard, what=topic)
+
+    def feel(self, force, effort=True):
+        """One joint state; returns what the node answers."""
+        self.now_ns += STEP_NS
+        message = JointState(name=list(ROBOT.joint_names))
+        message.header.stamp = to_stamp(self.now_ns)
+        message.position, message.velocity = ROBOT.ready.tolist(), [0.0] * 7
+        if effort:
+            message.effort = (self.held - self.J[:3].T @ np.asarray(force)).tolist()
+        n = len(self.out)
+        self.pub["joint_states"].publish(message)
+        self.harness.spin_until(lambda: len(self.out) > n, what="an answer")
+        assert stamp_ns(self.out[-1]) == self.now_ns
+        return dict(zip(self.out[-1].name, self.out[-1].position, strict=True))
+
+    def measure(self, force):
+        """A wrench with the stamp of the next joint state."""
+        message, now_ns = WrenchStamped(), self.now_ns + STEP_NS
+        message.header.stamp = to_stamp(now_ns)
+        message.wrench.force.z = float(force[2])
+        node = self.node
+        self.tell("wrench", message, lambda: node._wrench and node._wrench[0] == now_ns)
+
+    def state(self):
+        return self.out[-1].header.frame_id
+
+    def offer(self):
+        node = self.node
+        self.tell("intent/holding", Bool(data=True), lambda: node._machine.holding.value != "empty")
+        way = JointTrajectory(points=[JointTrajectoryPoint()])
+        way.header.stamp = to_stamp(self.now_ns)
+        way.points[0].time_from_start.nanosec = 400_000_000
+        self.tell("joint_trajectory", way, lambda: node._until_ns > self.now_ns)
+        self.tell("intent/active_task", String(data="plate"), lambda: node._task == "plate")
+        for _ in range(39):
+            self.feel(HANGS)
+        assert self.state() == "carrying"  # under way
+        for _ in range(15):
+            self.feel(HANGS)
+        assert self.state() == "offering"
+
+
+@pytest.mark.parametrize("by", ["efforts", "wrench"])
+def test_an_offer_is_released_to_who_takes_over_the_load(harness, by):
+    cell = Cell(harness)
+    cell.offer()
+    told = [cell.feel(HANGS)]
+    assert told[0]["weight"] == pytest.approx(WEIGHT_N, abs=0.1)
+    for k in range(60):
+        force = HANGS * (1.0 - min(k / 30, 1.0))
+        if by == "wrench":
+            cell.measure(force)
+        told.append(cell.feel(force, effort=by == "efforts"))
+        if cell.state() == "releasing":
+            break
+    assert cell.state() == "releasing"
+    assert told[-1]["grip_force"] == 0.0
+    assert told[-2]["load_share"] > 0.7
+    assert told[-2]["grip_force"] < 0.5 * told[0]["grip_force"]
+
+
+def test_nothing_is_released_while_the_tracked_hand_is_elsewhere(harness):
+    cell = Cell(harness)
+    cell.offer()
+    hand = Odometry()
+    hand.pose.pose.position.x = 3.0
+    for _ in range(40):
+        hand.header.stamp = to_stamp(cell.now_ns + STEP_NS)
+        now = cell.now_ns + STEP_NS
+        cell.tell(
+            "human/wrist", hand, lambda now=now: cell.node._person and cell.node._person[0] == now
+        )
+        told = cell.feel([0.0, 0.0, 0.0])
+    assert cell.state() == "offering"
+    assert told["load_share"] == 0.0
+    assert told["slip"] == 1.0
+
+
+def test_messages_without_what_is_needed_are_counted(harness):
+    cell = Cell(harness)
+    cell.feel(HANGS)
+    counts = cell.node._diagnostics
+    names, still = list(ROBOT.joint_names), [0.0] * 7
+    for message, reason in (
+        (JointState(name=["other"], position=[0.0]), "bad_joint_states"),
+        (JointState(name=names, position=[np.nan] * 7, velocity=still), "not_finite"),
+        (JointState(name=names, position=still, velocity=still), "no_effort"),
+    ):
+        cell.tell("joint_states", message, lambda reason=reason: counts.rejected(reason))
+    wrench = WrenchStamped()
+    wrench.wrench.force.x = np.inf
+    before = counts.rejected("not_finite")
+    cell.tell("wrench", wrench, lambda: counts.rejected("not_finite") > before)
+    assert tuple(cell.out[-1].name) == NAMES
