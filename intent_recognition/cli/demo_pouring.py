@@ -29,14 +29,6 @@ MANY_SPILLED = 2.0
 """Spilled balls of forty, on average, above which the demo has failed. Convention."""
 
 
-READY_DEADLINE_S = 180.0
-"""Longest wait until balls and containers are made, seen and warped [s]. Convention."""
-ACTIVATION_DEADLINE_S = 60.0
-"""Longest wait until the arm begins after it was asked [s]. Convention."""
-POUR_DEADLINE_S = 600.0
-"""Longest pour at the slowest pace [s]. Convention."""
-LAST_WAIT_S = 1.0
-"""Simulated time in which the last balls come to rest [s]. Convention."""
 
 
 class ObservedPour(NamedTuple):
@@ -170,18 +162,18 @@ def _follow(
 
     pace = PaceKeeper(observer, args.rate)
     timer = steady_timer(observer, PACE_PERIOD_S, lambda: pace.update(observer.lag_s()))
-    watch.until(observer.is_ready, READY_DEADLINE_S, "the containers, seen and warped")
+    watch.until(observer.is_ready, 180.0, "the containers, seen and warped")
     observer.ask(args.pour)
     watch.until(
-        lambda: bool(observer.active or observer.refused), ACTIVATION_DEADLINE_S, "the pour"
+        lambda: bool(observer.active or observer.refused), 60.0, "the pour"
     )
     if not observer.active:
         cure = "See the log of warped_primitive."
         raise IntentError.about(
             "pour", "a pour that the learned constraints allow", observer.refused, cure
         )
-    watch.until(lambda: not observer.active, POUR_DEADLINE_S, "the pour's end")
-    watch.for_seconds(LAST_WAIT_S / args.rate)
+    watch.until(lambda: not observer.active, 600.0, "the pour's end")
+    watch.for_seconds(1.0 / args.rate)
     timer.cancel()
     counts = {name: int(value) for name, value in observer.balls.items()}
     return ObservedPour(observer.parameters, counts)

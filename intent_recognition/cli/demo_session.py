@@ -34,8 +34,6 @@ LIBRARY = "tasks"
 """Folder of what is taught on the page, below the demo's."""
 OWN_INPUTS = ("mocap/wrist/pose", "joint_states", "/clock")
 """Topics that nothing but the demo may publish."""
-DISCOVERY_S = 0.5
-"""Time to find other graphs in the domain [s]. Convention."""
 GRAPH_DEADLINE_S = 30.0
 """Longest wait until the nodes have found one another [s]. Convention."""
 START_S, LONGEST_INTERACTION_S = 120.0, 150.0
@@ -262,7 +260,7 @@ def page_address(args: argparse.Namespace) -> str:
 
 def refuse_busy_domain(observer: "Node", watch: NodeWatch) -> None:
     """Make sure that no other graph with such nodes, or publishers, is in this domain."""
-    watch.for_seconds(DISCOVERY_S)
+    watch.for_seconds(0.5)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
     published = [topic for topic in OWN_INPUTS if observer.count_publishers(topic)]
     taken += [f"publishers of {topic}" for topic in published]

@@ -10,14 +10,12 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.bags import RECOVER, Damage
-from intent_recognition.cli.console import escape, plain_table, print_facts
+from intent_recognition.cli.console import MOST_LISTED, escape, plain_table, print_facts
 from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
 
 FIRST_PLAUSIBLE_NS = 1_000_000_000 * 86_400 * 365
 """Earlier stamps are not dates: one year after 1970 [ns]. Convention."""
-GAPS_SHOWN = 5
-"""Gaps of a topic that are listed. Convention."""
 
 
 def bag_json(summary: BagSummary) -> dict:
@@ -127,9 +125,9 @@ def _print_gaps(console: Console, topic: TopicSummary, start_ns: int) -> None:
         return
     shown = ", ".join(
         f"{length:.3f} s at {(stamp_ns - start_ns) * 1e-9:.2f} s"
-        for stamp_ns, length in topic.gaps[:GAPS_SHOWN]
+        for stamp_ns, length in topic.gaps[:MOST_LISTED]
     )
-    more = f", and {len(topic.gaps) - GAPS_SHOWN} more" if len(topic.gaps) > GAPS_SHOWN else ""
+    more = f", and {len(topic.gaps) - MOST_LISTED} more" if len(topic.gaps) > MOST_LISTED else ""
     console.print(f"gaps in {escape(topic.name)}: {shown}{more}", style="yellow")
 
 

@@ -13,8 +13,6 @@ GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
 COLUMNS = "9.2em 1fr 3.2em 3em"
-LARGEST_RATES = 4
-"""Rates shown of a node. Convention."""
 MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
 """Nodes that end when their work is done: their silence is no alarm."""
 
@@ -170,7 +168,7 @@ def _details(values: Mapping[str, str]) -> str:
         f"{escape(key[5:-5])} {_number(value, '.0f')} Hz"
         for key, value in values.items()
         if key.startswith("rate ")
-    ][:LARGEST_RATES]
+    ][:4]
     slow = values.get("latency p99 [ms]")
     latency = [f"latency p99 {_number(slow, '.1f')} ms"] if slow else []
     rejected = [

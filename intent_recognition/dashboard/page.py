@@ -26,9 +26,6 @@ from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
 
 TITLE = "intent recognition"
-BRAND = (18, 27, 36)
-"""A slate that no task has; the page draws it lighter."""
-PANEL_PIXELS = 400.0
 PANEL_PERIOD_S = 0.1
 """Time between two updates of the panel [s]. Convention."""
 SLOW_PERIOD_S = 1.0
@@ -106,17 +103,17 @@ class DashboardPage:
             Operator(read_only),
             lambda why: self.show_message(False, why),
             light,
-            lambda: self._ask(self._lighten),
+            lambda: self._ask(self._draws_slowly),
         )
         self._scene = PageScene(self._server, scene or CellScene(), hand_link, light != ON)
         gui = self._server.gui
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(PANEL_PIXELS)
+        gui.main_panel.set_width(400.0)
         gui.configure_theme(
             control_width="large",
             show_logo=False,
             show_share_button=False,
-            brand_color=BRAND,
+            brand_color=(18, 27, 36),  # a slate that no task has; the page draws it lighter
         )
         gui.set_panel_label(TITLE)
         self._banner = gui.add_html("", visible=False)
@@ -191,8 +188,9 @@ class DashboardPage:
             if len(self._asked) > MOST_ASKED:
                 del self._asked[next(iter(self._asked))]
 
-    def _lighten(self) -> None:
-        self._scene.lighten()
+    def _draws_slowly(self) -> None:
+        """A browser does, so shadows go."""
+        self._scene.set_shadows(False)
 
     def _perform(self, action: Callable[[], None]) -> None:
         """Do what was asked for; what a browser sent that makes no sense is told, no more."""

@@ -16,8 +16,6 @@ from intent_recognition.dashboard.things_view import (
     set_turn,
 )
 
-COLOUR = (158, 160, 163)
-"""Red, green and blue of the figure, 0 to 255."""
 ROOT = "/person"
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
@@ -126,7 +124,7 @@ class PersonView:
         """A smooth shape around balls."""
         shape = around(self._stance.height_m * np.array(balls))
         self._server.scene.add_mesh_simple(
-            f"{ROOT}{name}", shape.vertices, shape.faces, color=COLOUR
+            f"{ROOT}{name}", shape.vertices, shape.faces, color=(158, 160, 163)
         )
 
 

@@ -107,9 +107,7 @@ class ReplayTab:
         self._facts.content = markup.remark(", ".join(facts))
 
     def _set_length(self, seconds: float) -> None:
-        longest = max(round(seconds, 2), SHORTEST_S)
-        if self._at.max != longest:
-            self._at.max = longest
+        self._at.max = max(round(seconds, 2), SHORTEST_S)
 
     def _seek(self) -> None:
         if self._player is not None:

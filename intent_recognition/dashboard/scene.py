@@ -18,23 +18,14 @@ from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 from intent_recognition.promp import NONE
 from intent_recognition.report import INK, NONE_COLOUR, readable
 
-WRIST_RADIUS_M = 0.022
-"""Radius of the drawn wrist [m]. Convention."""
 TUBE_OPACITY = 0.28
 """With viser's lights; RViz shows the same tube with `markers.TUBE_ALPHA`. Convention."""
 STALE_S = 1.5
 """Age from which on a prediction is not drawn [s]. Convention."""
 PATH_WIDTH_M = 0.006
-ARM_WIDTH_M = 0.045
-LABEL_M = 0.14
-"""Height of the task's name above the predicted end [m]. Convention."""
 NOTHING = np.zeros((0, 3))
 HAND_PATH_PERIOD_S = 0.2
 """Time between two updates of the predicted path of the hand [s]. Convention."""
-VIEW_RAD = np.deg2rad(42.0)
-"""Vertical angle of view [rad]. Convention."""
-FADE_M = 5.0
-"""Distance at which the ground fades out [m]. Convention."""
 
 DARK, GREY = rgb(INK), rgb(NONE_COLOUR)
 """The wrist; the arm, and what is old."""
@@ -47,7 +38,7 @@ class PageScene:
         server: the page.
         cell: what stands in the cell.
         hand_link: link of the arm that is its hand.
-        shadows: are drawn; `lighten` leaves them out later.
+        shadows: whether they are drawn.
 
     Attributes:
         hand_path: task and positions (T, 3) [m] of the path predicted last; None before the first.
@@ -66,13 +57,13 @@ class PageScene:
         self._hand_path_at_s = -np.inf
         self.hand_path: tuple[str, NDArray[np.float64]] | None = None
         self._prepare()
-        server.scene.configure_default_lights(cast_shadow=shadows)
+        self.set_shadows(shadows)
         self._things = ThingsView(server, cell)
         self._person = PersonView(server, cell.person) if cell.person is not None else None
 
-    def lighten(self) -> None:
-        """Draw no shadows from now on, for a browser that draws slowly."""
-        self._server.scene.configure_default_lights(cast_shadow=False)
+    def set_shadows(self, shadows: bool) -> None:
+        """Draw shadows from now on, or none."""
+        self._server.scene.configure_default_lights(cast_shadow=shadows)
 
     @property
     def robot(self) -> RobotView | None:
@@ -84,7 +75,7 @@ class PageScene:
         self._guard(lambda: self._update_robot(state))
         bare = self._robot is None and not self._problem
         self._base.visible = bare
-        self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, ARM_WIDTH_M)
+        self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, 0.045)
         self._update_wrist(state, now_s)
         self._guard(lambda: self._update_things(state, colours, now_s))
         self._update_prediction(state, colours, now_s)
@@ -114,15 +105,15 @@ class PageScene:
             plane_color=(236, 239, 242),
             plane_opacity=1.0,
             shadow_opacity=0.25,
-            fade_distance=FADE_M,
+            fade_distance=5.0,
             position=(0.0, 0.0, self._cell.floor_m),
         )
         camera = self._server.initial_camera
         camera.position, camera.look_at = np.array(self._cell.view)
-        camera.fov = VIEW_RAD
+        camera.fov = np.deg2rad(42.0)
         self._base = scene.add_frame("/base", axes_length=0.15, axes_radius=0.004)
         scene.add_label("/base/name", "robot's base; x goes to the worker", anchor="top-center")
-        self._wrist = scene.add_icosphere("/wrist", WRIST_RADIUS_M, DARK, visible=False)
+        self._wrist = scene.add_icosphere("/wrist", 0.022, DARK, visible=False)
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
         self._tube: viser.MeshHandle | None = None
         self._label = scene.add_label("/task", "", visible=False, anchor="bottom-center")
@@ -167,13 +158,12 @@ class PageScene:
         self._draw_label(path, readable(best))
 
     def _draw_label(self, path: NDArray[np.float64], text: str) -> None:
-        """Name the task above the predicted end; a new text fades in, so the same is not sent."""
+        """Name the task above the predicted end."""
         visible = len(path) > 0
         self._label.visible = visible
         if visible:
-            self._label.position = path[-1] + np.array([0.0, 0.0, LABEL_M])
-            if self._label.text != text:
-                self._label.text = text
+            self._label.position = path[-1] + np.array([0.0, 0.0, 0.14])
+            self._label.text = text
 
     def _update_hand_path(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         predicted = state.predicted
@@ -203,9 +193,8 @@ class PageScene:
             )
             return
         handle.points = pairs
-        tint = np.array(colour, dtype=np.uint8)  # of the whole line: those of points come out paler
-        if not np.array_equal(handle.colors, tint):
-            handle.colors = tint
+        # Of the whole line: those of points come out paler.
+        handle.colors = np.array(colour, dtype=np.uint8)
         handle.visible = True
 
     def _draw_tube(self, corners: NDArray[np.float64], colour: Colour) -> None:
@@ -227,8 +216,7 @@ class PageScene:
             )
             return
         self._tube.vertices = vertices
-        if tuple(self._tube.color) != colour:
-            self._tube.color = colour
+        self._tube.color = colour
         self._tube.visible = True
 
 

@@ -38,14 +38,10 @@ from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import ENDED
 
 DEFAULT_BODY = "wrist"
-MOST_JOINTS = 100
-"""Joints of a message. Convention."""
-MOST_TASKS = 100
-"""Tasks of a posterior. Convention."""
+MOST_NAMES = 100
+"""Joints or tasks of a message, and nodes whose health is shown. Convention."""
 MOST_POINTS = 10_000
 """Points of a path, a tube or a trajectory. Convention."""
-MOST_NODES = 100
-"""Nodes whose health is shown. Convention."""
 MOST_VALUES = 200
 """Values of one node's health. Convention."""
 MOST_CHANGES = 2000
@@ -102,7 +98,7 @@ class CellSubscriptions:
             self._reject(f"malformed {topic}", one_line(error))
 
     def _on_joints(self, message: JointState) -> None:
-        names = checked_names("name", message.name, MOST_JOINTS)
+        names = checked_names("name", message.name, MOST_NAMES)
         positions = checked_numbers("position", message.position, (len(names),))
         self._state.take_joints(names, positions.tolist(), self._clock())
 
@@ -111,7 +107,7 @@ class CellSubscriptions:
         self._state.take_wrist(position, self._clock())
 
     def _on_tasks(self, message: JointState) -> None:
-        names = checked_names("name", message.name, MOST_TASKS)
+        names = checked_names("name", message.name, MOST_NAMES)
         check("name", "at least one task", len(names) > 0, "none")
         chances = checked_numbers("position", message.position, (len(names),))
         check("position", "probabilities", np.all((chances >= 0.0) & (chances <= 1.0)), chances)
@@ -119,7 +115,7 @@ class CellSubscriptions:
         self._state.take_posterior(Posterior(names, chances, phase), self._clock())
 
     def _on_predicted(self, message: JointTrajectory) -> None:
-        names = checked_names("joint_names", message.joint_names, MOST_JOINTS)
+        names = checked_names("joint_names", message.joint_names, MOST_NAMES)
         check("points", f"at most {MOST_POINTS}", len(message.points) <= MOST_POINTS, "more")
         rows = [checked_numbers("positions", p.positions, (len(names),)) for p in message.points]
         positions = np.array(rows).reshape(len(rows), len(names))
@@ -144,7 +140,7 @@ class CellSubscriptions:
             self._state.take_outcome(checked_text("name", message.name), values[OUTCOME])
 
     def _on_question(self, message: JointState) -> None:
-        names = checked_names("name", message.name, MOST_TASKS)
+        names = checked_names("name", message.name, MOST_NAMES)
         self._state.take_question(names, self._clock())
 
     def _on_truth(self, message: String) -> None:
@@ -167,8 +163,8 @@ class CellSubscriptions:
         now_s, nodes = self._clock(), self._state.nodes
         for status in message.status:
             name = checked_text("name", status.name)
-            known = name in nodes or len(nodes) < MOST_NODES
-            check("status", f"at most {MOST_NODES} nodes", known, "one more")
+            known = name in nodes or len(nodes) < MOST_NAMES
+            check("status", f"at most {MOST_NAMES} nodes", known, "one more")
             text, values = _told(status)
             level = int.from_bytes(status.level, "little")
             nodes[name] = NodeHealth(level, text, values, now_s, ENDED in values)

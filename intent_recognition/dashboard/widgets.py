@@ -14,8 +14,6 @@ from intent_recognition.dashboard.cell import PLOTTED_S
 from intent_recognition.promp import NONE
 from intent_recognition.report import NONE_COLOUR, SOFT, readable
 
-HEIGHT_PIXELS = 190
-"""Height of a figure [pixels]."""
 FONT = "12px sans-serif"
 ControlValue = TypeVar("ControlValue")
 
@@ -60,7 +58,7 @@ def probability_plot(
         },
         axes=(_axis("time [s]", 34), _axis("", 46)),
         legend=uplot.Legend(show=False),
-        height=HEIGHT_PIXELS,
+        height=190,
     )
 
 
