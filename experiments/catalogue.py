@@ -43,11 +43,7 @@ EXPERIMENTS = tuple(
             f"{MIP}, Sec. V (future work)",
             "the arm reproduces mean and variance of a primitive",
         ),
-        (
-            "change_of_mind",
-            "no paper",
-            "reaches whose goal changes, and movements without a pause",
-        ),
+        ("change_of_mind", "no paper", "reaches whose goal changes, and movements without a pause"),
         ("context", "no paper", "handovers at a box that is moved, and where it stands is known"),
         ("clearance", "no paper", "boxes in the arm's way: bent, refused, never touched"),
         ("skills", "no paper", "skills that grow: corrected, practised, other containers"),

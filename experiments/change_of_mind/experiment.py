@@ -35,9 +35,7 @@ def _numbers(study: ChangeStudy) -> Mapping[str, object]:
         "changes": [
             change._asdict()
             | _plain(study.cell(change)._asdict())
-            | {
-                "delays_s": [one.delay_s for one in followed if one.new_active],
-            }
+            | {"delays_s": [one.delay_s for one in followed if one.new_active]}
             for change, followed in study.changed.items()
         ],
         "unchanged": [_plain(one._asdict()) for one in study.unchanged],

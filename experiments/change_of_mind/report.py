@@ -6,11 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.change_of_mind.figures import (
-    courses_figure,
-    delay_figure,
-    outcome_figure,
-)
+from experiments.change_of_mind.figures import courses_figure, delay_figure, outcome_figure
 from experiments.change_of_mind.study import (
     BLENDS,
     RELEASED_WITHIN_S,

@@ -14,10 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.change_of_mind.following import FollowedReach, follow_reach
-from experiments.change_of_mind.without_pause import (
-    FlowingSession,
-    follow_sessions,
-)
+from experiments.change_of_mind.without_pause import FlowingSession, follow_sessions
 from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn

@@ -10,10 +10,7 @@ from experiments.toolbox.session import SeenEstimate, watch
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 from sim_bridge.coworker import WITHOUT_PAUSE, Interaction, parse_task_list, plan_session
-from sim_bridge.scenarios.toolbox import (
-    DECIDED_WITHIN_S,
-    EARLIEST_DECISION_S,
-)
+from sim_bridge.scenarios.toolbox import DECIDED_WITHIN_S, EARLIEST_DECISION_S
 
 BEGINNINGS = ("activated", "switched")
 """Events of a decision after which a task is active that was not before."""

@@ -8,12 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from experiments.clearance.figures import courses_figure, nearest_figure
-from experiments.clearance.study import (
-    CLEARANCE_M,
-    ClearanceRun,
-    ClearanceStudy,
-    investigate,
-)
+from experiments.clearance.study import CLEARANCE_M, ClearanceRun, ClearanceStudy, investigate
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg

@@ -24,11 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {
-    "as before": NONE_COLOUR,
-    "bent": PALETTE[2],
-    "refused": PALETTE[1],
-}
+COLOURS = {"as before": NONE_COLOUR, "bent": PALETTE[2], "refused": PALETTE[1]}
 """Colour of each outcome."""
 
 

@@ -13,12 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.execution import Executed, execute
-from experiments.reaches import (
-    REST_S,
-    STEP_NS,
-    toolbox_recordings,
-    watch_reach,
-)
+from experiments.reaches import REST_S, STEP_NS, toolbox_recordings, watch_reach
 from experiments.settings import Settings
 from intent_recognition.kinematics import LWR_LIMITS, Bodies, Box
 from intent_recognition.learning import learn

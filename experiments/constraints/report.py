@@ -17,13 +17,7 @@ from experiments.constraints.features import (
     UPRIGHT,
 )
 from experiments.constraints.figures import RocBand, RocPanel, roc_figure
-from experiments.constraints.study import (
-    N_TRAINING,
-    NOVEL,
-    SAME,
-    ConstraintScores,
-    CurveTable,
-)
+from experiments.constraints.study import N_TRAINING, NOVEL, SAME, ConstraintScores, CurveTable
 from experiments.results import Finding
 from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, readable, to_svg
 from sim_bridge.balls import FILLING, POURING, Trials

@@ -5,13 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from experiments.context.report import (
-    CONDITIONS_TEXT,
-    blocks,
-    decided,
-    errors_m,
-    findings,
-)
+from experiments.context.report import CONDITIONS_TEXT, blocks, decided, errors_m, findings
 from experiments.context.study import CONDITIONS, SHARES, DrawnSet, investigate
 from experiments.results import ExperimentResult
 from experiments.settings import Settings

@@ -8,11 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.sketches.curves import N_SAMPLES, sketch_pairs
-from experiments.sketches.differentiation import (
-    Butterworth,
-    SavitzkyGolay,
-    Smoother,
-)
+from experiments.sketches.differentiation import Butterworth, SavitzkyGolay, Smoother
 from experiments.sketches.models import (
     SHRINKAGES,
     SMOOTHERS,

@@ -272,7 +272,7 @@ def _two_answers(study: PoleStudy) -> tuple[Block, ...]:
             " them at spots that are reached one way only. The fingertip ends"
             f" {100 * study.mixture_end.final_error_m.mean():.1f} cm from where it was shown to, on"
             f" average (at most {100 * study.mixture_end.final_error_m.max():.1f} cm), whatever the"
-            " side.",
+            " side."
         ),
     )
 

@@ -7,13 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.pouring.figures import Band, Real, paths_figure, spilled_figure
-from experiments.pouring.study import (
-    NAMES,
-    RecordedPour,
-    of_manner,
-    pair_name,
-    to_level,
-)
+from experiments.pouring.study import NAMES, RecordedPour, of_manner, pair_name, to_level
 from experiments.results import Finding
 from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
 from intent_recognition.warping import EMPTY, to_warped, warped_scale

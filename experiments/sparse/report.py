@@ -10,12 +10,7 @@ from experiments.results import Finding
 from experiments.settings import Settings
 from experiments.sketches.curves import PHASE, sketch_pairs
 from experiments.sketches.differentiation import spline_operators
-from experiments.sketches.models import (
-    learn_dmp,
-    learn_promp,
-    prior,
-    standard_error,
-)
+from experiments.sketches.models import learn_dmp, learn_promp, prior, standard_error
 from experiments.sparse.conditioning import (
     NOISE_VARIANCE,
     choose_shrinkage,

@@ -8,10 +8,7 @@ from experiments.draws import also, drawn, draws_tables
 from experiments.left_out import PHASES, majority_names
 from experiments.pole.figures import components_figure
 from experiments.results import Finding
-from experiments.toolbox.figures import (
-    components_found_figure,
-    conditioned_figure,
-)
+from experiments.toolbox.figures import components_found_figure, conditioned_figure
 from experiments.toolbox.session import HAND_TASKS
 from experiments.toolbox.study import END_NAME, WHOLE_NAME, ToolboxStudy
 from intent_recognition.kinematics import JOINT_NAMES

@@ -19,19 +19,10 @@ from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import run_session
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path, number
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    console_beside,
-    write_json,
-)
+from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.composing import read_sequences
 from intent_recognition.demonstrations import load_dofs
-from intent_recognition.errors import (
-    ArgumentError,
-    DofError,
-    ResourceBusyError,
-)
+from intent_recognition.errors import ArgumentError, DofError, ResourceBusyError
 from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model
@@ -91,10 +82,7 @@ def add_parser(subparsers: Subparsers) -> None:
                 "intent demo --arm panda --dashboard --model mine.npz --recordings held_out",
             ),
             ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
-            (
-                "no more than 25 millilitres of it",
-                "intent demo --scenario pouring --pour 25",
-            ),
+            ("no more than 25 millilitres of it", "intent demo --scenario pouring --pour 25"),
         ),
     )
     session = parser.add_argument_group("what happens")

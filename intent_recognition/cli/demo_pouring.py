@@ -29,8 +29,6 @@ MANY_SPILLED = 2.0
 """Spilled balls of forty, on average, above which the demo has failed. Convention."""
 
 
-
-
 class ObservedPour(NamedTuple):
     """A pour as the topics told it: warped parameters by container, and counts of balls."""
 
@@ -164,9 +162,7 @@ def _follow(
     timer = steady_timer(observer, PACE_PERIOD_S, lambda: pace.update(observer.lag_s()))
     watch.until(observer.is_ready, 180.0, "the containers, seen and warped")
     observer.ask(args.pour)
-    watch.until(
-        lambda: bool(observer.active or observer.refused), 60.0, "the pour"
-    )
+    watch.until(lambda: bool(observer.active or observer.refused), 60.0, "the pour")
     if not observer.active:
         cure = "See the log of warped_primitive."
         raise IntentError.about(

@@ -139,9 +139,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
 
 
 def _arm(
-    args: argparse.Namespace,
-    home_m: NDArray[np.float64],
-    places_m: NDArray[np.float64],
+    args: argparse.Namespace, home_m: NDArray[np.float64], places_m: NDArray[np.float64]
 ) -> "ToolboxArm":
     """The arm that the options name; one from a file stands where it reaches the places (n, 3).
 

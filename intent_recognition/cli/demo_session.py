@@ -190,10 +190,7 @@ def _start_nodes(
 
 
 def _follow(
-    args: argparse.Namespace,
-    observer: "SessionObserver",
-    progress: ProgressLine,
-    watch: NodeWatch,
+    args: argparse.Namespace, observer: "SessionObserver", progress: ProgressLine, watch: NodeWatch
 ) -> float:
     """Show the session until the last motion is over; returns the pace of its time."""
     longest_s = START_S + LONGEST_INTERACTION_S * progress.total

@@ -23,11 +23,7 @@ from intent_recognition.cli.rejections import (
     print_left_out,
     print_mixed_frames,
 )
-from intent_recognition.cli.unlabelled import (
-    add_unlabelled_options,
-    find_components,
-    n_components,
-)
+from intent_recognition.cli.unlabelled import add_unlabelled_options, find_components, n_components
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds, remarks_on
@@ -71,10 +67,7 @@ def add_parser(subparsers: Subparsers) -> None:
         " train on BAG and test on FOLDER",
     )
     scored.add_argument(
-        "--test",
-        type=a_path,
-        metavar="FOLDER",
-        help="the same as --protocol holdout:FOLDER",
+        "--test", type=a_path, metavar="FOLDER", help="the same as --protocol holdout:FOLDER"
     )
     scored.add_argument(
         "--start-posture",

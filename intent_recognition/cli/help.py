@@ -31,15 +31,9 @@ GROUPS = {
         "keep": "learn from the last execution that a person corrected by hand",
         "undo": "undo the last change that teach or keep made",
     },
-    "compose skills": {
-        "via": "make the robot pass through given points on its way",
-    },
-    "practise": {
-        "improve": "let the robot practise a task to lower its cost",
-    },
-    "measure objects": {
-        "warp": "measure a container by warping an annotated one onto it",
-    },
+    "compose skills": {"via": "make the robot pass through given points on its way"},
+    "practise": {"improve": "let the robot practise a task to lower its cost"},
+    "measure objects": {"warp": "measure a container by warping an annotated one onto it"},
 }
 """The commands by purpose, in the order in which the help lists them, and what each does."""
 

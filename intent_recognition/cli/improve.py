@@ -20,12 +20,7 @@ from intent_recognition.cli.improve_subjects import (
     undo,
 )
 from intent_recognition.cli.options import XYZ, Subparsers, a_path, number
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    console_beside,
-    write_json,
-)
+from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.cli.teach import add_library_options
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
 

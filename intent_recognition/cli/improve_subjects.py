@@ -148,12 +148,7 @@ class TaskOfFolder:
             arm = arm_in_world(read_urdf(args.robot))
         options = {"most_people": 1} if args.cost == THUMBS else {}
         return PractisedTask(
-            _folder(args),
-            args.task,
-            beside_m=args.beside,
-            moved_m=args.moved,
-            arm=arm,
-            **options,
+            _folder(args), args.task, beside_m=args.beside, moved_m=args.moved, arm=arm, **options
         )
 
     @property

@@ -15,9 +15,7 @@ def add_parser(subparsers: Subparsers) -> None:
         " arm: from now on the robot moves as corrected. A running estimator loads the new model,"
         " and other tasks stay as they are. `intent undo` takes the change back. A running"
         " task_teacher must have recorded the execution (docs/correcting.md). Needs ROS 2.",
-        **examples(
-            ("keep the last correction", "intent keep --library tasks"),
-        ),
+        **examples(("keep the last correction", "intent keep --library tasks")),
     )
     add_library_options(parser)
     parser.set_defaults(run=change_library)

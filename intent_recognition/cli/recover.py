@@ -25,7 +25,7 @@ def add_parser(subparsers: Subparsers) -> None:
             (
                 "write a whole recording beside the damaged one",
                 "intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved",
-            ),
+            )
         ),
     )
     parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")

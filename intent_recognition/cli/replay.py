@@ -11,12 +11,7 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    console_beside,
-    write_json,
-)
+from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.errors import BagError
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model

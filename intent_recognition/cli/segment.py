@@ -9,12 +9,7 @@ from rich.console import Console
 from intent_recognition.cli.console import busy, escape, plain_table, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    console_beside,
-    write_json,
-)
+from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import (

@@ -25,9 +25,7 @@ def add_parser(subparsers: Subparsers) -> None:
         description="Take back the last change of a library: a demonstration that `intent teach`"
         " learned, or a correction that `intent keep` kept. The model before it returns, a running"
         " estimator loads it, and the recording moves to the folder `undone`. Needs ROS 2.",
-        **examples(
-            ("take the last demonstration back", "intent undo --library tasks"),
-        ),
+        **examples(("take the last demonstration back", "intent undo --library tasks")),
     )
     add_library_options(parser)
     parser.set_defaults(run=change_library)

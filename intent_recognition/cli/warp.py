@@ -172,10 +172,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def as_json(
-    args: argparse.Namespace,
-    warped: WarpedObject,
-    parameters: PouringParameters,
-    wall_m: float,
+    args: argparse.Namespace, warped: WarpedObject, parameters: PouringParameters, wall_m: float
 ) -> dict[str, object]:
     """All results as plain values: metres, cubic metres, radians."""
     values = {

@@ -101,12 +101,7 @@ class DragHandles:
     ) -> viser.TransformControlsHandle:
         scene, name = self._server.scene, f"/{kind}/{body}"
         handle = scene.add_transform_controls(
-            name,
-            SIZE_M,
-            disable_rotations=True,
-            depth_test=False,
-            position=place,
-            visible=False,
+            name, SIZE_M, disable_rotations=True, depth_test=False, position=place, visible=False
         )
         scene.add_label(f"{name}/name", NAMES[kind, body], anchor=ANCHORS[body])
         if kind == GOALS:

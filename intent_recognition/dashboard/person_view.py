@@ -10,11 +10,7 @@ import viser
 from numpy.typing import NDArray
 
 from intent_recognition.dashboard.figure import Stance, bone_axes, reach
-from intent_recognition.dashboard.things_view import (
-    quaternions,
-    set_position,
-    set_turn,
-)
+from intent_recognition.dashboard.things_view import quaternions, set_position, set_turn
 
 ROOT = "/person"
 UPPER_ARM_FRAME = "/upper_body/upper_arm"

@@ -23,6 +23,7 @@ TUBE_OPACITY = 0.28
 STALE_S = 1.5
 """Age from which on a prediction is not drawn [s]. Convention."""
 PATH_WIDTH_M = 0.006
+"""Width of a drawn path [m]. Convention."""
 NOTHING = np.zeros((0, 3))
 HAND_PATH_PERIOD_S = 0.2
 """Time between two updates of the predicted path of the hand [s]. Convention."""
@@ -45,11 +46,7 @@ class PageScene:
     """
 
     def __init__(
-        self,
-        server: viser.ViserServer,
-        cell: CellScene,
-        hand_link: str = "",
-        shadows: bool = True,
+        self, server: viser.ViserServer, cell: CellScene, hand_link: str = "", shadows: bool = True
     ):
         self._server, self._cell, self._hand_link = server, cell, hand_link
         self._robot: RobotView | None = None

@@ -25,12 +25,7 @@ from intent_recognition.dashboard.cell import (
     PredictedMotion,
     SkillRow,
 )
-from intent_recognition.dashboard.checks import (
-    check,
-    checked_names,
-    checked_numbers,
-    checked_text,
-)
+from intent_recognition.dashboard.checks import check, checked_names, checked_numbers, checked_text
 from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.model import OUTCOME
 from intent_recognition.nodes import qos

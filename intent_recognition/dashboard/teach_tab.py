@@ -14,11 +14,7 @@ from intent_recognition.dashboard.drag_handles import DIRECT, GOALS, HAND, WRIST
 from intent_recognition.dashboard.scene import rgb
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
-from intent_recognition.dashboard.widgets import (
-    on_change,
-    set_value,
-    slider_value,
-)
+from intent_recognition.dashboard.widgets import on_change, set_value, slider_value
 
 REST_M = np.array([1.05, 0.0, 0.25])
 """Where the wrist rests before a demonstration [m]. Convention."""

@@ -10,12 +10,7 @@ import viser
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR, Commands
-from intent_recognition.dashboard.widgets import (
-    on_change,
-    probability_plot,
-    series_of,
-    set_value,
-)
+from intent_recognition.dashboard.widgets import on_change, probability_plot, series_of, set_value
 from intent_recognition.report import readable
 
 PLOT_PERIOD_S = 0.2

@@ -2,12 +2,7 @@
 """Improving a primitive by practice: what is practised, where to look, and what it costs."""
 
 from intent_recognition.improvement.cost import COSTS, Cost, CostOf, Rollout, load_cost
-from intent_recognition.improvement.practice import (
-    Practice,
-    PracticeComparison,
-    attempt,
-    compare,
-)
+from intent_recognition.improvement.practice import Practice, PracticeComparison, attempt, compare
 from intent_recognition.improvement.search import (
     CovarianceSearch,
     Search,

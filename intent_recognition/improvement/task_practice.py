@@ -218,10 +218,7 @@ class TaskPractice:
         return tuple(found)
 
     def _person(
-        self,
-        example: TrainingExample,
-        columns: list[int],
-        weights: NDArray[np.float64],
+        self, example: TrainingExample, columns: list[int], weights: NDArray[np.float64]
     ) -> Person:
         hand_m = example.observed[:, columns]
         place_m = self._hand(example.controlled[-1:])[0]

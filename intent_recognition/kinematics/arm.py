@@ -214,10 +214,7 @@ class Arm:
         return self._search.solve(goal, self._start(seed), self._start(rest, "rest"))
 
     def follow(
-        self,
-        targets: ArrayLike,
-        seed: ArrayLike | None = None,
-        rest: ArrayLike | None = None,
+        self, targets: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
     ) -> FollowedPath:
         """Joint vectors along a whole path: continuous, within the limits, near `rest`.
 

@@ -19,12 +19,7 @@ from intent_recognition.errors import ArgumentError, ShapeError, describe, one_l
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import read_mimics
-from intent_recognition.kinematics.urdf_tree import (
-    LINK,
-    parse_urdf,
-    read_urdf,
-    separate_names,
-)
+from intent_recognition.kinematics.urdf_tree import LINK, parse_urdf, read_urdf, separate_names
 
 _N_POSTURES = 100
 """Random postures from which bodies that are always near one another are told. Convention."""

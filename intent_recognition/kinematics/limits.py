@@ -84,10 +84,7 @@ def position_violation(q: ArrayLike, limits: JointLimits) -> NDArray[np.float64]
 
 
 def check_position(
-    q: ArrayLike,
-    limits: JointLimits,
-    names: Sequence[str] | None = None,
-    argument: str = "q",
+    q: ArrayLike, limits: JointLimits, names: Sequence[str] | None = None, argument: str = "q"
 ) -> None:
     """Raise KinematicsError naming the worst joint of q (..., n) [rad] outside its limits."""
     excess = position_violation(q, limits)

@@ -16,12 +16,7 @@ import numpy as np
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
-from intent_recognition.kinematics.urdf_tree import (
-    ASSUMED,
-    end_of,
-    parse_urdf,
-    separate_names,
-)
+from intent_recognition.kinematics.urdf_tree import ASSUMED, end_of, parse_urdf, separate_names
 
 UNLIMITED_RAD = 1e6
 """Position limit of a continuous joint [rad], which has none. Convention."""

@@ -5,12 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 
-from intent_recognition.evaluation import (
-    CM_PER_M,
-    InteractionRecord,
-    summarise,
-    summary_line,
-)
+from intent_recognition.evaluation import CM_PER_M, InteractionRecord, summarise, summary_line
 from intent_recognition.report.demo_report import hand_error_text
 from intent_recognition.report.drawing import to_svg
 from intent_recognition.report.figures_session import hand_error_figure

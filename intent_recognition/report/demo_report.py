@@ -224,8 +224,7 @@ def _figures_of_posteriors(
         for (r, _), p in zip(both, noticed, strict=True)
     ]
     bins = reliability_bins(
-        np.concatenate([p.ravel() for p in noticed]),
-        np.concatenate([t.ravel() for t in truth]),
+        np.concatenate([p.ravel() for p in noticed]), np.concatenate([t.ravel() for t in truth])
     )
     return (
         _figure(

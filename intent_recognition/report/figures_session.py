@@ -265,13 +265,7 @@ def _spread(values: NDArray[np.float64], half_width: float) -> NDArray[np.float6
 
 
 def _whisker(
-    axes: "Axes",
-    x: float,
-    mean: float,
-    two_std: float,
-    colour: str,
-    label: str,
-    marker: str = "o",
+    axes: "Axes", x: float, mean: float, two_std: float, colour: str, label: str, marker: str = "o"
 ) -> None:
     axes.errorbar(
         [x],

@@ -38,7 +38,7 @@ def test_each_arm_has_its_session_and_all_have_one_report(run, tmp_path, capsys)
     code, asked = run("--arm", "lwr,iiwa,xarm", "--json", str(tmp_path / "all.json"))
     assert code == 1  # one of three interactions was missed
     assert [(arm, output.name) for arm, output, _ in asked] == [
-        *(("lwr", "lwr"), ("iiwa", "iiwa"), ("xarm", "xarm")),
+        *(("lwr", "lwr"), ("iiwa", "iiwa"), ("xarm", "xarm"))
     ]
     by_joints, by_hand, _ = (scene for *_, scene in asked)
     assert (by_joints.dofs, by_hand.dofs) == ("", "config/dofs_hand.yaml")

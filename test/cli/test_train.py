@@ -18,12 +18,7 @@ from intent_recognition.bags import BagWriter
 from intent_recognition.cli.console import brief_list
 from intent_recognition.cli.train import print_library
 from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
-from intent_recognition.learning import (
-    Hyperparameters,
-    Trained,
-    TrainingReport,
-    TrainingSettings,
-)
+from intent_recognition.learning import Hyperparameters, Trained, TrainingReport, TrainingSettings
 from intent_recognition.model.file import load_model
 
 

@@ -9,12 +9,7 @@ import pytest
 
 from experiments.change_of_mind import experiment, following, report, study
 from experiments.change_of_mind.following import FollowedReach, follow_reach
-from experiments.change_of_mind.study import (
-    CHANGES,
-    GoalChange,
-    follow_all,
-    summarise,
-)
+from experiments.change_of_mind.study import CHANGES, GoalChange, follow_all, summarise
 from experiments.change_of_mind.without_pause import score_flowing
 from experiments.settings import Settings
 from experiments.toolbox.session import SeenEstimate

@@ -4,19 +4,9 @@
 import numpy as np
 import pytest
 
-from experiments.constraints.experiment import (
-    run,
-)
-from experiments.constraints.features import (
-    LABEL,
-    STANDARD,
-    ConstraintSamples,
-)
-from experiments.constraints.study import (
-    NOVEL,
-    SAME,
-    score,
-)
+from experiments.constraints.experiment import run
+from experiments.constraints.features import LABEL, STANDARD, ConstraintSamples
+from experiments.constraints.study import NOVEL, SAME, score
 from experiments.settings import Settings
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form

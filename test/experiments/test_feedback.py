@@ -6,9 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from experiments.feedback.experiment import (
-    run,
-)
+from experiments.feedback.experiment import run
 from experiments.settings import Settings
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form

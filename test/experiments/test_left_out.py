@@ -4,15 +4,7 @@
 import numpy as np
 import pytest
 
-from experiments.left_out import (
-    FINAL,
-    WHOLE,
-    majority_names,
-    pairs_of,
-    predict,
-    rms,
-    try_numbers,
-)
+from experiments.left_out import FINAL, WHOLE, majority_names, pairs_of, predict, rms, try_numbers
 from experiments.settings import Settings
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.pointing.experiment import QUICK_SPOTS, run
-from experiments.pointing.study import (
-    condition_on_end,
-    metadata_values,
-    predicted_spot,
-)
+from experiments.pointing.study import condition_on_end, metadata_values, predicted_spot
 from experiments.settings import Settings
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs

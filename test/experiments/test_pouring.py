@@ -4,14 +4,8 @@
 import numpy as np
 import pytest
 
-from experiments.pouring.experiment import (
-    PAIRS,
-    run,
-)
-from experiments.pouring.study import (
-    pair_name,
-    read_recorded,
-)
+from experiments.pouring.experiment import PAIRS, run
+from experiments.pouring.study import pair_name, read_recorded
 from experiments.settings import Settings
 from intent_recognition.errors import BagError
 

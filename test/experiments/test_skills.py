@@ -10,12 +10,7 @@ from experiments.execution import as_demonstration, execute
 from experiments.reaches import toolbox_recordings, watch_reach
 from experiments.results import Finding
 from experiments.settings import Settings
-from experiments.skills import (
-    correcting_report,
-    experiment,
-    practising,
-    practising_report,
-)
+from experiments.skills import correcting_report, experiment, practising, practising_report
 from experiments.skills.correcting import (
     CorrectingSession,
     CorrectingStudy,

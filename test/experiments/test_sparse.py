@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.noise import experiment as noise
-from experiments.noise.study import (
-    DMP,
-    DMP_CARRIED,
-    PROMP,
-)
+from experiments.noise.study import DMP, DMP_CARRIED, PROMP
 from experiments.settings import Settings
 from experiments.sketches.curves import N_SAMPLES, PHASE, PIXEL, sketch_pairs
 from experiments.sketches.differentiation import SavitzkyGolay

@@ -255,10 +255,7 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
         ("90.0", "55.0", "0.0", None),
         ("90.0", "55.0", "0.0", "20.4"),
     ]
-    assert left_out.rows == (
-        ("demo_3", "left out", "two clocks"),
-        ("demo_4", "doubtful", "a hint"),
-    )
+    assert left_out.rows == (("demo_3", "left out", "two clocks"), ("demo_4", "doubtful", "a hint"))
 
 
 @pytest.mark.parametrize("segment", ["recording", "movement"])

@@ -7,11 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from experiments.sketches.differentiation import (
-    Butterworth,
-    SavitzkyGolay,
-    derivative_operators,
-)
+from experiments.sketches.differentiation import Butterworth, SavitzkyGolay, derivative_operators
 from experiments.sketches.interaction_dmp import (
     DmpModel,
     Motion,
