@@ -11,11 +11,12 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from dashboard.browser import free_port
 from dashboard.guarded import TOKEN, eventually, guarded
 from websockets.exceptions import InvalidStatus
 
 from intent_recognition.dashboard import server as served
-from intent_recognition.dashboard.admission import IDLE_S, script_sources
+from intent_recognition.dashboard.admission import IDLE_S, answers, script_sources
 from intent_recognition.dashboard.welcome import AUTO, LIGHT, OFF, ON, PLAIN
 
 NEVER_SENT = (
@@ -46,6 +47,13 @@ def test_the_token_opens_the_page_and_leaves_a_cookie(page):
     status, _, text = page.get(Cookie=cookie.split(";")[0])
     assert status == 200
     assert '<div id="root">' in text
+
+
+def test_whether_the_page_answers_is_known_by_its_address(page):
+    address = f"http://127.0.0.1:{page.port}/?token="
+    assert answers(address + TOKEN)
+    assert not answers(f"{address}another-token-of-tests")
+    assert not answers(f"http://127.0.0.1:{free_port()}/?token={TOKEN}")
 
 
 @pytest.mark.parametrize(
