@@ -2,38 +2,28 @@
 """`intent demo`: learn from the shipped bags, then help a simulated coworker through a session."""
 
 import argparse
-import os
 import socket
-import time
-from collections.abc import Iterable
-from contextlib import suppress
-from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from intent_recognition import durable
 from intent_recognition.cli.console import say
+from intent_recognition.cli.demo_model import check_model, trained_model
 from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import run_session
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.composing import read_sequences
-from intent_recognition.demonstrations import load_dofs
-from intent_recognition.errors import ArgumentError, DofError, ResourceBusyError
+from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
-from intent_recognition.learning import TrainingSettings
-from intent_recognition.model import load_model, load_trained, save_model
-from intent_recognition.share import share_path
+from intent_recognition.model import load_model, load_trained
 from intent_recognition.untrusted import UntrustedError, read_text
 
 if TYPE_CHECKING:
     from intent_recognition.evaluation import InteractionRecord
 
-_N_KEPT = 4
-"""Models that are kept between demos. Convention: two scenarios, of two versions."""
 SCENARIOS = (*LIVE, "pouring")
 DEFAULT_INTERACTIONS = 40
 """Interactions where the task list has no end. Convention."""
@@ -314,62 +304,6 @@ def _check(args: argparse.Namespace) -> None:
                 raise ResourceBusyError.about("--port", "a free port", args.port, cure) from error
 
 
-def _check_model(path: Path, scene: Scene) -> None:
-    """Make sure that a model observes what the scenario shows.
-
-    Raises:
-        DofError: the scenario lacks one of its topics.
-    """
-    shown = load_dofs(share_path(scene.dofs)) if scene.dofs else load_dofs()
-    observed, topics = (
-        {entry.topic for entry in dofs.observed} for dofs in (load_model(path).dofs, shown)
-    )
-    if not observed <= topics:
-        expected = f"a model that observes {', '.join(sorted(topics))}"
-        cure = "Use a model of this scenario, or leave --model out to train one."
-        raise DofError.about(str(path), expected, ", ".join(sorted(observed)), cure)
-
-
-def _train(path: Path, console: Console, scene: Scene) -> Path:
-    """Write the model of a scene, which is kept between demos of the same recordings and code."""
-    from intent_recognition.cli.train import print_library, train
-    from intent_recognition.cli.train_sessions import with_sessions
-
-    started = time.monotonic()
-    dofs = share_path(scene.dofs) if scene.dofs else None
-    learned_from = [share_path(p) for p in (scene.bags, scene.sessions, scene.dofs) if p]
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "intent_recognition"
-    kept = cache / f"{content_key([Path(__file__).parents[1], *learned_from])}.npz"
-    if kept.is_file():
-        durable.copy(kept, path)
-        console.print(f"trained before, from the same recordings: {kept}")
-        return path
-    model, report = train([share_path(scene.bags)], dofs, TrainingSettings(), console)
-    print_library(console, model.library, report)
-    if scene.sessions:
-        model = with_sessions(model, [share_path(scene.sessions)], console)
-    save_model(path, model, report.trained)
-    console.print(f"trained in {time.monotonic() - started:.1f} s")
-    with suppress(OSError):  # a home that cannot be written to only costs the training
-        cache.mkdir(parents=True, exist_ok=True)
-        older = sorted(cache.glob("*.npz"), key=lambda file: file.stat().st_mtime)
-        for file in older[: max(len(older) + 1 - _N_KEPT, 0)]:
-            file.unlink()
-        durable.copy(path, kept)
-    return path
-
-
-def content_key(paths: Iterable[Path]) -> str:
-    """Digest of files, and of the recordings and code in folders: of names and contents."""
-    digest = blake2b(digest_size=16)
-    for path in paths:
-        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.is_file() and file.suffix != ".pyc":
-                digest.update(file.relative_to(path.parent).as_posix().encode() + b"\0")
-                digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
 def _run_one(
     args: argparse.Namespace, scene: Scene, console: Console
 ) -> tuple[list["InteractionRecord"], dict]:
@@ -381,8 +315,8 @@ def _run_one(
     if scene.note:
         say(console, scene.note)
     if args.model is not None:
-        _check_model(args.model, scene)
-    model = args.model or _train(args.output / "model.npz", console, scene)
+        check_model(args.model, scene)
+    model = args.model or trained_model(args.output / "model.npz", console, scene)
     session = run_session(args, model, console, scene)
     records, traces = score_session(session.log, scene.plan, session.first_ns, scene.scoring)
     summary = summarise(records)

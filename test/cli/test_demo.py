@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from intent_recognition.cli import demo
+from intent_recognition.cli.demo_model import trained_model
 from intent_recognition.cli.demo_scene import make_scene
 from intent_recognition.cli.main import main
 from intent_recognition.interrupts import END_SIGNALS
@@ -193,7 +193,7 @@ def test_its_model_can_be_added_to(tmp_path):
     options |= {"base": "", "tip": ""}
     scene = make_scene(argparse.Namespace(interactions=1, **options))
     scene = scene._replace(bags="bags/toolbox/test")  # fewer
-    path = demo._train(tmp_path / "model.npz", Console(file=io.StringIO()), scene)
+    path = trained_model(tmp_path / "model.npz", Console(file=io.StringIO()), scene)
     model, trained = load_trained(path)
     assert model.library.transition_prior is not None
     assert trained

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
-from intent_recognition.cli import demo
+from intent_recognition.cli import demo_model as demo
 from intent_recognition.cli import train as training
 
 
@@ -30,7 +30,8 @@ def test_a_second_demo_of_the_same_recordings_does_not_train(tmp_path, monkeypat
     for content in ("a", "a", "b", "a"):
         (tmp_path / "bags" / "one").write_text(content)
         assert (
-            demo._train(tmp_path / "model.npz", Console(quiet=True), scene).read_text() == content
+            demo.trained_model(tmp_path / "model.npz", Console(quiet=True), scene).read_text()
+            == content
         )
     assert trained == ["a", "b"]
 

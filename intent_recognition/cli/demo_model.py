@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model of a demo: trained from its recordings, kept for the next one, or checked."""
+
+import os
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from hashlib import blake2b
+from pathlib import Path
+
+from rich.console import Console
+
+from intent_recognition import durable
+from intent_recognition.cli.demo_scene import Scene
+from intent_recognition.demonstrations import load_dofs
+from intent_recognition.errors import DofError
+from intent_recognition.learning import TrainingSettings
+from intent_recognition.model import load_model, save_model
+from intent_recognition.share import share_path
+
+_N_KEPT = 4
+"""Models that are kept between demos. Convention: two scenarios, of two versions."""
+
+
+def check_model(path: Path, scene: Scene) -> None:
+    """Make sure that a model observes what the scenario shows.
+
+    Raises:
+        DofError: the scenario lacks one of its topics.
+    """
+    shown = load_dofs(share_path(scene.dofs)) if scene.dofs else load_dofs()
+    observed, topics = (
+        {entry.topic for entry in dofs.observed} for dofs in (load_model(path).dofs, shown)
+    )
+    if not observed <= topics:
+        expected = f"a model that observes {', '.join(sorted(topics))}"
+        cure = "Use a model of this scenario, or leave --model out to train one."
+        raise DofError.about(str(path), expected, ", ".join(sorted(observed)), cure)
+
+
+def trained_model(path: Path, console: Console, scene: Scene) -> Path:
+    """Write the model of a scene, which is kept between demos of the same recordings and code."""
+    from intent_recognition.cli.train import print_library, train
+    from intent_recognition.cli.train_sessions import with_sessions
+
+    started = time.monotonic()
+    dofs = share_path(scene.dofs) if scene.dofs else None
+    learned_from = [share_path(p) for p in (scene.bags, scene.sessions, scene.dofs) if p]
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "intent_recognition"
+    kept = cache / f"{content_key([Path(__file__).parents[1], *learned_from])}.npz"
+    if kept.is_file():
+        durable.copy(kept, path)
+        console.print(f"trained before, from the same recordings: {kept}")
+        return path
+    model, report = train([share_path(scene.bags)], dofs, TrainingSettings(), console)
+    print_library(console, model.library, report)
+    if scene.sessions:
+        model = with_sessions(model, [share_path(scene.sessions)], console)
+    save_model(path, model, report.trained)
+    console.print(f"trained in {time.monotonic() - started:.1f} s")
+    with suppress(OSError):  # a home that cannot be written to only costs the training
+        cache.mkdir(parents=True, exist_ok=True)
+        older = sorted(cache.glob("*.npz"), key=lambda file: file.stat().st_mtime)
+        for file in older[: max(len(older) + 1 - _N_KEPT, 0)]:
+            file.unlink()
+        durable.copy(path, kept)
+    return path
+
+
+def content_key(paths: Iterable[Path]) -> str:
+    """Digest of files, and of the recordings and code in folders: of names and contents."""
+    digest = blake2b(digest_size=16)
+    for path in paths:
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            if file.is_file() and file.suffix != ".pyc":
+                digest.update(file.relative_to(path.parent).as_posix().encode() + b"\0")
+                digest.update(file.read_bytes())
+    return digest.hexdigest()
