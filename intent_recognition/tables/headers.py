@@ -5,6 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from intent_recognition.tables.table import without_subjects
+
+OF_NEXUS = ("Trajectories", "Model Outputs", "Joints", "Segments")
+"""Titles of its tables that have places and angles."""
 Rows = Sequence[Sequence[str]]
 
 
@@ -72,20 +76,19 @@ def motive(rows: Rows) -> Header | None:
 def nexus(rows: Rows) -> Header | None:
     """Vicon Nexus: `SUBJECT:MARKER.X` or `MARKER.X`, of its first table, at its rate."""
     title = next((k for k, row in enumerate(rows) if row and row[0].strip()), 0)
-    if rows[title][0].strip() not in ("Trajectories", "Model Outputs", "Joints", "Segments"):
+    if rows[title][0].strip() not in OF_NEXUS:
         return None
     at = next(k for k, row in enumerate(rows) if row[:2] == ["Frame", "Sub Frame"])
     owner, names = "", ["Frame", "Sub Frame"]
-    aliases: dict[str, int] = {}
     for k in range(2, len(rows[at])):
         owner = (rows[at - 1][k].strip() if k < len(rows[at - 1]) else "") or owner
         names.append(f"{owner}.{rows[at][k].strip()}")
-        aliases.setdefault(names[-1].rpartition(":")[2], k)
     units = {k: unit.strip() for k, unit in enumerate(rows[at + 1]) if unit.strip()}
-    rate = {"time": {"rate": float(rows[title + 1][0])}}
+    time = {"time": {"column": "Frame", "unit": "samples", "rate": float(rows[title + 1][0])}}
     return Header(
-        tuple(names), at + 2, aliases, units=units, must_say=True, defaults=rate, ends_blank=True
-    )
+        tuple(names), at + 2, without_subjects(names), units=units, must_say=True, defaults=time,
+        ends_blank=True,
+    )  # fmt: skip
 
 
 def trc(rows: Rows) -> Header | None:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import DofEntry, DofSpec
 from intent_recognition.errors import DofError
-from intent_recognition.tables.table import PER_UNIT, check_convertible
+from intent_recognition.tables.scales import check_convertible
+from intent_recognition.tables.times import PER_UNIT, SAMPLES
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 SIDES = ("observed", "controlled", "velocities")
@@ -251,11 +252,13 @@ def _files(value: object, place: str) -> dict[str, str]:
 
 def _time(value: object, place: str) -> TimeSource:
     items = _mapping(value, place, ("column", "unit", "rate", "since", "nanoseconds"))
-    if ("column" in items) == ("rate" in items):
-        raise _error(place, "either column or rate", "both" if "rate" in items else "neither")
     unit = str(items.get("unit", "s"))
-    if unit not in PER_UNIT:
-        raise _error(f"{place}: unit", f"one of {', '.join(PER_UNIT)}", unit)
+    if unit not in (*PER_UNIT, SAMPLES):
+        raise _error(f"{place}: unit", f"one of {', '.join(PER_UNIT)}, {SAMPLES}", unit)
+    if unit == SAMPLES and not {"column", "rate"} <= set(items):
+        raise _error(place, f"column and rate with unit: {SAMPLES}", ", ".join(items))
+    if unit != SAMPLES and ("column" in items) == ("rate" in items):
+        raise _error(place, "either column or rate", "both" if "rate" in items else "neither")
     rate = _number(items.get("rate", 1.0), f"{place}: rate")
     if rate < SLOWEST:
         raise _error(f"{place}: rate", f"samples a second, at least {SLOWEST:g}", rate)

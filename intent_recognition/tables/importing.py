@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label, find_bags
 from intent_recognition.errors import BagError, MissingPackageError
-from intent_recognition.signals import Rejection, Signal, misfit, time_misfit
+from intent_recognition.signals import Rejection
+from intent_recognition.tables.cells import Values, numbers, text_of, texts, without_zeros
+from intent_recognition.tables.doubts import certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import (
     PLACEHOLDER,
@@ -25,19 +27,14 @@ from intent_recognition.tables.import_map import (
 )
 from intent_recognition.tables.imported import EntrySamples, ImportedDemonstration
 from intent_recognition.tables.imported_bags import ImportedBag, bag_parts
-from intent_recognition.tables.table import (
-    Table,
-    Values,
-    convert,
-    numbers,
-    stamps_ns,
-    text_of,
-    texts,
-    ticks_ns,
-)
+from intent_recognition.tables.scales import convert
+from intent_recognition.tables.table import Table
+from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns, ticks_ns
 
 LONGEST_NAME = 80
 """Characters of the name of a recording. Convention, as of labels."""
+AXES = 3
+"""Numbers of a place."""
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
 
 
@@ -62,6 +59,7 @@ class _Rows:
     known: NDArray[np.bool_]
     values: NDArray[np.float64]
     zero_ns: int
+    hidden: int
 
 
 def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported | Rejection]:
@@ -161,6 +159,10 @@ def _demonstrations(
     data = _load(tables, mapping)
     rows = [_rows(source, tables[source.file], data[source.file], mapping.time)
             for source in mapping.columns]  # fmt: skip
+    for row in filter(lambda row: row.hidden, rows):
+        marker = row.source.columns[0].rpartition(".")[0] or row.source.entry.topic
+        said = f"frames at exactly (0, 0, 0) are taken for occlusion: {marker} {row.hidden}"
+        yield Rejection(recording.paths[row.source.file].name, "", 0, said)
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
     parts_ = _parts(recording, mapping, rows, data)
@@ -177,9 +179,10 @@ def _demonstrations(
         if empty:
             yield Rejection(name, f"/{empty[0]}", 0, "empty: no sample in it")
             continue
-        if (reason := _misfit([s for s, _ in parts])) is not None:
+        if (reason := certain_misfit([s for s, _ in parts])) is not None:
             yield Rejection(name, "", 0, reason)
             continue
+        yield from (Rejection(name, "", 0, doubt) for doubt in doubts(parts))
         yield ImportedDemonstration(
             name, custom, tuple(s for s, _ in parts), mapping.frame, sum(n for _, n in parts)
         )
@@ -220,8 +223,14 @@ def _rows(
         cure = "Name a time column of the same length, under time of the entry."
         raise BagError.about(str(table.source), "columns of one length", got, cure)
     values = np.column_stack(columns)
+    hidden = 0
+    if table.must_say and source.entry.unit == "m" and values.shape[1] == AXES:
+        values, hidden = without_zeros(values)
     if time.column is None:
         stamps = ticks_ns(len(values), time.rate_hz, time.since_ns, table.source)
+    elif time.unit == SAMPLES:
+        counts = numbers(data[time.column], table.source, time.column)
+        stamps = counted_ns(counts, time.rate_hz, time.since_ns, table.source)
     else:
         place = (table.source, time.column)
         stamps = stamps_ns(data[time.column], time.unit, time.since_ns, *place)
@@ -230,7 +239,7 @@ def _rows(
         more = numbers(data[time.nanoseconds], table.source, time.nanoseconds)
         known = known & np.isfinite(more)
         ns = ns + np.where(known, more, 0.0).astype(np.int64)
-    return _Rows(source, ns, known, values, stamps.zero_ns)
+    return _Rows(source, ns, known, values, stamps.zero_ns, hidden)
 
 
 def _column(source: ColumnsOf, table: Table, name: str, cells: Values) -> NDArray[np.float64]:
@@ -289,21 +298,6 @@ def _cut_at_tasks(
             inside = [pick[(pick >= start) & (pick < stop)] for pick in picks]
             own = next(row for row in rows if start <= row < stop)
             yield f"{name}_task_{k}", inside, own, cut
-
-
-def _misfit(samples: Sequence[EntrySamples]) -> str | None:
-    """Why times or values are certainly in another unit than the map says; None if not."""
-    for part in samples:
-        seen = np.all(np.isfinite(part.values), axis=1)
-        values = part.values[seen]
-        signal = Signal(part.entry.names, part.stamps_ns[seen], values, part.entry.unit)
-        found = time_misfit(signal)
-        if found is not None and found.certain:
-            return f"{found.reason} Say under time in the map: unit, or rate."
-        found = None if part.entry.orientation else misfit(signal)
-        if found is not None and found.certain:
-            return f"{found.reason} Say in the map: columns_unit."
-    return None
 
 
 def _between(rows: _Rows, cut: Cut) -> NDArray[np.int64]:

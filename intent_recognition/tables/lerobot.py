@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.errors import one_line
+from intent_recognition.tables.cells import Values, numbers
 from intent_recognition.tables.parquet import open_parquet, parquet_table
-from intent_recognition.tables.table import Table, Values, numbers, unusable
+from intent_recognition.tables.table import Table, unusable
 from intent_recognition.untrusted import UntrustedError, load_json, read_text
 
 MOST_LINES = 2**26

@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.tables.table import Table, Values, check_columns, table_of, unusable
+from intent_recognition.tables.cells import Values
+from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import MOST_ARRAYS, UntrustedError, check_regular
 
 OF_SEGMENTS = {"position": "xyz", "orientation": "wxyz", "velocity": "xyz", "acceleration": "xyz"}
@@ -30,6 +31,8 @@ def open_mvnx(path: Path) -> Table:
         for event, element in ET.iterparse(path, events=("start", "end")):
             tag = element.tag.rpartition("}")[2]
             if event == "start":
+                if tag == "subject" and rate:
+                    raise unusable(path, "one person", "several", "Export each by itself.")
                 rate = float(element.get("frameRate", 0.0)) if tag == "subject" else rate
             elif tag in names and element.get("label"):
                 names[tag].append(str(element.get("label")))

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.tables.table import Table, Values, check_columns, table_of, unusable
+from intent_recognition.tables.cells import Values
+from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
 

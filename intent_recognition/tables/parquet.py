@@ -8,12 +8,8 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.errors import BagError, one_line, optional
-from intent_recognition.tables.table import (
-    Table,
-    Values,
-    check_columns,
-    unusable,
-)
+from intent_recognition.tables.cells import Values
+from intent_recognition.tables.table import Table, check_columns, unusable
 from intent_recognition.untrusted import (
     MOST_ARRAYS,
     UntrustedError,

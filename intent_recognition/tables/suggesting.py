@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 from intent_recognition.bags import JOINT_STATE, NANOSECONDS, POSE
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS
+from intent_recognition.tables.cells import numbers, texts, without_zeros
 from intent_recognition.tables.file_kinds import FileKind, file_kinds
 from intent_recognition.tables.files import find_tables
-from intent_recognition.tables.table import PER_UNIT, Table, numbers, spelled, texts
+from intent_recognition.tables.scales import spelled
+from intent_recognition.tables.table import Table
+from intent_recognition.tables.times import PER_UNIT
 
 READ_AT_ONCE = 50
 """Columns that are read together. Convention."""
@@ -30,6 +33,12 @@ MOST_BODIES = 8
 USUAL_PERIODS_S = 1e-3, 0.5
 """Steps between samples by which the unit of times is known [s]. Convention."""
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|time|timestamp|stamp|secs?|seconds|zeit)([^a-z]|$)")
+NO_JOINT = re.compile(
+    r"(?i)stamp|secs?\b|header|vel|effort|torque|current|temp|force|quality|error"
+)
+"""What columns are called that move and are no position of a joint."""
+JOINT = re.compile(r"(?:.*[./])?(?P<joint>[^./]+)[./](?:position|pos|q)$")
+"""Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample)#?$")
 ELEMENTS = re.compile(r"(?i)^(?P<body>.*(pos|position|xyz|translation))\.(?P<element>\d+)$")
 NO_PLACE = re.compile(r"(?i)rotation|orientation|velocity|acceleration")
@@ -106,6 +115,8 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     bodies = _bodies(columns)
     used |= {column for body in bodies.values() for column in body}
     joints = [c for c in columns.values() if c.moves and c.name not in used and not _counts(c)]
+    others = [c.name for c in joints if NO_JOINT.search(c.name)]
+    joints = [c for c in joints if c.name not in others]
     still = [c.name for c in columns.values() if not c.moves and c.name not in used]
     moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
     seldom = [b for b in moving if columns[bodies[b][0]].seen < LEAST_SEEN]
@@ -113,11 +124,12 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     moving = [b for b in moving if b not in (*seldom, *markers)]
     own = [f"    file: {_flow(name)}", f"    time: {_flow(time)}  # {time_note}"] if name else []
     found = [_body(table, columns, body, bodies[body]) + own for body in moving[:MOST_BODIES]]
-    others = [_joints(table, joints[:MOST_BODIES]) + own] if joints else []
+    arm = [_joints(table, joints[:MOST_BODIES]) + own] if joints else []
     rows = max((column.values.size for column in columns.values()), default=0)
     left_out = []
     for title, names in (
         ("They do not move", still),
+        ("They move, and are no positions", others),
         ("Markers of these bodies", markers),
         ("Seldom seen", seldom),
         ("More bodies that move", moving[MOST_BODIES:]),
@@ -130,7 +142,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         [f"{kind.first}: {rows} rows, {len(table.names)} columns."],
         table.notes,
         found,
-        others,
+        arm,
         [] if name else [f"time: {_flow(time)}  # {time_note}"],
         [*_of_texts(kind, labels)],
         left_out,
@@ -216,7 +228,7 @@ def _bodies(columns: Mapping[str, _Column]) -> dict[str, list[str]]:
 def _body(
     table: Table, columns: Mapping[str, _Column], body: str, names: Sequence[str]
 ) -> list[str]:
-    values = np.column_stack([columns[name].values for name in names])
+    values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
     extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
     unit, note = _unit(table, names[0], values, "m")
     topic = (
@@ -233,7 +245,11 @@ def _body(
 
 
 def _joints(table: Table, joints: Sequence[_Column]) -> list[str]:
-    names = [re.sub(r"\W+", "_", f"{joint.name}").strip("_") for joint in joints]
+    found = [JOINT.fullmatch(joint.name) for joint in joints]
+    called = [
+        match["joint"] if match else joint.name for match, joint in zip(found, joints, strict=True)
+    ]
+    names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
     values = np.column_stack([joint.values for joint in joints])
     unit, note = _unit(table, joints[0].name, values, "rad")
     return [

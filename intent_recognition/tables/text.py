@@ -6,21 +6,17 @@ else is a CSV with a line of names, or without one.
 """
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.tables.headers import Header, known_header
-from intent_recognition.tables.table import (
-    MISSING,
-    Table,
-    Values,
-    check_columns,
-    unusable,
-    with_point,
-)
+from intent_recognition.tables.cells import MISSING, Values, with_point
+from intent_recognition.tables.headers import OF_NEXUS, Header, known_header
+from intent_recognition.tables.scales import UNITS, spelled
+from intent_recognition.tables.table import Table, check_columns, unusable
 
 DELIMITERS = ",;\t "
 """What may separate the cells of a CSV, in order of preference where a header has none of them."""
@@ -33,6 +29,8 @@ LONGEST_LINE = 2**16
 """Characters of a line that are looked at for what separates its cells. Convention."""
 HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
+UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
+"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
 
 
@@ -46,16 +44,19 @@ def open_text(path: Path, skip_rows: int) -> Table:
     Raises:
         BagError: it cannot be read.
     """
-    header = known_header(path, list(islice(_rows(path, skip_rows), HEAD_ROWS)))
-    if header is None:
-        header = _plain_header(path, next(_rows(path, skip_rows), []))
+    skip_rows = skip_rows or _comments(path)
+    before = _before_places(path, skip_rows)
+    head = list(islice(_rows(path, skip_rows), before, before + HEAD_ROWS))
+    header = known_header(path, head) or _plain_header(path, head)
+    start = before + header.skip
     check_columns(path, len(header.names))
 
     def read(wanted: Sequence[int]) -> list[Values]:
         cells: list[list[str]] = [[] for _ in wanted]
         most = MOST_CELLS // max(1, len(wanted))
         last = max(wanted, default=0)
-        for number, row in enumerate(islice(_rows(path, skip_rows), header.skip, None)):
+        short = ""
+        for number, row in enumerate(islice(_rows(path, skip_rows), start, None)):
             if number >= most:
                 cure = "Split it, or name fewer of its columns in the map."
                 got = f"more than {most} rows of {len(wanted)} columns"
@@ -64,9 +65,11 @@ def open_text(path: Path, skip_rows: int) -> Table:
                 if header.ends_blank and number:
                     break
                 continue
-            if len(row) <= last:
-                got = f"{len(row)} in row {number + 1}"
-                raise unusable(path, f"{len(header.names)} cells", got, "Correct the file.")
+            if short:
+                raise unusable(path, f"{len(header.names)} cells", short, "Correct the file.")
+            if len(row) <= last:  # of the last row, that writing stopped there
+                short = f"{len(row)} in row {number + 1}"
+                continue
             for column, place in zip(cells, wanted, strict=True):
                 column.append(row[place])
         return [np.array(column, object) for column in cells]
@@ -83,14 +86,43 @@ def open_text(path: Path, skip_rows: int) -> Table:
     )
 
 
-def _plain_header(path: Path, first: Sequence[str]) -> Header:
-    """The line of names; where it holds numbers alone, columns have numbers."""
+def _comments(path: Path) -> int:
+    """Lines of comment at the begin, before the line of names, which may begin with a # itself."""
+    count = 0
+    try:
+        with path.open(encoding=_encoding(path), newline="") as stream:
+            for line in iter(lambda: stream.readline(LONGEST_LINE), ""):
+                if not line.startswith("#"):
+                    cells = re.split(r"[,;\s]+", line.strip())
+                    return count - all(map(_is_number, cells)) if count else 0
+                count += 1
+    except (UnicodeError, OSError) as error:
+        raise unusable(path, "a table of text", error, "Save it as CSV in UTF-8.") from error
+    return 0
+
+
+def _before_places(path: Path, skip_rows: int) -> int:
+    """Rows before the first table of places in an export of Nexus that begins with devices."""
+    rows = _rows(path, skip_rows)
+    if [cell.strip() for cell in next(rows, [])][:1] != ["Devices"]:
+        return 0
+    places = (k for k, row in enumerate(rows, 1) if row and row[0].strip() in OF_NEXUS)
+    return next(places, 0)
+
+
+def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
+    """The line of names, and of units; where it holds numbers alone, columns have numbers."""
+    first = head[0] if head else []
     if not first:
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
     names = tuple(name.strip().lstrip("#").strip() for name in first)
     if all(_is_number(name) for name in names):
         return Header(tuple(map(str, range(len(names)))), 0)
-    return Header(names, 1)
+    units = {k: found[1] for k, name in enumerate(names) if (found := UNIT_IN_NAME.search(name))}
+    below = [cell.strip().strip("[]()") for cell in head[1]] if len(head) > 1 else []
+    if all(spelled(cell) in UNITS for cell in below[1:]) and len(below) > 1:
+        return Header(names, 2, units=dict(enumerate(below[1:], 1)))
+    return Header(names, 1, units={k: u for k, u in units.items() if spelled(u) in UNITS})
 
 
 def _is_number(text: str) -> bool:

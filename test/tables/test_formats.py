@@ -24,7 +24,7 @@ from intent_recognition.tables import (
     suggest_map,
 )
 from intent_recognition.tables.files import open_table
-from intent_recognition.tables.table import SINCE_NS
+from intent_recognition.tables.times import SINCE_NS
 
 ROWS = 30
 PLACE = np.column_stack([300.0 + np.arange(ROWS), np.full(ROWS, 20.5), np.full(ROWS, 900.0)])
@@ -436,7 +436,7 @@ def test_any_number_is_read_as_it_is_written(values, separator, encoding, comma,
     path = tmp_path_factory.mktemp("any") / "a.csv"
     text = f"ä{separator}b\n" + "".join(f"{v!r}{separator}1\n" for v in values)
     path.write_text(text.replace(".", ",") if comma else text, encoding=encoding)
-    from intent_recognition.tables.table import numbers
+    from intent_recognition.tables.cells import numbers
 
     (cells,) = open_table(path).columns(["ä"]).values()
     assert numbers(cells, path, "ä").tolist() == values

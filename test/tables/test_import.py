@@ -18,7 +18,7 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, DofError
 from intent_recognition.signals import LABEL, Rejection
 from intent_recognition.tables import ImportMap, import_demonstrations, load_map, suggest_map
-from intent_recognition.tables.table import SINCE_NS
+from intent_recognition.tables.times import SINCE_NS
 
 WRIST = {
     "topic": "/mocap/wrist/pose",
@@ -237,7 +237,7 @@ def test_a_wrong_map_names_the_columns_that_are_there(values, tmp_path):
     [
         ({"tim": {}}, "only the keys"),
         ({"time": {"column": "t", "rate": 3}}, "either column or rate"),
-        ({"time": {"column": "t", "unit": "h"}}, "one of s, ms, us, ns"),
+        ({"time": {"column": "t", "unit": "h"}}, "one of s, ms, us, ns, samples"),
         ({"observed": [WRIST | {"columns": ["x"]}]}, "3 names"),
         ({"observed": [WRIST | {"file": "a"}]}, "under files"),
         ({"segments": [{"start": 2, "end": 1}]}, "a start before the end"),

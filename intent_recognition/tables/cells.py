@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cells of a table as numbers and texts."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import BagError
+
+Values = NDArray[Any]
+"""A column: numbers, dates, or texts (of dtype object)."""
+MISSING = frozenset(
+    {"", "na", "n/a", "nan", "null", "none", "-", "--", "#n/a", "#div/0!", "#value!", "#num!"}
+)
+"""What a cell of text says in lower case where nothing was measured. Convention, as in pandas and
+Excel."""
+THOUSANDS = re.compile(
+    r"([+-]?\d{1,3})((?:[ '\u2019\u00a0\u202f]\d{3})+|(?:,\d{3})+(?=\.)|(?:,\d{3}){2,})"
+)
+"""A number whose thousands are separated by something else than its decimals."""
+MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+"""A number that may have thousands, or decimals."""
+LONGEST_CELL = 60
+"""Characters of a cell that a message repeats. Convention."""
+
+
+def numbers(values: Values, source: Path, name: str) -> NDArray[np.float64]:
+    """A column as numbers (T,), NaN where nothing was measured.
+
+    Raises:
+        BagError: a cell is no number.
+    """
+    if values.dtype.kind in "fiub":
+        return values.astype(np.float64)
+    found = np.empty(values.size)
+    for row, cell in enumerate(values):
+        text = str(cell).strip()
+        try:
+            found[row] = np.nan if text.lower() in MISSING else float(with_point(text))
+        except ValueError as error:
+            cure = "Name a column of numbers in the map."
+            got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
+            raise BagError.about(f"{source}: {name}", "numbers", got, cure) from error
+    _check_commas(values, source, name)
+    return found
+
+
+def _check_commas(values: Values, source: Path, name: str) -> None:
+    """Refuse a column whose commas may separate thousands.
+
+    Raises:
+        BagError: some of its numbers have three digits after a comma, and others no comma at all.
+    """
+    commas = [str(cell).strip() for cell in values if "," in str(cell)]
+    if not commas or not all(MAYBE_THOUSANDS.fullmatch(text) for text in commas):
+        return
+    others = [
+        t for cell in values if "," not in (t := str(cell).strip()) and t.lower() not in MISSING
+    ]
+    if others and all(text.lstrip("+-").isdigit() for text in others):
+        got = f"{commas[0]!r} beside {others[0]!r}: thousands?"
+        cure = "Save it without separators of thousands."
+        raise BagError.about(f"{source}: {name}", "decimal commas", got, cure)
+
+
+def with_point(text: str) -> str:
+    """A number with a decimal point, where it has a decimal comma; without marks of thousands."""
+    if found := THOUSANDS.match(text):
+        text = re.sub(r"[^\d+-]", "", found[0]) + text[found.end() :]
+    if text.count(",") != 1:
+        return text
+    whole, _, decimals = text.partition(",")
+    return f"{whole.replace('.', '')}.{decimals}" if "." not in decimals else text
+
+
+def text_of(value: object) -> str:
+    """One value of a column as text, "" where there is none."""
+    if value is None or (isinstance(value, float | np.floating) and np.isnan(value)):
+        return ""
+    if isinstance(value, float | np.floating) and float(value).is_integer():
+        return str(int(value))
+    return str(value).strip()
+
+
+def texts(values: Values) -> list[str]:
+    """A column as texts, "" where there is none; whole numbers have no decimals."""
+    return [text_of(value) for value in values]
+
+
+def without_zeros(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    """Places (T, 3) of a marker, NaN where it is at exactly zero while it is elsewhere at others.
+
+    Returns:
+        The places, and how many of them were zero: exporters write that for occlusion.
+    """
+    zero = np.all(places == 0.0, axis=1)
+    if not zero.any() or np.all(zero | np.isnan(places).any(axis=1)):
+        return places, 0
+    return np.where(zero[:, None], np.nan, places), int(zero.sum())

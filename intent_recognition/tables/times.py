@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Times of a table's rows as stamps."""
+
+import re
+from datetime import datetime, timezone
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.bags import NANOSECONDS
+from intent_recognition.errors import BagError
+from intent_recognition.tables.cells import LONGEST_CELL, MISSING, Values, with_point
+
+PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1}
+"""Nanoseconds in each unit of time."""
+SAMPLES = "samples"
+"""Unit of a column that counts samples, at a rate."""
+SINCE_NS = 946_684_800 * NANOSECONDS
+"""From what times count that do not say [ns]: 2000-01-01 UTC. Convention; a stamp of zero counts as
+none."""
+FIRST_CLOCK_NS = 10**18
+"""Times from here on are a computer's clock [ns since 1970]: September 2001. Convention."""
+LAST_NS = 2**31 * NANOSECONDS
+"""The first time [ns] that a stamp of ROS cannot hold: its seconds are int32."""
+MOST_NS = 10**30
+"""Beyond this a number is no time in any unit [ns]. Convention."""
+
+
+class Stamps(NamedTuple):
+    """Times of rows.
+
+    Attributes:
+        ns: stamps (T,).
+        known: where there is one (T,).
+        zero_ns: the stamp of the file's own time zero; of dates that of the first row.
+    """
+
+    ns: NDArray[np.int64]
+    known: NDArray[np.bool_]
+    zero_ns: int
+
+
+def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, name: str) -> Stamps:
+    """Times as stamps, without rounding where the column holds whole numbers or decimal texts.
+
+    Args:
+        values: times, (T,); dates, also as text in ISO 8601, are taken as they are.
+        unit: of the times, a key of `PER_UNIT`.
+        since_ns: what they count from [ns]; None for 1970 where they are later than 2001, else
+            `SINCE_NS`.
+        source: the file, for messages.
+        name: of the column, for messages.
+
+    Raises:
+        BagError: a cell is no time, or a time is before 1970 or after 2038, which no stamp holds.
+    """
+    per, place = PER_UNIT[unit], f"{source}: {name}"
+    known = np.ones(values.size, bool)
+    are_dates = values.dtype.kind == "M"
+    if are_dates:
+        known = ~np.isnat(values)
+        counts: Any = np.where(known, values.astype("datetime64[ns]").astype(np.int64), 0)
+    elif values.dtype.kind in "iu":
+        counts = values.astype(object) * per
+    elif values.dtype.kind == "f":
+        known = np.isfinite(values)
+        with np.errstate(over="ignore"):
+            counts = np.rint(np.where(known, values, 0.0).astype(np.float64) * per)
+    else:
+        counts = np.zeros(values.size, object)
+        for row, cell in enumerate(values):
+            text = str(cell).strip()
+            known[row] = text.lower() not in MISSING
+            try:
+                if known[row]:
+                    is_date = _is_date(text)
+                    are_dates |= is_date
+                    counts[row] = _date_ns(text) if is_date else _nanoseconds(text, per)
+            except (ArithmeticError, ValueError) as error:
+                got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
+                cure = "Name a column of numbers, 10:00:00.5 or 2024-01-31 10:00:00.5 under time."
+                raise BagError.about(place, "times", got, cure) from error
+    if are_dates:
+        stamps = _checked(counts, known, 0, place, per)
+        return Stamps(stamps, known, int(stamps[known][0]) if known.any() else 0)
+    if since_ns is None:
+        lowest = counts[known].min() if known.any() else 0
+        since_ns = 0 if lowest >= FIRST_CLOCK_NS else SINCE_NS
+    return Stamps(_checked(counts, known, since_ns, place, per), known, since_ns)
+
+
+def ticks_ns(count: int, rate_hz: float, since_ns: int | None, source: Path) -> Stamps:
+    """Stamps (count,) of samples at a rate [Hz], the first at `since_ns`.
+
+    Raises:
+        BagError: they leave what a stamp holds.
+    """
+    ticks, known = np.rint(np.arange(count) * (NANOSECONDS / rate_hz)), np.ones(count, bool)
+    zero_ns = SINCE_NS if since_ns is None else since_ns
+    return Stamps(_checked(ticks, known, zero_ns, str(source), NANOSECONDS), known, zero_ns)
+
+
+def counted_ns(
+    values: NDArray[np.float64], rate_hz: float, since_ns: int | None, source: Path
+) -> Stamps:
+    """Stamps of samples that a column counts, as `ticks_ns`; the first number is at `since_ns`."""
+    known = np.isfinite(values)
+    first = values[known][0] if known.any() else 0.0
+    ticks = np.rint(np.where(known, values - first, 0.0) * (NANOSECONDS / rate_hz))
+    zero_ns = SINCE_NS if since_ns is None else since_ns
+    return Stamps(_checked(ticks, known, zero_ns, str(source), NANOSECONDS), known, zero_ns)
+
+
+def _checked(
+    counts: NDArray[Any], known: NDArray[np.bool_], since_ns: int, place: str, per: int
+) -> NDArray[np.int64]:
+    """Stamps [ns] of nanoseconds since another time, where they are known."""
+    there = counts[known]
+    lowest, highest = (there.min(), there.max()) if there.size else (1, 1)
+    if lowest + since_ns <= 0 or highest + since_ns >= LAST_NS:
+        cure = "Correct unit and since under time in the map; times of the computer have since: 0."
+        got = f"{float(lowest):.6g} to {float(highest):.6g} ns since {since_ns} ns"
+        likely = [
+            unit
+            for unit, other in PER_UNIT.items()
+            if other != per and FIRST_CLOCK_NS <= int(lowest) // per * other < LAST_NS
+        ]
+        cure = f"Likely they are {likely[0]}: say unit: {likely[0]}." if likely else cure
+        raise BagError.about(place, "times between 1970 and 2038", got, cure)
+    return np.where(known, counts, 0).astype(np.int64) + since_ns
+
+
+def _is_date(text: str) -> bool:
+    return "-" in text[1:] and ":" in text
+
+
+def _date_ns(text: str) -> int:
+    """A date and time in ISO 8601 as nanoseconds since 1970; without a zone it is UTC.
+
+    Raises:
+        ValueError: it is none.
+    """
+    whole, _, rest = text.replace("Z", "+00:00").partition(".")
+    digits = re.match(r"\d*", rest)[0]  # type: ignore[index]
+    day = datetime.fromisoformat(whole + rest[len(digits) :])
+    moment = day if day.tzinfo else day.replace(tzinfo=timezone.utc)
+    return int(moment.timestamp()) * NANOSECONDS + int(digits[:9].ljust(9, "0"))
+
+
+def _nanoseconds(text: str, per: int) -> int:
+    """A number, or a time of day, as nanoseconds.
+
+    Raises:
+        ArithmeticError, ValueError: it is none, or far beyond any time.
+    """
+    if text.count(":") == 2:
+        hours, minutes, seconds = text.split(":")
+        text, per = str(3600 * int(hours) + 60 * int(minutes) + Decimal(seconds)), NANOSECONDS
+    count = Decimal(with_point(text)) * per
+    if not abs(count) < MOST_NS:
+        raise OverflowError
+    return round(count)

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files as labs send them: read right, or refused with what is wrong; never silently wrong."""
+
+import numpy as np
+import pytest
+import yaml
+from c3d_builder import c3d_file
+
+from intent_recognition.signals import Rejection
+from intent_recognition.tables import ImportMap, import_demonstrations, suggest_map
+
+ROWS = 200
+TIMES_S = np.arange(ROWS) / 100
+SHARE = np.clip(TIMES_S - 0.5, 0.0, 1.0)[:, None]
+PLACE = np.array([300.0, 20.5, 900.0]) + SHARE**2 * (3 - 2 * SHARE) * np.array([300.0, 200, -100])
+"""Of a wrist in millimetres, over time."""
+NEXUS = "Trajectories\n100\n,,{0}:RWRA,,,{1}:RWRA,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,,,\n"
+DEVICES = "Devices\n1000\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n"
+
+
+def cells(k, form="{:.6f}", scale=1.0):
+    return [form.format(value * scale) for value in PLACE[k]]
+
+
+def table(head, row, separator=","):
+    return head + "\n" + "".join(separator.join(row(k)) + "\n" for k in range(ROWS))
+
+
+def plain(form="{:.6f}", scale=1.0, separator=",", head="t,x,y,z", hidden=(), cell=""):
+    def row(k):
+        places = [cell] * 3 if k in hidden else cells(k, form, scale)
+        return [f"{TIMES_S[k]:.3f}", *places]
+
+    return table(head.replace(",", separator), row, separator)
+
+
+def imported(folder, name, content, columns=("x", "y", "z"), **more):
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    entry = {
+        "topic": "/mocap/wrist/pose",
+        "type": "geometry_msgs/msg/PoseStamped",
+        "fields": [f"pose.position.{axis}" for axis in "xyz"],
+        "unit": "m",
+        "columns": list(columns),
+    }
+    entry |= {"columns_unit": more.pop("unit")} if "unit" in more else {}
+    mapping = ImportMap.from_dict({"observed": [entry], "task": "t", **more})
+    found = list(import_demonstrations(path, mapping))
+    taken = [one for one in found if not isinstance(one, Rejection)]
+    said = " ".join(one.reason for one in found if isinstance(one, Rejection))
+    return (taken[0].samples[0] if taken else None), said
+
+
+def nexus(rows, owners=("Ann", "Bob"), before=""):
+    body = "".join(f"{k + 1},0,{','.join(cells(k))},,,\n" for k in rows)
+    return before + NEXUS.format(*owners) + body
+
+
+PLAIN = {
+    "thousands with a point": plain("{:,.3f}", 10.0, ";"),
+    "thousands, quoted": plain('"{:,.3f}"', 10.0),
+    "thousands of the Swiss": plain("{:,.3f}", 10.0, ";").replace(",", "'"),
+    "thousands with blanks": plain("{:,.3f}", 10.0, ";").replace(",", "\N{NO-BREAK SPACE}"),
+    "a row of units": plain(scale=10.0, head="t,x,y,z\ns,mm,mm,mm"),
+    "comments": "# by me\n# on monday\n" + plain(scale=10.0),
+    "a name behind a mark": plain(scale=10.0, head="# t,x,y,z"),
+    "a comment and a name behind a mark": "# by me\n" + plain(scale=10.0, head="# t,x,y,z"),
+    "a last row that is cut": plain(scale=10.0) + "2.00,3",
+    "zero bytes at the end": plain(scale=10.0).encode() + bytes(40),
+}
+
+
+@pytest.mark.parametrize("kind", PLAIN)
+def test_a_csv_that_can_be_read_in_one_way_is(kind, tmp_path):
+    time = {"time": {"column": "t"}}
+    samples, said = imported(tmp_path, "a.csv", PLAIN[kind], unit="mm", **time)
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 100, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["x [mm]", "x (mm)", "x_mm"])
+def test_a_unit_in_a_name_is_taken(name, tmp_path):
+    names = [name.replace("x", axis) for axis in "xyz"]
+    content = plain(head=",".join(["t", *names]))
+    samples, said = imported(tmp_path, "a.csv", content, names, time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+
+
+@pytest.mark.parametrize("cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf"])
+def test_cells_of_what_was_not_measured(cell, tmp_path):
+    content = plain(hidden=range(60, 80), cell=cell)
+    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    assert not said
+    assert np.sum(np.isfinite(samples.values).all(axis=1)) == ROWS - 20
+
+
+REFUSED = {
+    "thousands without decimals": (plain("{:,.0f}", 10.0, ";"), "thousands?"),
+    "a number for what was not measured": (
+        plain(hidden=range(60, 80), cell="-9999"),
+        "stands in every column of 20 rows",
+    ),
+    "a line of names within": (plain() + plain(), "'x' in row 201"),
+    "millimetres": (plain(hidden=[3]), "Likely millimetres for metres"),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_can_be_read_in_several_ways_is_refused(kind, tmp_path):
+    content, words = REFUSED[kind]
+    unit = {} if kind == "millimetres" else {"unit": "mm"}
+    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"}, **unit)
+    assert samples is None
+    assert words in said
+
+
+def test_times_that_go_back_are_named(tmp_path):
+    content = table("t,x,y,z", lambda k: [f"{k % 100 / 100}", *cells(k)])
+    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    assert len(samples.stamps_ns) == 100
+    assert "100 of 200 rows" in said and "a clock that went back" in said
+
+
+def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
+    angles = 3.0 + 1.0 * SHARE[:, 0]
+    wrapped = (angles + np.pi) % (2 * np.pi) - np.pi
+    content = table(
+        "t,a,b", lambda k: [f"{TIMES_S[k]}", f"{30 + 60 * SHARE[k, 0]}", f"{wrapped[k]}"]
+    )
+    (tmp_path / "a.csv").write_text(content)
+    for column, doubted in (("a", True), ("b", False)):
+        joint = {
+            "topic": "/joint_states", "type": "sensor_msgs/msg/JointState", "joints": [column],
+            "unit": "rad", "columns": [column],
+        }  # fmt: skip
+        content = {"observed": [joint], "task": "t", "time": {"column": "t"}}
+        *doubts, _ = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(content))
+        assert [one.reason.count("degrees for radians") for one in doubts] == [1] * doubted
+
+
+@pytest.mark.parametrize("before", ["", DEVICES + "1,0,1,2,3\n" * 300 + "\n"])
+def test_nexus_counts_frames_wherever_its_places_are(before, tmp_path):
+    rows = [k for k in range(ROWS) if not 80 <= k < 120]
+    columns = [f"Ann:RWRA.{axis}" for axis in "XYZ"]
+    samples, said = imported(tmp_path, "a.csv", nexus(rows, before=before), columns)
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE[rows] / 1000, atol=1e-8)
+    steps = np.diff(samples.stamps_ns)
+    assert steps.max() == 410_000_000 and np.median(steps) == 10_000_000
+
+
+def test_a_marker_of_two_people_is_named_with_its_person(tmp_path):
+    columns = [f"RWRA.{axis}" for axis in "XYZ"]
+    samples, said = imported(tmp_path, "a.csv", nexus(range(ROWS)), columns)
+    assert samples is None and "Ann:RWRA.X" in said and "Bob:RWRA.X" in said
+    points = np.stack([PLACE, PLACE + 100.0], axis=1)
+    for labels, known in ((["Ann:RWRA", "Bob:RWRA"], False), (["Ann:RWRA", "Ann:LWRA"], True)):
+        content = c3d_file(points, labels=labels)
+        samples, _ = imported(tmp_path, "a.c3d", content, [f"RWRA.{axis}" for axis in "xyz"])
+        assert (samples is not None) == known
+
+
+def test_zeros_of_a_hidden_marker_are_no_places_in_texts_either(tmp_path):
+    head = "NO_OF_FRAMES\t200\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\twrist\n"
+    body = "".join("\t".join(cells(k) if k % 10 else ["0.000"] * 3) + "\n" for k in range(ROWS))
+    columns = [f"wrist.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.tsv", head + body, columns)
+    assert "(0, 0, 0) are taken for occlusion: wrist 20" in said
+    assert np.sum(np.isnan(samples.values[:, 0])) == 20
+
+
+def test_two_people_in_one_mvnx_are_refused(tmp_path):
+    frame = '<frame time="0" type="normal"><position>0 0 0</position></frame>'
+    person = f'<subject frameRate="100"><segments/><frames>{frame}</frames></subject>'
+    samples, said = imported(tmp_path, "a.mvnx", f"<mvnx>{person}{person}</mvnx>")
+    assert samples is None and "expected one person, got several" in said
+
+
+def test_a_suggestion_knows_joints_from_clocks(tmp_path):
+    head = "__time,header.stamp,/js/panda_joint1/position,/js/panda_joint1/velocity"
+    content = table(
+        head, lambda k: [f"{TIMES_S[k] + 1.7e9:.3f}", f"{k}.5", f"{SHARE[k, 0]}", f"{k % 7}.2"]
+    )
+    (tmp_path / "a.csv").write_text(content)
+    text = suggest_map(tmp_path / "a.csv")
+    (entry,) = yaml.safe_load(text)["observed"]
+    assert entry["joints"] == ["panda_joint1"]
+    assert "# They move, and are no positions: header.stamp, /js/panda_joint1/velocity" in text
