@@ -68,7 +68,7 @@ setup(
     maintainer_email="maintainers@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[f"{PACKAGE}*", "sim_bridge*"]),
-    package_data={"": ["*.pyi", "py.typed"]},
+    package_data={"": ["*.pyi", "py.typed", "parameters.yaml"]},
     ext_modules=[KERNEL],
     options={"bdist_wheel": {"py_limited_api": "cp311"}} if STABLE else {},
     data_files=[

@@ -4,21 +4,19 @@
 import importlib
 import json
 import socket
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 import rclpy
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn
 from intent_recognition.model import Model, save_model
+from intent_recognition.parameter_table import ParameterSpec, parameters_of
 from intent_recognition.registry import NODES
 from intent_recognition.share import share_path
 
@@ -36,7 +34,6 @@ HOW = {
 """Where more is said about what a node does."""
 BAG = "bags/toolbox/test/plate_handover_00"
 EVERY_NODES = ("/rosout", "/parameter_events", "/diagnostics")
-NOT_SHOWN = ("start_type_description_service", "qos_overrides")
 LIFECYCLE = "transition_event"
 LIFECYCLE_SERVICES = "lifecycle_msgs/"
 EVERY_NODES_SERVICES = (LIFECYCLE_SERVICES, "rcl_interfaces/", "type_description_interfaces/")
@@ -52,14 +49,6 @@ parameters and services of every ROS 2 node, `use_sim_time` among them, and publ
 A parameter with a star is read at the start; `ros2 param set` refuses it. Ranges are checked. \
 Types and QoS of topics are in [topics.md](../topics.md#topics).
 """
-
-
-class Declared(NamedTuple):
-    """What a node declared."""
-
-    name: str
-    default: object
-    descriptor: ParameterDescriptor
 
 
 def nodes_page() -> str:
@@ -114,59 +103,42 @@ def _section(name: str, overrides: dict) -> str:
         for member in vars(importlib.import_module(path)).values()
         if isinstance(member, type) and issubclass(member, Node) and member.__module__ == path
     )
-    declared: list[Declared] = []
-    original = Node.declare_parameter
-
-    def remember(node, key, value=None, descriptor=None, *rest, **more):
-        shown = node.get_name() == name and not key.startswith(NOT_SHOWN)
-        if shown and descriptor is not None:
-            declared.append(Declared(key, value, descriptor))
-        return original(node, key, value, descriptor, *rest, **more)
-
-    Node.declare_parameter = remember
-    try:
-        values = [Parameter(key, value=value) for key, value in overrides.items()]
-        node = kind(namespace=NAMESPACE, parameter_overrides=values)
-    finally:
-        Node.declare_parameter = original
+    values = [Parameter(key, value=value) for key, value in overrides.items()]
+    node = kind(namespace=NAMESPACE, parameter_overrides=values)
     try:
         parts = [f"## {name}", _does(name)]
         if name != "lwr_sim":
-            parts += [_parameters(declared), _topics(node), _services(node)]
+            parts += [_parameters(parameters_of(name)), _topics(node), _services(node)]
     finally:
         node.destroy_node()
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _parameters(declared: list[Declared]) -> str:
+def _parameters(described: Mapping[str, ParameterSpec]) -> str:
     rows = ["|parameter|default|meaning|", "|---|---|---|"]
-    for name, default, descriptor in declared:
-        star = r"\*" if descriptor.read_only else ""
-        text = descriptor.description.strip().rstrip(".").replace("|", "\\|")
-        limits = _range(descriptor)
+    for name, spec in described.items():
+        star = "" if spec.live else r"\*"
+        text = spec.description.strip().rstrip(".").replace("|", "\\|")
+        limits = _range(spec)
         text = f"{text[:1].upper()}{text[1:]}{f' ({limits})' if limits else ''}."
-        rows.append(f"|`{name}`{star}|{_default(default)}|{text}|")
+        rows.append(f"|`{name}`{star}|{_default(spec)}|{text}|")
     return "\n".join(rows)
 
 
-def _default(default: object) -> str:
+def _default(spec: ParameterSpec) -> str:
     """The default of a parameter, or what type it has."""
-    if isinstance(default, Parameter.Type):
-        return default.name.lower().replace("_array", " list")
-    if isinstance(default, (list, tuple)):
+    default = spec.default
+    if isinstance(default, list):
         short = [round(value, 3) if isinstance(value, float) else value for value in default]
-        return f"`{json.dumps(short)}`" if default else "string list"
+        return f"`{json.dumps(short)}`" if default else spec.kind.replace("_array", " list")
     return "string" if default == "" else f"`{json.dumps(default)}`"
 
 
-def _range(descriptor: ParameterDescriptor) -> str:
-    for found in (*descriptor.floating_point_range, *descriptor.integer_range):
-        limit = sys.float_info.max if isinstance(found.from_value, float) else 2**63 - 1
-        low, high = f"{found.from_value:g}", f"{found.to_value:g}"
-        if found.from_value <= -limit:
-            return f"≤\u00a0{high}"
-        return f"≥\u00a0{low}" if found.to_value >= limit else f"{low}\u00a0to\u00a0{high}"
-    return ""
+def _range(spec: ParameterSpec) -> str:
+    low, high = (None if v is None else f"{v:g}" for v in (spec.minimum, spec.maximum))
+    if low is None:
+        return "" if high is None else f"≤\u00a0{high}"
+    return f"≥\u00a0{low}" if high is None else f"{low}\u00a0to\u00a0{high}"
 
 
 def _topics(node: Node) -> str:

@@ -25,7 +25,7 @@ from intent_recognition.errors import ArgumentError, BagError, IntentError, one_
 from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.share import share_path
 
@@ -48,29 +48,22 @@ class Dashboard(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("dashboard", **kwargs)
-        get = partial(fixed_parameter, self)
-        host = get("host", "127.0.0.1", "address to serve on; 0.0.0.0 lets other machines in")
-        port = get("port", 8080, "port to serve on", 1, 65535)
-        rate_hz = get("rate", 25.0, "updates of the page per second", 1.0, 60.0)
-        bags = get("bags", "", "folder of recordings to replay; empty takes the shipped ones")
-        self._models = get("models", ".", "folder below which models to compare lie")
-        body = get("body", "wrist", "tracked body that is drawn, and moved from the page")
-        names: list[str] = get(
-            "names", [], "further names under which the page is reached, as a proxy's"
-        )
-        scene = get("scene", "", "what stands in the cell: a YAML file, or toolbox; empty: nothing")
-        hand_link = get("hand_link", "", "link of the arm that is its hand; empty: its last one")
-        read_only = get("read_only", False, "only show; nothing can be pressed or dragged")
-        light = get(
-            "light",
-            AUTO,
-            "a scene without shadows and with fewer pixels: on, off, or auto: where a browser"
-            " draws slowly",
-        )
+        values = declare(self, "dashboard")
+        host = values["host"]
+        port = values["port"]
+        rate_hz = values["rate"]
+        bags = values["bags"]
+        self._models = values["models"]
+        body = values["body"]
+        names: list[str] = values["names"]
+        scene = values["scene"]
+        hand_link = values["hand_link"]
+        read_only = values["read_only"]
+        light = values["light"]
         if light not in (AUTO, ON, OFF):
             cure = "Leave it out for auto."
             raise ArgumentError.about("parameter light", "auto, on or off", light, cure)
-        seed = get("seed", 0, "of the variation between shown demonstrations", 0)
+        seed = values["seed"]
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
         self._cell_subscriptions = CellSubscriptions(

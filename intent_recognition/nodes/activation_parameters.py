@@ -3,9 +3,9 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import astuple, replace
+from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +26,8 @@ from intent_recognition.motion import (
     is_hand,
     scaled_limits,
 )
-from intent_recognition.nodes.activation_specs import (
-    ANY_TIME,
-    ARM_LIMITS,
-    AT_REST,
-    FIXED,
-    GUARDS,
-)
 from intent_recognition.nodes.parameter_sources import DEFAULT
-from intent_recognition.nodes.parameters import Changes, parameter
+from intent_recognition.nodes.parameters import Changes, declare
 from intent_recognition.promp import (
     Risk,
     TaskLibrary,
@@ -52,6 +45,17 @@ from intent_recognition.signals import POSITION_FIELDS
 
 if TYPE_CHECKING:
     from intent_recognition.model import Model
+
+
+ARM_LIMITS = ("lower", "upper", "velocity")
+"""Parameters that each replace a limit of the arm; for unknown joints all of them are needed."""
+AT_REST = ("home", "acceleration_limit", "velocity_scale")
+"""Parameters that may change only while no motion is under way: a plan is made for one set."""
+GUARDS = (
+    *("velocity_scale", "acceleration_limit", "max_wrong", "threshold", "n_observations"),
+    *("max_end_std", "timeout", "max_joint_state_age", "max_tracking_error"),
+)
+"""Parameters that say how fast, how surely and how long the arm is moved."""
 
 
 class RejectionError(IntentError):
@@ -99,10 +103,7 @@ class ActivationParameters:
     """
 
     def __init__(self, node: Node):
-        self._values: dict[str, Any] = {
-            name: parameter(node, name, *astuple(spec), read_only=name in FIXED)
-            for name, spec in (FIXED | AT_REST | ANY_TIME).items()
-        }
+        self._values = declare(node, "activation")
         self.rate_hz: float = self._values["command_rate"]
         self.command_action: str = self._values["command_action"]
         self.described: Arm | None = None

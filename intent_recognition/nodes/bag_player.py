@@ -19,9 +19,9 @@ from intent_recognition.bags import BagReader, RawMessage, TopicInfo
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
-from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
+from intent_recognition.nodes.parameters import Changes, declare, keep_live
 from intent_recognition.nodes.qos import recorded_profile
-from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
+from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.services import serve
 
@@ -71,23 +71,21 @@ class BagPlayer(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_player", **kwargs)
-        get, live = partial(fixed_parameter, self), partial(parameter, self)
-        bag = get("bag", "", "the bag to play")
-        self._rate = live("rate", 1.0, "speed of replay; 0 = as fast as possible", 0.0)
-        self._loop = live("loop", False, "begin again at the end")
-        paused = get("start_paused", False, "wait for ~/resume before the first message")
-        self._wait_s = get("wait_for_subscribers", 3.0, "longest wait for subscribers in s", 0.0)
-        waits_for: list[str] = get("wait_for_nodes", [], WAIT_FOR_NODES)
-        self._exit_at_end = live("exit_at_end", True, "end the process after the bag")
-        self._restamp = get("restamp", False, "shift header stamps to the present")
-        self._offset_s = get("start_offset", 0.0, "begin this long into the bag in s", 0.0)
-        wanted: list[str] = get("topics", [], "topics to play; none means all in the bag")
+        values = declare(self, "bag_player")
+        bag = values["bag"]
+        self._rate = values["rate"]
+        self._loop = values["loop"]
+        paused = values["start_paused"]
+        self._wait_s = values["wait_for_subscribers"]
+        waits_for: list[str] = values["wait_for_nodes"]
+        self._exit_at_end = values["exit_at_end"]
+        self._restamp = values["restamp"]
+        self._offset_s = values["start_offset"]
+        wanted: list[str] = values["topics"]
         self._wanted = {topic.lstrip("/") for topic in wanted}
-        without: list[str] = get(
-            "without", [], "topics not to play; one that ends in / stands for all below"
-        )
+        without: list[str] = values["without"]
         self._unwanted = [topic.lstrip("/") for topic in without if topic]
-        self._use_clock = get("clock", False, "publish the recorded time on /clock")
+        self._use_clock = values["clock"]
         self.done = False
         self.exit_code = 0
         self.published = 0

@@ -6,7 +6,7 @@ from typing import Any
 
 from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError
-from intent_recognition.nodes.parameters import fixed_parameter, parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
@@ -17,12 +17,7 @@ class BagRecorder(TopicRecorder):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_recorder", **kwargs)
-        live = partial(parameter, self)
-        live("output", "", "directory of the new bag; recording starts when it is given")
-        live("task", "", "label of the demonstration; empty records without a label")
-        topics: list[str] = fixed_parameter(
-            self, "topics", [], "topics to record; none means all there are in the namespace"
-        )
+        topics: list[str] = declare(self, "bag_recorder")["topics"]
         if label := self.get_parameter("task").value:
             check_label(label)
         self.add_on_set_parameters_callback(refuse_label)

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What plans keep clear of: boxes from parameters, and the arm's shape from `robot_description`."""
 
-from functools import partial
-
 from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm, Bodies, parse_boxes
-from intent_recognition.motion import LARGEST_BEND, Clearance, Spread
+from intent_recognition.motion import Clearance, Spread
 from intent_recognition.nodes.activation_parameters import RejectionError
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.promp import TaskLibrary
 
 
@@ -28,31 +26,10 @@ class ClearanceInput:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        get = partial(fixed_parameter, node)
-        self._distance_m = get(
-            "clearance",
-            0.0,
-            "Distance that the arm keeps from boxes and from itself, by the shapes of"
-            " robot_description [m]; a larger value bends, slows or refuses more motions; 0: off.",
-            0.0,
-            1.0,
-        )
-        self._boxes = parse_boxes(
-            get(
-                "boxes",
-                [],
-                "Things to keep clear of, one string 'name x y z length width height [qx qy qz qw]'"
-                " each, in the frame of the URDF's root link [m, unit quaternion].",
-            )
-        )
-        self._largest_bend = get(
-            "largest_bend",
-            LARGEST_BEND,
-            "Standard deviations of its task by which a path is bent at most to keep clear; a"
-            " larger value refuses fewer motions and departs more from the task. Needs a model.",
-            0.0,
-            100.0,
-        )
+        values = declare(node, "clearance")
+        self._distance_m = values["clearance"]
+        self._boxes = parse_boxes(values["boxes"])
+        self._largest_bend = values["largest_bend"]
         if self._boxes and not self._distance_m:
             cure = "Try 0.02, or leave boxes empty."
             raise ArgumentError.about("clearance", "above 0 m with boxes", 0.0, cure)

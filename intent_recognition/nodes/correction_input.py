@@ -9,7 +9,7 @@ from rclpy.node import Node
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import Correction, DeviationDetector, Spread
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import load_yaml, read_text
@@ -31,14 +31,7 @@ class CorrectionInput:
     """
 
     def __init__(self, node: Node) -> None:
-        name = fixed_parameter(
-            node,
-            "correction",
-            "",
-            "Lets a person push the arm to where its motion shall go on. A YAML file with the"
-            " tracking errors of the undisturbed arm, by which a push is told from them, or lwr;"
-            " empty: a push changes nothing. Needs a model.",
-        )
+        name = declare(node, "correction")["correction"]
         self._detector = load_detector(name) if name else None
         self.correction: Correction | None = None
         self._made_for: tuple[TaskLibrary | None, Arm | None] = None, None

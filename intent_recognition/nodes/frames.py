@@ -12,7 +12,7 @@ from rclpy.publisher import Publisher
 from intent_recognition.errors import IntentError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.tracking import RigidTransform, TransformTree
 
 
@@ -67,9 +67,7 @@ class FrameOutput:
     """
 
     def __init__(self, node: Node) -> None:
-        wanted = fixed_parameter(
-            node, "broadcast_frames", True, "Tell poses as frames on /tf, where tf2_msgs is there."
-        )
+        wanted = declare(node, "frames")["broadcast_frames"]
         self._told: Publisher | None = None
         self._fixed: Publisher | None = None
         self._type: Any = message_type() if wanted else None

@@ -11,7 +11,7 @@ from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 
 
 class HandInput:
@@ -29,14 +29,7 @@ class HandInput:
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._node, self._diagnostics, self.taught = node, diagnostics, ""
-        self.link = fixed_parameter(
-            node,
-            "hand_link",
-            "",
-            "Link of the arm on robot_description that follows the prediction of a hand, or of the"
-            " wrist of a person whom the arm replaces. Empty: the link that the model names where"
-            " the arm has it, else the last one before the fingers.",
-        )
+        self.link = declare(node, "hand")["hand_link"]
         self.description = ""
         self._arm: Arm | None = None
         subscription = node.create_subscription(

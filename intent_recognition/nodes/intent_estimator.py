@@ -32,7 +32,7 @@ from intent_recognition.nodes.frames import FrameOutput
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
-from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
+from intent_recognition.nodes.parameters import Changes, declare, keep_live
 from intent_recognition.nodes.runtime import (
     LeftOvers,
     elapsed_s,
@@ -44,7 +44,7 @@ from intent_recognition.nodes.serialized import SerializedNamedVector, Serialize
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.via_points import VIA_POINTS, ViaPointInput
 from intent_recognition.promp import NONE
-from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
+from intent_recognition.recognition import Estimate, IntentEstimator, Prediction
 from intent_recognition.signals import Observation, from_tangent
 
 STREAM_TIMEOUT_S = 0.5
@@ -64,46 +64,15 @@ class IntentEstimatorNode(ManagedNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("intent_estimator", **kwargs)
-        get, live = partial(fixed_parameter, self), partial(parameter, self)
-        live("model", "", "Model file written by `intent train`.")
-        self._dofs_path = get(
-            "dofs",
-            "",
-            "DOF file; empty takes the model's own. Other DOFs than the model's are an error;"
-            " measured velocities may be added.",
-        )
+        values = declare(self, "intent_estimator")
+        self._dofs_path = values["dofs"]
         self._own_dofs: DofSpec | None = None
         self._configured, self._step = False, ""
-        self._publish_rate = live(
-            "publish_rate",
-            25.0,
-            "Rate of trajectories, path and markers [Hz]; tasks follow every observation.",
-            minimum=0.1,
-            maximum=1000.0,
-        )
-        self._start_posture = get(
-            "start_posture",
-            True,
-            "Condition trajectories on the controlled agent's posture at onset (joint_states).",
-        )
-        self._switching = get(
-            "switching",
-            True,
-            "Follow a person who turns to another task, or begins the next one without a rest.",
-        )
-        self._transitions = live(
-            "transition_prior",
-            True,
-            "Use the learned transitions between tasks; false: all tasks are equally likely.",
-        )
-        self._forget_after_s = live(
-            "forget_after",
-            FORGET_AFTER_S,
-            "Time after which a movement no longer informs the next task [s]; a larger value"
-            " remembers longer.",
-            minimum=0.0,
-            maximum=1e9,
-        )
+        self._publish_rate = values["publish_rate"]
+        self._start_posture = values["start_posture"]
+        self._switching = values["switching"]
+        self._transitions = values["transition_prior"]
+        self._forget_after_s = values["forget_after"]
         self._diagnostics = Diagnostics(self)
         self._postures = PostureInput(self, self._diagnostics)
         self._via_points = ViaPointInput(self, self._diagnostics)

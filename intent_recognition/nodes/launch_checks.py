@@ -11,11 +11,14 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall
 from intent_recognition.nodes.parameter_sources import holds_for, sections
+from intent_recognition.parameter_table import PARTS, parameters_of
 from intent_recognition.share import PACKAGE
 from intent_recognition.untrusted import load_yaml, read_text
 
 NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
 """Modules that the nodes of a room need beside what all need."""
+OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides")
+"""Parameters that rclpy declares."""
 FILES = ("model", "bag", "dofs", "sequences", "task_list", "scene")
 """Arguments that name a file or folder, where they look like a path."""
 
@@ -77,19 +80,33 @@ def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None
 
 
 def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
-    """Refuse a parameter file with a section that no node takes.
+    """Refuse a parameter file with a section that no node takes, or a parameter that it has not.
 
-    A section of a node that is not started here, but in another graph, passes.
+    A section of a node that is not started here, but in another graph, passes. ROS itself passes
+    over what is misspelt.
 
     Raises:
         ArgumentError: there is one.
     """
     started = ["/" + "/".join(filter(None, (call.namespace, call.name))) for call in calls]
-    for section, _ in sections(load_yaml(read_text(Path(path))), ""):
+    executables = {name: spec.executable or name for name, spec in NODES.items()}
+    for section, values in sections(load_yaml(read_text(Path(path))), ""):
         last = section.rsplit("/", 1)[-1]
-        executables = {spec.executable for spec in NODES.values()}
-        if last in NODES or last in executables or any(holds_for(section, n) for n in started):
+        executable = executables.get(last, last)
+        if executable in PARTS:
+            _check_names(f"params_file {path}, {last}", values, executable)
+        if executable in executables.values() or any(holds_for(section, n) for n in started):
             continue
         near = difflib.get_close_matches(last, NODES, 1)
         cure = f"Did you mean {near[0]}?" if near else f"Nodes are {', '.join(NODES)}."
         raise ArgumentError.about(f"params_file {path}", "sections of nodes", section, cure)
+
+
+def _check_names(where: str, values: Mapping[str, object], executable: str) -> None:
+    """Refuse parameters that a node of ours does not have."""
+    known = parameters_of(executable)
+    for name in values:
+        if name not in known and name.partition(".")[0] not in OF_EVERY_NODE:
+            near = difflib.get_close_matches(name, known, 1)
+            cure = f"Did you mean {near[0]}?" if near else f"They are {', '.join(sorted(known))}."
+            raise ArgumentError.about(where, "parameters of the node", name, cure)

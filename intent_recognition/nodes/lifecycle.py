@@ -10,7 +10,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from intent_recognition.errors import ArgumentError, IntentError
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 
 
 class ManagedNode(LifecycleNode):
@@ -32,9 +32,7 @@ class ManagedNode(LifecycleNode):
         self._starting = False
         change = self._service_change_state
         change.callback = partial(self._refuse_impossible, change.callback)
-        self._autostart = fixed_parameter(
-            self, "autostart", True, "Configure and activate at start."
-        )
+        self._autostart = declare(self, "lifecycle")["autostart"]
 
     def configure(self) -> None:
         """Load what is needed; called on the way from unconfigured to inactive."""

@@ -18,7 +18,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput, hear_frames
-from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
+from intent_recognition.nodes.parameters import Changes, declare, keep_live
 from intent_recognition.nodes.runtime import (
     LeftOvers,
     elapsed_s,
@@ -60,25 +60,20 @@ class MocapIngest(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("mocap_ingest", **kwargs)
-        bodies = _check_bodies(
-            fixed_parameter(self, "bodies", ["wrist"], "Tracked bodies, one topic pair each.")
+        values = declare(self, "mocap_ingest")
+        bodies = _check_bodies(values["bodies"])
+        self._settings = IngestSettings(
+            world_frame=values["world_frame"],
+            extrinsics=parse_extrinsics(values["extrinsics"]),
+            **{field: values[name] for name, field in LIVE.items()},
         )
-        self._settings = self._read_settings()
         variance = self._settings.orientation_std_rad**2
         self._diagnostics = Diagnostics(self)
         self._states = dict.fromkeys(bodies, IngestState())
         self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {
             body: deque() for body in bodies
         }
-        self._wait_s: float = fixed_parameter(
-            self,
-            "tf_wait",
-            0.2,
-            "Time for which a pose in a frame without extrinsics waits for its transform on /tf"
-            " [s]; a larger value allows a later one; 0: such poses are rejected at once.",
-            0.0,
-            10.0,
-        )
+        self._wait_s: float = values["tf_wait"]
         self._tree = TransformTree()
         self._hears = self._wait_s > 0.0 and hear_frames(self, self._tree, self._look)
         if self._hears:
@@ -123,57 +118,6 @@ class MocapIngest(Node):
         self._states = dict.fromkeys(self._states, IngestState())
         for waiting in self._waiting.values():
             waiting.clear()
-
-    def _read_settings(self) -> IngestSettings:
-        get, live = partial(fixed_parameter, self), partial(parameter, self)
-        return IngestSettings(
-            world_frame=get("world_frame", "world", "Frame of everything published."),
-            extrinsics=parse_extrinsics(
-                get(
-                    "extrinsics",
-                    [],
-                    "Pose of each tracker frame in the world, one string 'frame x y z qx qy qz qw'"
-                    " each [m, unit quaternion].",
-                )
-            ),
-            max_speed_m_s=live(
-                "max_speed",
-                6.0,
-                "Speed above which a step is an outlier [m/s]; a larger value drops fewer poses.",
-                0.01,
-                1000.0,
-            ),
-            max_gap_s=live(
-                "max_gap",
-                0.5,
-                "Time without a pose after which the next one is taken wherever it is [s]; a larger"
-                " value checks across longer gaps.",
-                0.001,
-                3600.0,
-            ),
-            position_std_m=live(
-                "position_std",
-                0.002,
-                "Standard deviation of a position [m]; a larger value trusts poses less.",
-                1e-6,
-                1.0,
-            ),
-            orientation_std_rad=live(
-                "orientation_std_rad",
-                IngestSettings.orientation_std_rad,
-                "Standard deviation of an orientation [rad]; a larger value trusts it less.",
-                1e-6,
-                3.2,
-            ),
-            reanchor_after=live(
-                "reanchor_after",
-                5,
-                "Consecutive outliers that agree before they are taken for the track; a larger"
-                " value takes longer to find a body that was moved unseen.",
-                1,
-                100000,
-            ),
-        )
 
     def _changed(self, changes: Changes) -> IngestSettings:
         """The settings with new values."""

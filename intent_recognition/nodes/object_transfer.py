@@ -23,10 +23,9 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import duration_s, position_array, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run
 from intent_recognition.transfer import (
-    PATIENCE_S,
     Holding,
     LoadEstimator,
     Request,
@@ -48,19 +47,13 @@ class ObjectTransfer(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_transfer", **kwargs)
-        get = partial(fixed_parameter, self)
-        body = get("body", "wrist", "Tracked body that takes and gives objects.")
-        self._near_m = get("near", 0.25, "Its distance from the hand at an object [m].", 0.01, 2.0)
-        self._takes: list[str] = get(
-            "takes", ["hold"], "Tasks in which the robot takes an object; in others it gives one."
-        )
-        patience = get("patience", PATIENCE_S, "Time after which an offer ends [s].", 0.1, 600.0)
-        self._fingers: list[str] = get(
-            "fingers", [], "Joints of the fingers, whose mean is half of the opening [m]."
-        )
+        values = declare(self, "object_transfer")
+        body, self._near_m = values["body"], values["near"]
+        self._takes: list[str] = values["takes"]
+        self._fingers: list[str] = values["fingers"]
         self._diagnostics = Diagnostics(self)
         self._hand = HandInput(self, self._diagnostics)
-        self._machine = TransferMachine(patience)
+        self._machine = TransferMachine(values["patience"])
         self._estimator: LoadEstimator | None = None
         self._task, self._until_ns = "", 0
         self._person: tuple[int, NDArray[np.float64], float] | None = None

@@ -23,7 +23,7 @@ from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.conversions import position_array, stamp_ns, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.seen_container import to_named_vector
 from intent_recognition.objects import find_object, load_object
@@ -58,32 +58,18 @@ class ObjectWarper(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)
 
-        get = partial(fixed_parameter, self)
-        source = get("source", "mug", "Annotated object: a file, or a shipped one.")
+        values = declare(self, "object_warper")
+        source = values["source"]
         self._source = ObjectModel.learn(load_object(find_object(source)))
-        mapping = get("mapping", "label", "Label the cloud's points, or move the source's.")
+        mapping = values["mapping"]
         if mapping not in ("label", "point"):
             cure = "Use label unless points must be identified one by one."
             raise ArgumentError.about("mapping", "label or point", mapping, cure)
         self._mapping: Literal["label", "point"] = "point" if mapping == "point" else "label"
-        self._neighbours = get("neighbours", 1, "Nearest points that vote on a label.", 1, 50)
-        self._n_points = get(
-            "n_points", 2000, "Points to which larger clouds are thinned.", 200, 100000
-        )
-        self._viewpoint = _position(
-            get(
-                "viewpoint",
-                [0.0, 0.0, 0.0],
-                "Camera position in the cloud's frame [m]; normals are turned toward it.",
-            )
-        )
-        self._above_m = get(
-            "stands_above",
-            0.0,
-            "How far above the lip the contents stand before they leave [m]; 0 for a liquid.",
-            0.0,
-            0.1,
-        )
+        self._neighbours = values["neighbours"]
+        self._n_points = values["n_points"]
+        self._viewpoint = _position(values["viewpoint"])
+        self._above_m = values["stands_above"]
         self._toward: PoseStamped | None = None
         self._frames = FrameOutput(self)
         self._diagnostics = Diagnostics(self)

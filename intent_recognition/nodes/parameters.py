@@ -5,7 +5,7 @@ import math
 import sys
 import weakref
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeVar
+from typing import Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -18,81 +18,62 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from intent_recognition.errors import ArgumentError, IntentError, one_line
+from intent_recognition.parameter_table import ParameterSpec, parameter_parts
 
 Changes = Mapping[str, Any]
 """New values by parameter name; each has the type it was declared with."""
-
-Value = TypeVar("Value")
 
 _checked: weakref.WeakSet[Node] = weakref.WeakSet()
 """Nodes that already refuse NaN and infinity."""
 
 
-def parameter(
-    node: Node,
-    name: str,
-    default: Value,
-    description: str,
-    minimum: float | None = None,
-    maximum: float | None = None,
-    *,
-    read_only: bool = False,
-) -> Value:
-    """Declare a parameter with type, range and description, and return its value.
+def declare(node: Node, part: str) -> dict[str, Any]:
+    """Declare the parameters of a part of a node, and return their values by name.
+
+    Those that are declared already keep their values.
 
     Args:
-        node: owner of the parameter.
-        name: parameter name.
-        default: default value, whose type the parameter keeps. An empty list means a list of
-            strings; for an empty list of another type pass `Parameter.Type.DOUBLE_ARRAY` or the
-            like.
-        description: one sentence for `ros2 param describe`.
-        minimum: smallest value allowed (numbers only).
-        maximum: largest value allowed (numbers only).
-        read_only: True if it cannot change after start.
+        node: owner of the parameters.
+        part: of `parameters.yaml`.
 
     Returns:
-        The value, with overrides applied. Integers given for floats (`rate:=0`) become floats; an
+        The values, with overrides applied. Integers given for floats (`rate:=0`) become floats; an
         array becomes a Python list, and an unset one `[]`.
 
     Raises:
         ArgumentError: an override has the wrong type, is not finite or lies outside the range.
     """
-    descriptor = ParameterDescriptor(description=description, read_only=read_only)
-    if minimum is not None or maximum is not None:
-        _add_range(descriptor, isinstance(default, float), minimum, maximum)
-    if _is_floating(default):
-        _convert_integer_override(node, name)
-    unset = isinstance(default, (list, tuple)) and not default
-    declared_as: Any = Parameter.Type.STRING_ARRAY if unset else default
-    try:
-        declared = node.declare_parameter(name, declared_as, descriptor)
-    except ParameterException as error:
-        raise ArgumentError(f"parameter {name}: {one_line(error)}. {description}") from error
-    if declared.value is None and isinstance(declared_as, Parameter.Type):
-        # Left without a value, it would make `ros2 param dump` of the whole node print `{}`; and
-        # rclpy takes an empty list for one of bytes, where the type is not said.
-        node._parameters[name] = Parameter(name, declared_as, [])
-    if not _is_finite(declared.value):
-        raise ArgumentError.about(
-            f"parameter {name}", "a finite number", declared.value, description
-        )
+    specs = parameter_parts()[part]
+    for name, spec in specs.items():
+        if not node.has_parameter(name):
+            declare_one(node, name, spec)
+    return {name: plain(node.get_parameter(name).value) for name in specs}
+
+
+def declare_one(node: Node, name: str, spec: ParameterSpec) -> Any:
+    """Declare a parameter, and return its value; see `declare`.
+
+    With any type at first, since an integer is taken for a float; then it keeps to its own.
+    """
     if node not in _checked:
         _checked.add(node)
         node.add_on_set_parameters_callback(_refuse_not_finite)
-    return plain(declared.value)
+    kind = Parameter.Type[spec.kind.upper()]
+    if spec.default != []:
+        kind = Parameter.Type.from_parameter_value(spec.default)
+    try:
+        any_type = ParameterDescriptor(dynamic_typing=True)
+        given = plain(node.declare_parameter(name, spec.default, any_type).value)
+        node.set_parameters([Parameter(name, kind, _converted(given, kind))])
+        node.set_descriptor(name, _descriptor(kind, spec))
+    except (ParameterException, TypeError, ValueError) as error:
+        raise ArgumentError(f"parameter {name}: {one_line(error)}. {spec.description}") from error
+    return plain(node.get_parameter(name).value)
 
 
-def fixed_parameter(
-    node: Node,
-    name: str,
-    default: Value,
-    description: str,
-    minimum: float | None = None,
-    maximum: float | None = None,
-) -> Value:
-    """Declare a parameter that cannot change after start; see `parameter`."""
-    return parameter(node, name, default, description, minimum, maximum, read_only=True)
+def live_parameters(part: str) -> list[str]:
+    """Names of the parameters of a part that may change while the node runs."""
+    return [name for name, spec in parameter_parts()[part].items() if spec.live]
 
 
 def plain(value: Any) -> Any:
@@ -110,8 +91,8 @@ def keep_live(
 ) -> None:
     """Let parameters of a node change.
 
-    rclpy refuses wrong types, values out of range and read-only parameters, and `parameter` what
-    is not finite; `check` refuses values that do not fit one another.
+    rclpy refuses wrong types, values out of range and read-only parameters, and `declare` what is
+    not finite; `check` refuses values that do not fit one another.
 
     Args:
         node: node that has declared them.
@@ -144,25 +125,23 @@ def keep_live(
     node.add_post_set_parameters_callback(after_set)
 
 
-def _is_floating(default: object) -> bool:
-    """Whether a parameter of this default holds floats."""
-    if isinstance(default, (list, tuple)):
-        return any(isinstance(value, float) for value in default)
-    return isinstance(default, float) or default == Parameter.Type.DOUBLE_ARRAY
-
-
-def _convert_integer_override(node: Node, name: str) -> None:
+def _converted(value: Any, kind: Parameter.Type) -> Any:
     """Take `rate:=1` for 1.0 and `home:=[0, 0]` for [0.0, 0.0]; rclpy would refuse both."""
-    override = node._parameter_overrides.get(name)
-    if override is None:
-        return
-    kind, value = Parameter.Type, override.value
-    if override.type_ == kind.INTEGER:
-        node._parameter_overrides[name] = Parameter(name, kind.DOUBLE, float(value))
-    elif override.type_ == kind.INTEGER_ARRAY:
-        node._parameter_overrides[name] = Parameter(
-            name, kind.DOUBLE_ARRAY, list(map(float, value))
-        )
+    if kind is Parameter.Type.DOUBLE and type(value) is int:
+        return float(value)
+    if kind is Parameter.Type.DOUBLE_ARRAY and isinstance(value, list):
+        return [float(v) if type(v) is int else v for v in value]
+    return value
+
+
+def _descriptor(kind: Parameter.Type, spec: ParameterSpec) -> ParameterDescriptor:
+    """Type, meaning and range of a parameter."""
+    descriptor = ParameterDescriptor(
+        type=kind.value, description=spec.description, read_only=not spec.live
+    )
+    if spec.minimum is not None or spec.maximum is not None:
+        _add_range(descriptor, isinstance(spec.default, float), spec.minimum, spec.maximum)
+    return descriptor
 
 
 def _add_range(

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the person is predicted to be, for the speed of the arm: from `intent/human_trajectory`."""
 
-from functools import partial
-
 import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
@@ -14,7 +12,7 @@ from intent_recognition.nodes.activation_parameters import RejectionError
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 
 TOPIC = "intent/human_trajectory"
 _DEFAULTS = SeparationSettings()
@@ -38,44 +36,14 @@ class PersonInput:
 
     def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
         self._hand, self._diagnostics = hand, diagnostics
-        get = partial(fixed_parameter, node)
-        dofs: list[str] = get(
-            "person_dofs",
-            [],
-            "Observed DOFs that are x, y and z of a point of the person, as in the model; the arm"
-            " slows by their predicted distance. Empty: it does not.",
-        )
+        values = declare(node, "person")
+        dofs: list[str] = values["person_dofs"]
         self._dofs = [name for name in dofs if name]
-        self._offset = get(
-            "person_offset",
-            [0.0, 0.0, 0.0],
-            "What to add to them, to come into the frame of the URDF's root link [m].",
-        )
+        self._offset = values["person_offset"]
         self._settings = SeparationSettings(
-            human_speed_m_s=get(
-                "human_speed",
-                _DEFAULTS.human_speed_m_s,
-                "Speed at which the person may come nearer [m/s]; a larger value slows the arm"
-                " from farther away.",
-                0.0,
-                10.0,
-            ),
-            intrusion_m=get(
-                "intrusion",
-                _DEFAULTS.intrusion_m,
-                "How far person and arm reach beyond the tracked point and the line through the"
-                " joints [m]; a larger value slows the arm from farther away.",
-                0.0,
-                2.0,
-            ),
-            least_speed_m_s=get(
-                "least_speed",
-                _DEFAULTS.least_speed_m_s,
-                "Speed that the arm keeps at any distance from the person [m/s]; a larger value"
-                " slows it less.",
-                0.01,
-                1.0,
-            ),
+            human_speed_m_s=values["human_speed"],
+            intrusion_m=values["intrusion"],
+            least_speed_m_s=values["least_speed"],
         )
         if len(self._dofs) not in (0, 3) or len(self._offset) != 3:
             got = f"{len(self._dofs)}, and {len(self._offset)} in person_offset"

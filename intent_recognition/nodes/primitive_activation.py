@@ -33,12 +33,12 @@ from intent_recognition.motion import (
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import (
+    AT_REST,
     ActivationParameters,
     RejectionError,
     check_trajectory,
     std_by_unit,
 )
-from intent_recognition.nodes.activation_specs import ANY_TIME, AT_REST
 from intent_recognition.nodes.clearance_input import ClearanceInput
 from intent_recognition.nodes.command_action import CommandAction
 from intent_recognition.nodes.conversions import joint_values, stamp_ns, trajectory_arrays
@@ -47,7 +47,7 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameter_sources import parameter_sources
-from intent_recognition.nodes.parameters import Changes, keep_live
+from intent_recognition.nodes.parameters import Changes, keep_live, live_parameters
 from intent_recognition.nodes.person_input import PersonInput
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
@@ -96,7 +96,7 @@ class PrimitiveActivation(ManagedNode):
         self._starts: dict[str, NDArray[np.float64]] = {}
         self._taught_starts = self._starts
         self._starts_near = np.empty(0)
-        keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
+        keep_live(self, live_parameters("activation"), self._changed, self._change)
         self._streams = SilenceWatch(SENDERS)
         self._silent, self._refused = "", False
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)

@@ -8,12 +8,6 @@ from rclpy.node import Node
 
 from intent_recognition.nodes.diagnostics import INACTIVE, LIFECYCLE, PUBLISHERS, values_of
 
-WAIT_FOR_NODES = (
-    "Begin when these nodes of the namespace are active and have found the publishers they listen"
-    " to; ['']: do not wait."
-)
-"""What the parameter `wait_for_nodes` of the nodes that begin something means."""
-
 
 class Readiness:
     """Listens to `/diagnostics` for nodes that must be there before something begins.

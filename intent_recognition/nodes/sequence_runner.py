@@ -33,7 +33,7 @@ from intent_recognition.motion import JointPath
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import Diagnostics, key_values
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import when_clock_goes_back
 from intent_recognition.promp import TaskLibrary, Trajectory, largest_by_unit
 from intent_recognition.untrusted import UntrustedError, read_text
@@ -63,9 +63,7 @@ class SequenceRunner:
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._node, self._diagnostics = node, diagnostics
-        self._path = fixed_parameter(
-            node, "sequences", "", "File of sequences of tasks; empty: none. Needs a model."
-        )
+        self._path = declare(node, "sequences")["sequences"]
         self._sequences: dict[str, tuple[Step, ...]] = {}
         self._library: TaskLibrary | None = None
         self._points: tuple[ViaPoint, ...] = ()

@@ -8,13 +8,11 @@ the next point follows. In both cases the library stays as it is until `~/accept
 """
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from intent_recognition.errors import ArgumentError, BagError, IntentError
@@ -22,7 +20,6 @@ from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_
 from intent_recognition.model import DOWN, THUMBS, UP, Change, PractisedTask, TaskFolder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
-from intent_recognition.nodes.parameters import parameter
 
 PERIOD_S = 0.1
 """Time from one rollout to the next at least [s]. Convention: the node stays responsive."""
@@ -66,20 +63,6 @@ class Teacher(Protocol):
 
     def report(self, level: int, text: str) -> None:
         """Say a sentence."""
-
-
-def declare_practice(node: Node) -> None:
-    """Declare the parameters of practice."""
-    live = partial(parameter, node)
-    live("practice_cost", "distance", "what a rollout costs: distance, time or thumbs")
-    live("practice_rollouts", 40, "rollouts of a practice in all", 1, 100_000)
-    live(
-        "practice_beside",
-        "",
-        "where the robot's hand must be from where the person's comes to rest, `x y z` in m; empty:"
-        " where the demonstrations had it",
-    )
-    live("practice_seed", 1, "of the points that are tried", 0, 2**31 - 1)
 
 
 class TaskPracticeService:

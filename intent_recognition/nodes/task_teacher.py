@@ -2,7 +2,7 @@
 """Node: records demonstrations while the graph runs and learns them for the estimator."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -36,14 +36,10 @@ from intent_recognition.model import (
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
-from intent_recognition.nodes.parameters import fixed_parameter, parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.services import answer, serve
-from intent_recognition.nodes.task_practice import (
-    PERIOD_S,
-    TaskPracticeService,
-    declare_practice,
-)
+from intent_recognition.nodes.task_practice import PERIOD_S, TaskPracticeService
 from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
 
 ESTIMATOR = "intent_estimator"
@@ -82,29 +78,21 @@ class TaskTeacher(TopicRecorder):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("task_teacher", **kwargs)
-        parameter(self, "task", "", "label of the demonstration")
-        parameter(self, "learn_at_stop", True, "learn each recording at once, not at ~/learn")
         self.last_status = ""
         self.sending_model = False
         self.loaded: str | None = None
         self._asked_s = 0.0
         self._in_use = False
-        self.folder = self._open_folder()
+        values = declare(self, "task_teacher")
+        self.folder = self._open_folder(values)
         self.waiting: list[Path] = self.folder.waiting()
         self.executions = ExecutionRecorder(
             Executions(self.folder.path, now),
-            fixed_parameter(
-                self,
-                "executions",
-                50,
-                "Recordings of executions of each task that are kept; 0: none are made.",
-                0,
-                100_000,
-            ),
+            values["executions"],
             self.folder.present_model,
             self.diagnostics.reject,
         )
-        declare_practice(self)
+        declare(self, "practice")
         self.practice = TaskPracticeService(self)
         steady_timer(self, PERIOD_S, self.practice.step)
         self.add_on_set_parameters_callback(refuse_label)
@@ -125,13 +113,7 @@ class TaskTeacher(TopicRecorder):
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
         self._estimator_name = self.resolve_topic_name(ESTIMATOR).lstrip("/")
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_reports, 10)
-        self._hand_link = fixed_parameter(
-            self,
-            "hand_link",
-            "",
-            "Link that is the hand of the arm that is taught with, where the model predicts a hand;"
-            " empty: the DOF file's.",
-        )
+        self._hand_link = values["hand_link"]
         self.create_subscription(String, "intent/active_task", self._on_active, qos.LATCHED)
         self.create_subscription(
             DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK
@@ -281,11 +263,8 @@ class TaskTeacher(TopicRecorder):
             self.practice.judge(message.name, execution, values[THUMBS])
         self._publish_skills()
 
-    def _open_folder(self) -> TaskFolder:
-        get = partial(fixed_parameter, self)
-        library = get("library", "", "folder of recordings, model and history")
-        dofs = get("dofs", "", "DOF file; empty takes the model's")
-        model = get("model", "", "model a new library begins with; empty: none")
+    def _open_folder(self, values: Mapping[str, Any]) -> TaskFolder:
+        library, dofs, model = values["library"], values["dofs"], values["model"]
         if not library:
             cure = "Start it with -p library:=DIR."
             raise ArgumentError.about("parameter library", "a folder", "nothing", cure)

@@ -16,7 +16,7 @@ from intent_recognition.errors import IntentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.parameters import parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 
@@ -41,13 +41,7 @@ class ViaPointInput:
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._diagnostics = diagnostics
         self._publisher = node.create_publisher(String, "intent/via_points", qos.LATCHED)
-        text = parameter(
-            node,
-            VIA_POINTS,
-            "",
-            "Points that the robot's motion passes through, a YAML list; a point with a larger std"
-            " is passed less closely; empty: none.",
-        )
+        text = declare(node, "via_points")[VIA_POINTS]
         self._points = read_via_points(text)
         self._estimator: IntentEstimator | None = None
         self._bent = BentLibrary()

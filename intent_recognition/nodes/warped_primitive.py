@@ -30,7 +30,7 @@ from intent_recognition.model import ARRIVED, load_pouring_skill
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
 from intent_recognition.nodes.diagnostics import Diagnostics, values_of
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run, when_clock_goes_back
 from intent_recognition.nodes.seen_container import seen_container
 from intent_recognition.promp import NONE
@@ -56,12 +56,10 @@ class WarpedPrimitiveNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("warped_primitive", **kwargs)
-        get = partial(fixed_parameter, self)
-        skill = get("skill", SHIPPED, "File of `save_pouring_skill`, yours or a shipped one.")
-        self._task = get("task", "pouring", "Label of the task.")
-        self._fluid = get(
-            "fluid", 0.5, "What is in the cup at first, as a share of its volume.", 0.0, 1.0
-        )
+        values = declare(self, "warped_primitive")
+        skill = values["skill"]
+        self._task = values["task"]
+        self._fluid = values["fluid"]
         self._skill = load_pouring_skill(skill if Path(skill).is_file() else share_path(skill))
         self._diagnostics = Diagnostics(self)
         self._vectors: dict[str, JointState] = {}

@@ -22,13 +22,11 @@ from intent_recognition.errors import ArgumentError, ResourceBusyError, Trajecto
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.conversions import duration_s, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
-from intent_recognition.nodes.parameters import fixed_parameter, parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.registry import ANSWERS
 from sim_bridge.arm import (
-    ANSWERING,
-    NAMES,
     NO_ANSWER_S,
     TIME_STEP_S,
     Edge,
@@ -44,7 +42,7 @@ from sim_bridge.arm import (
     TrajectoryFollower,
     find_robot,
 )
-from sim_bridge.nodes.pouring_scene import POURING, SCENES, PouringScene, make_scene
+from sim_bridge.nodes.pouring_scene import POURING, PouringScene, make_scene
 from sim_bridge.scenarios.toolbox import HOME
 
 TICK_S = 0.002
@@ -126,53 +124,29 @@ class ArmSim(Node):
 
     def _declare(self) -> None:
         """Declare all parameters; only the pace can change while the physics runs."""
-        get = partial(fixed_parameter, self)
-        self._rate_hz = get("joint_state_rate", 200.0, "JointState per simulated second.", 1, 1000)
-        self._factor = parameter(
-            self,
-            "real_time_factor",
-            1.0,
-            "Simulated per real second; can be changed while running.",
-            0.01,
-            50.0,
-        )
-        self._publishes_clock = get("publish_clock", False, "Publish /clock and stamp with it.")
-        self._headless = get("headless", True, "False opens PyBullet's window.")
-        self._initial = get("initial_position", DOUBLES, "Joint angles [rad]; unset: the robot's.")
-        self._stiffness_scale = get(
-            "stiffness_scale", 1.0, "Factor on the joint stiffness; 1 is compliant.", 0.05, 20.0
-        )
-        self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
-        self._scene = get("scene", "toolbox", f"What is in its world: {', '.join(SCENES)}.")
+        values = declare(self, "arm")
+        self._rate_hz = values["joint_state_rate"]
+        self._factor = values["real_time_factor"]
+        self._publishes_clock = values["publish_clock"]
+        self._headless = values["headless"]
+        self._initial = values["initial_position"]
+        self._stiffness_scale = values["stiffness_scale"]
+        self._noisy = values["sensor_noise"]
+        self._scene = values["scene"]
         self._pouring = PouringScene(self)
-        self._boxes = parse_boxes(
-            get(
-                "boxes",
-                [],
-                "Things that stand in the cell and stop the arm, as those of primitive_activation:"
-                " 'name x y z length width height [qx qy qz qw]' [m].",
-            )
-        )
-        self._answering: list[str] = get(
-            "wait_for_answers",
-            [],
-            "Nodes that /clock waits for until they have processed what was sent to them, of"
-            f" {', '.join(ANSWERING)}.",
-        )
+        self._boxes = parse_boxes(values["boxes"])
+        self._answering: list[str] = values["wait_for_answers"]
         if self._answering and not self._publishes_clock:
             cure = "Set publish_clock, or leave it empty."
             raise ArgumentError.about("wait_for_answers", "publish_clock", self._answering, cure)
-        self._seed = get("seed", 0, "Seed of the sensor noise.", 0)
-        self._controller = get("controller", CONTROLLERS[0], f"One of {', '.join(CONTROLLERS)}.")
+        self._seed = values["seed"]
+        self._controller = values["controller"]
 
     def _find_robot(self) -> Robot:
         """The arm that the parameters name."""
-        get = partial(fixed_parameter, self)
-        names = ", ".join(NAMES)
-        robot = get("robot", "lwr", f"One of {names}, or the path of a URDF.")
-        tip = get("tip", "", "Link that is the hand; empty: the robot's, or before the fingers.")
-        base = get("base_position", DOUBLES, "Where the base stands [m]; unset: the robot's.")
-        return find_robot(robot, tip=tip, base_position_m=list(base) if base else None)
+        values = declare(self, "robot")
+        base = values["base_position"] or None
+        return find_robot(values["robot"], tip=values["tip"], base_position_m=base)
 
     def _make_arm(self) -> SimulatedArm:
         if not self._headless and not os.environ.get("DISPLAY"):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node `coworker_sim`: a simulated worker whose wrist a simulated tracker follows."""
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -13,10 +14,9 @@ from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
-from intent_recognition.nodes.graph import RECOGNITION
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.qos import SENSOR, STATE
-from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
+from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
 from sim_bridge.scenarios.assembly import of_worker, plan_live
@@ -47,14 +47,12 @@ class CoworkerSim(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("coworker_sim", **kwargs)
-        self.plan = self._make_plan()
-        get = partial(fixed_parameter, self)
-        self._wait_for = get(
-            "wait_for_subscribers", 1, "Begin when so many listen to the poses.", 0
-        )
-        nodes = get("wait_for_nodes", list(RECOGNITION), WAIT_FOR_NODES)
-        self._exit_at_end = get("exit_at_end", False, "End with the session.")
-        self._frame = get("frame_id", "world", "frame_id of the poses.")
+        values = declare(self, "coworker_sim")
+        self.plan = _make_plan(values)
+        self._wait_for = values["wait_for_subscribers"]
+        nodes = values["wait_for_nodes"]
+        self._exit_at_end = values["exit_at_end"]
+        self._frame = values["frame_id"]
         self.done = False
         self.diagnostics = Diagnostics(self)
         self._readiness = Readiness(self, nodes)
@@ -71,38 +69,6 @@ class CoworkerSim(Node):
         if self.get_parameter("use_sim_time").value:
             self.create_subscription(Clock, "/clock", self._on_clock, STATE)
         self._start_timer = steady_timer(self, POLL_S, self._start)
-
-    def _make_plan(self) -> SessionPlan:
-        """Declare the parameters of the session and plan it."""
-        get = partial(fixed_parameter, self)
-        seed = get("seed", 1, "Seed of the whole session.", 0)
-        task_list = get(
-            "task_list",
-            "random",
-            "Labels or OLD>NEW@SHARE and commas, a file of them, 'random' or 'habit'.",
-        )
-        count = get("interactions", 0, "How many; 0: as listed (random, habit: 40).", 0)
-        default = SessionTiming()
-        timing = SessionTiming(
-            first_idle_s=get("first_idle", default.first_idle_s, "Rest at first [s].", 0.5),
-            idle_s=self._range("idle", default.idle_s, "Rest between interactions [s]."),
-            hold_s=self._range("hold", default.hold_s, "Wait for the robot [s]."),
-            last_idle_s=get("last_idle", default.last_idle_s, "Rest at last [s].", 0.0),
-            gaps_per_s=get("occlusions", default.gaps_per_s, "Occlusions per second.", 0.0),
-        )
-        scenario = get("scenario", SCENARIOS[0], f"One of {SCENARIOS}.")
-        if scenario not in SCENARIOS:
-            expected = " or ".join(SCENARIOS)
-            raise ArgumentError.about("scenario", expected, scenario, "Choose one.")
-        if scenario == ASSEMBLY:
-            return of_worker(plan_live(seed, task_list, count, timing))
-        return plan_session(seed, parse_task_list(task_list, seed, count), timing)
-
-    def _range(self, name: str, default: tuple[float, float], text: str) -> tuple[float, float]:
-        values = fixed_parameter(self, name, list(default), f"{text} Shortest and longest.")
-        if len(values) != 2 or not 0.1 <= values[0] <= values[1]:
-            raise ArgumentError.about(f"parameter {name}", "two times, 0.1 s or more", values, text)
-        return values[0], values[1]
 
     def _start(self) -> None:
         """Begin the session when its clock runs, the graph is ready and listens."""
@@ -179,6 +145,33 @@ class CoworkerSim(Node):
         self._tasks.publish(String(data=""))
         self.diagnostics.end("session over")
         self.done = self._exit_at_end
+
+
+def _make_plan(values: Mapping[str, Any]) -> SessionPlan:
+    """The session that the parameters describe."""
+    seed, task_list, count = values["seed"], values["task_list"], values["interactions"]
+    timing = SessionTiming(
+        first_idle_s=values["first_idle"],
+        idle_s=_shortest_and_longest(values, "idle"),
+        hold_s=_shortest_and_longest(values, "hold"),
+        last_idle_s=values["last_idle"],
+        gaps_per_s=values["occlusions"],
+    )
+    scenario = values["scenario"]
+    if scenario not in SCENARIOS:
+        expected = " or ".join(SCENARIOS)
+        raise ArgumentError.about("scenario", expected, scenario, "Choose one.")
+    if scenario == ASSEMBLY:
+        return of_worker(plan_live(seed, task_list, count, timing))
+    return plan_session(seed, parse_task_list(task_list, seed, count), timing)
+
+
+def _shortest_and_longest(values: Mapping[str, Any], name: str) -> tuple[float, float]:
+    times_s = values[name]
+    if len(times_s) != 2 or not 0.1 <= times_s[0] <= times_s[1]:
+        cure = "Give the shortest and the longest."
+        raise ArgumentError.about(f"parameter {name}", "two times, 0.1 s or more", times_s, cure)
+    return times_s[0], times_s[1]
 
 
 def _label_schedule(plan: SessionPlan) -> list[tuple[int, str, int]]:

@@ -2,7 +2,6 @@
 """The scene "pouring" of a simulated arm: what is in its world, and the topics that tell of it."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -15,7 +14,7 @@ from std_msgs.msg import Header
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model import SPILLED
 from intent_recognition.nodes.clouds import to_labelled_cloud
-from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox import ToolboxGripper, make_gripper
@@ -44,15 +43,10 @@ class PouringScene:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        of_scene = "Of the scene pouring:"
-        get = partial(fixed_parameter, node)
-        self.cup = get("cup", "mug", f"{of_scene} container in the hand.")
-        self.second = get("second", "tumbler", f"{of_scene} the other one.")
-        self._opening = get(
-            "second_opening",
-            [0.70, 0.15, 0.26],
-            f"{of_scene} centre of the second opening [m], world.",
-        )
+        values = declare(node, "pouring_scene")
+        self.cup = values["cup"]
+        self.second = values["second"]
+        self._opening = values["second_opening"]
         self._task = ""
         self._lay_beside = 0
 

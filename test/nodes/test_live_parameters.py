@@ -10,7 +10,6 @@ from rclpy.parameter import Parameter
 
 from intent_recognition.activation.states import Homing, Idle
 from intent_recognition.model.file import save_model
-from intent_recognition.nodes.activation_specs import ANY_TIME, AT_REST
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.intent_estimator import LIVE as ESTIMATOR_LIVE
@@ -18,6 +17,7 @@ from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import LIVE as INGEST_LIVE
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.object_warper import ObjectWarper
+from intent_recognition.nodes.parameters import live_parameters
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.nodes.task_teacher import TaskTeacher
 from sim_bridge.nodes.coworker_sim import CoworkerSim
@@ -27,7 +27,7 @@ PRACTICE = ("cost", "rollouts", "beside", "seed")
 LIVE = {
     MocapIngest: {*INGEST_LIVE},
     IntentEstimatorNode: {*ESTIMATOR_LIVE, "model"},
-    PrimitiveActivation: {*ANY_TIME, *AT_REST},
+    PrimitiveActivation: set(live_parameters("activation")),
     BagRecorder: {"output", "task"},
     BagPlayer: {"rate", "loop", "exit_at_end"},
     TaskTeacher: {"task", "learn_at_stop", *(f"practice_{name}" for name in PRACTICE)},

@@ -19,8 +19,9 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.parameters import parameter
+from intent_recognition.nodes.parameters import declare_one
 from intent_recognition.nodes.runtime import _Signals, run, settle, when_clock_goes_back
+from intent_recognition.parameter_table import ParameterSpec
 
 ROOT = Path(__file__).parents[2]
 
@@ -207,39 +208,49 @@ def node_with(harness, **overrides):
     )
 
 
+def declared(node, name, default, **fields):
+    return declare_one(node, name, ParameterSpec(default, "what it is", **fields))
+
+
 def test_parameter_returns_default_or_override(harness):
     node = node_with(harness, rate=7, names=["a"])
-    assert parameter(node, "rate", 1.0, "a rate", minimum=0.0) == 7.0
+    assert declared(node, "rate", 1.0, minimum=0.0) == 7.0
     assert isinstance(node.get_parameter("rate").value, float)
-    assert parameter(node, "count", 4, "a count", minimum=1, maximum=9) == 4
-    assert parameter(node, "names", [], "names") == ["a"]
-    assert parameter(node, "others", [], "names") == []
-    assert parameter(node, "bodies", ["wrist"], "names") == ["wrist"]
+    assert declared(node, "count", 4, minimum=1, maximum=9) == 4
+    assert declared(node, "names", []) == ["a"]
+    assert declared(node, "others", []) == []
+    assert declared(node, "bodies", ["wrist"]) == ["wrist"]
+    kinds = [node.get_parameter(name).type_ for name in ("names", "others", "bodies")]
+    assert kinds == [Parameter.Type.STRING_ARRAY] * 3
 
 
 def test_integers_are_taken_for_a_list_of_floats(harness):
     node = node_with(harness, home=[1, 2], pair=[3, 4])
-    assert parameter(node, "home", Parameter.Type.DOUBLE_ARRAY, "angles") == [1.0, 2.0]
-    assert parameter(node, "pair", [0.5, 1.5], "a pair") == [3.0, 4.0]
-    assert parameter(node, "unset", Parameter.Type.DOUBLE_ARRAY, "angles") == []
+    assert declared(node, "home", [], kind="double_array") == [1.0, 2.0]
+    assert declared(node, "pair", [0.5, 1.5]) == [3.0, 4.0]
+    assert declared(node, "unset", [], kind="double_array") == []
+    assert node.get_parameter("unset").type_ is Parameter.Type.DOUBLE_ARRAY
 
 
-def test_parameter_describes_itself(harness):
+@pytest.mark.parametrize("live", [False, True])
+def test_parameter_describes_itself(harness, live):
     node = node_with(harness)
-    parameter(node, "rate", 1.0, "how often", minimum=0.5, maximum=2.0, read_only=True)
+    declared(node, "rate", 1.0, minimum=0.5, maximum=2.0, live=live)
     descriptor = node.describe_parameter("rate")
-    assert descriptor.description == "how often"
-    assert descriptor.read_only
+    assert descriptor.description == "what it is"
+    assert descriptor.read_only != live and not descriptor.dynamic_typing
     assert descriptor.floating_point_range[0].from_value == 0.5
     assert descriptor.floating_point_range[0].to_value == 2.0
-    assert not node.set_parameters([Parameter("rate", value=1.5)])[0].successful
+    assert node.set_parameters([Parameter("rate", value=1.5)])[0].successful == live
+    for bad in (2.5, float("nan"), "fast", 1):
+        assert not node.set_parameters([Parameter("rate", value=bad)])[0].successful
 
 
-@pytest.mark.parametrize("value", [0.1, float("nan"), float("inf"), "fast"])
+@pytest.mark.parametrize("value", [0.1, float("nan"), float("inf"), "fast", [1.0], True])
 def test_parameter_refuses(harness, value):
     node = node_with(harness, rate=value)
     with pytest.raises(ArgumentError, match="rate"):
-        parameter(node, "rate", 1.0, "how often", minimum=0.5, maximum=2.0)
+        declared(node, "rate", 1.0, minimum=0.5, maximum=2.0)
 
 
 class FakeClock:

@@ -366,12 +366,30 @@ def test_a_section_that_no_node_takes_is_refused(describe, tmp_path):
         ("object_warper", True),
         ("/cell2/mocap_ingest", True),
     ):
-        own.write_text(f"{section}:\n  ros__parameters: {{a: 1}}\n", encoding="utf-8")
+        own.write_text(f"{section}:\n  ros__parameters: {{use_sim_time: true}}\n", encoding="utf-8")
         if taken:
             assert start(describe("intent"), params_file=str(own), namespace="cell1")
             continue
         with pytest.raises(ArgumentError, match=section.rsplit("/", 1)[-1]):
             start(describe("intent"), params_file=str(own), namespace="cell1")
+
+
+def test_a_parameter_that_the_node_has_not_is_refused(describe, tmp_path):
+    own = tmp_path / "mine.yaml"
+    for section, name, taken in (
+        ("/**/mocap_ingest", "max_sped", False),
+        ("cup_warper", "neighbors", False),
+        ("primitive_activation", "threshold", True),
+        ("primitive_activation", "qos_overrides", True),
+        ("somebody/**", "anything", True),
+        ("/**", "anything", True),
+    ):
+        own.write_text(f"{section}:\n  ros__parameters: {{{name}: 1.0}}\n", encoding="utf-8")
+        if taken:
+            assert start(describe("intent"), params_file=str(own), namespace="somebody")
+            continue
+        with pytest.raises(ArgumentError, match=f"{name}. Did you mean"):
+            start(describe("intent"), params_file=str(own))
 
 
 def test_an_arm_stands_where_the_second_person_does(describe):

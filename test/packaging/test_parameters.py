@@ -11,8 +11,21 @@ from dashboard.browser import free_port
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from intent_recognition.activation import ActivationSettings
+from intent_recognition.kinematics import DEFAULT_ACCELERATION_RAD_S2
+from intent_recognition.motion import LARGEST_BEND, SeparationSettings
+from intent_recognition.nodes.graph import RECOGNITION
+from intent_recognition.nodes.launch_checks import OF_EVERY_NODE
+from intent_recognition.parameter_table import PARTS, parameters_of
+from intent_recognition.recognition import FORGET_AFTER_S, MAX_WRONG
 from intent_recognition.registry import NODES
 from intent_recognition.share import share_path
+from intent_recognition.tracking import IngestSettings
+from intent_recognition.transfer import PATIENCE_S
+from sim_bridge.arm import ANSWERING, NAMES
+from sim_bridge.coworker import SessionTiming
+from sim_bridge.nodes.arm_sim import CONTROLLERS
+from sim_bridge.nodes.pouring_scene import SCENES
 
 TEXT = share_path("config/params.yaml").read_text(encoding="utf-8")
 SECTIONS = yaml.safe_load(TEXT)
@@ -49,7 +62,9 @@ def test_node_takes_its_section(harness, section, tmp_path):
             said = node.describe_parameter(parameter)
             if said.floating_point_range or said.integer_range:
                 assert "larger value" in said.description, parameter
-    own = set(node._parameters) - {"use_sim_time", "start_type_description_service"}
+    own = set(node.get_parameters_by_prefix("")) - {*OF_EVERY_NODE}
+    if name != "lwr_sim":
+        assert own == set(parameters_of(name))
     assert own <= set(words(name)), "not in the shipped file, not even as a comment"
 
 
@@ -70,3 +85,50 @@ def needed(name, folder):
 
 def test_every_node_has_a_section():
     assert {f"/**/{name}" for name in NODES} == set(SECTIONS)
+    assert set(PARTS) == set(NODES)
+
+
+def test_defaults_are_those_of_the_library():
+    """The description is data, so that they stand in it too."""
+    timing = SessionTiming()
+    for node, expected in {
+        "mocap_ingest": {"orientation_std_rad": IngestSettings.orientation_std_rad},
+        "intent_estimator": {"forget_after": FORGET_AFTER_S},
+        "primitive_activation": {
+            "largest_bend": LARGEST_BEND,
+            "max_wrong": MAX_WRONG,
+            "acceleration_limit": DEFAULT_ACCELERATION_RAD_S2,
+            "timeout": ActivationSettings.timeout_s,
+            "hold_time": ActivationSettings.hold_s,
+            "switch_lead": ActivationSettings.lead_s,
+            "max_joint_state_age": ActivationSettings.max_joint_state_age_s,
+            "max_tracking_error": ActivationSettings.max_tracking_error_rad,
+            "max_lateness": ActivationSettings.max_lateness_s,
+            "human_speed": SeparationSettings.human_speed_m_s,
+            "intrusion": SeparationSettings.intrusion_m,
+            "least_speed": SeparationSettings.least_speed_m_s,
+        },
+        "object_transfer": {"patience": PATIENCE_S},
+        "arm_sim": {"controller": CONTROLLERS[0], "scene": SCENES[0]},
+        "coworker_sim": {
+            "wait_for_nodes": list(RECOGNITION),
+            "first_idle": timing.first_idle_s,
+            "idle": list(timing.idle_s),
+            "hold": list(timing.hold_s),
+            "last_idle": timing.last_idle_s,
+            "occlusions": timing.gaps_per_s,
+        },
+    }.items():
+        known = parameters_of(node)
+        assert {name: known[name].default for name in expected} == expected
+
+
+def test_what_can_be_chosen_is_named():
+    of_arm = parameters_of("arm_sim")
+    for name, choices in {
+        "wait_for_answers": ANSWERING,
+        "controller": CONTROLLERS,
+        "robot": NAMES,
+        "scene": SCENES,
+    }.items():
+        assert ", ".join(choices) in of_arm[name].description

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of all nodes, from one description: `parameters.yaml` beside this file.
+
+Nodes declare them (`nodes.parameters.declare`), launch files refuse misspelt ones, and the
+reference shows them.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+_FILE = Path(__file__).with_name("parameters.yaml")
+
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "mocap_ingest": ("mocap_ingest", "frames"),
+    "intent_estimator": ("lifecycle", "intent_estimator", "hand", "via_points", "frames"),
+    "primitive_activation": ("lifecycle", "activation", "hand", "clearance", "person")
+    + ("correction", "sequences"),
+    "task_teacher": ("task_teacher", "practice"),
+    "object_warper": ("object_warper", "frames"),
+    "object_transfer": ("object_transfer", "hand"),
+    "warped_primitive": ("warped_primitive",),
+    "dashboard": ("dashboard",),
+    "bag_recorder": ("bag_recorder",),
+    "bag_player": ("bag_player",),
+    "arm_sim": ("arm", "robot", "pouring_scene"),
+    "lwr_sim": ("arm", "pouring_scene"),
+    "coworker_sim": ("coworker_sim",),
+}
+"""Parts that a node has, by the name of its executable."""
+
+
+class ParameterSpec(NamedTuple):
+    """A parameter of a node.
+
+    Attributes:
+        default: its default, whose type it keeps.
+        description: with the unit, and what a larger value does.
+        minimum: smallest value allowed; None: any.
+        maximum: largest value allowed; None: any.
+        live: whether it may change while the node runs.
+        kind: its type, where the default is an empty list: "string_array" or "double_array".
+    """
+
+    default: Any
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    live: bool = False
+    kind: str = "string_array"
+
+
+@lru_cache(maxsize=1)
+def parameter_parts() -> Mapping[str, Mapping[str, ParameterSpec]]:
+    """All parameters, by part and name."""
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    described = yaml.load(_FILE.read_text(encoding="utf-8"), loader)  # ours, and safe
+    return {
+        part: {name: _spec(**fields) for name, fields in parameters.items()}
+        for part, parameters in described.items()
+    }
+
+
+def parameters_of(node: str) -> dict[str, ParameterSpec]:
+    """All parameters of a node of ours, by name."""
+    parts = parameter_parts()
+    return {name: spec for part in PARTS[node] for name, spec in parts[part].items()}
+
+
+def _spec(**fields: Any) -> ParameterSpec:
+    minimum, maximum = fields.get("range", (None, None))
+    kind = fields.get("type", "string_array")
+    live = fields.get("live", False)
+    return ParameterSpec(fields["default"], fields["is"], minimum, maximum, live, kind)
