@@ -19,7 +19,7 @@ from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
-from intent_recognition.dashboard.welcome import AUTO, OFF, ON
+from intent_recognition.dashboard.welcome import ALWAYS, AUTO, NEVER
 from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import ArgumentError, BagError, IntentError, one_line
 from intent_recognition.model import load_model
@@ -60,9 +60,9 @@ class Dashboard(Node):
         hand_link = values["hand_link"]
         read_only = values["read_only"]
         light = values["light"]
-        if light not in (AUTO, ON, OFF):
+        if light not in (AUTO, ALWAYS, NEVER):
             cure = "Leave it out for auto."
-            raise ArgumentError.about("parameter light", "auto, on or off", light, cure)
+            raise ArgumentError.about("parameter light", "auto, always or never", light, cure)
         seed = values["seed"]
         self._diagnostics = Diagnostics(self)
         self.state = CellState()

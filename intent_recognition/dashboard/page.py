@@ -21,7 +21,7 @@ from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.via_controls import ViaPointControls
 from intent_recognition.dashboard.watch_tab import WatchTab
-from intent_recognition.dashboard.welcome import AUTO, ON
+from intent_recognition.dashboard.welcome import ALWAYS, AUTO
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
 
@@ -105,7 +105,7 @@ class DashboardPage:
             light,
             lambda: self._ask(self._draws_slowly),
         )
-        self._scene = PageScene(self._server, scene or CellScene(), hand_link, light != ON)
+        self._scene = PageScene(self._server, scene or CellScene(), hand_link, light != ALWAYS)
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400.0)

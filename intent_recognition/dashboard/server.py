@@ -35,7 +35,7 @@ from intent_recognition.dashboard.admission import (
     response_headers,
     script_sources,
 )
-from intent_recognition.dashboard.welcome import AUTO, LIGHT, OFF, welcome
+from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, welcome
 from intent_recognition.errors import ResourceBusyError, one_line
 
 MOST_CLIENTS = 8
@@ -71,7 +71,7 @@ def serve_page(
     admission: Admission,
     operator: Operator,
     refused: Callable[[str], None],
-    light: str = OFF,
+    light: str = NEVER,
     slow: Callable[[], None] = lambda: None,
 ) -> viser.ViserServer:
     """A server on exactly this port: viser by itself would take the next free one.

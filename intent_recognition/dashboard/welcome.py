@@ -6,8 +6,8 @@ and timed. Where that is slow, the page is opened with a quarter of the pixels (
 by which the server knows that shadows must go.
 """
 
-AUTO, ON, OFF = "auto", "on", "off"
-"""When the scene is light: where the browser draws slowly, always, never."""
+AUTO, ALWAYS, NEVER = "auto", "always", "never"
+"""When the scene is light; auto: where a browser draws slowly. On and off are booleans in YAML."""
 PLAIN, LIGHT = "/", "/?fixedDpr=0.5"
 SLOW_MS = 12.0
 """Time of the picture from which on drawing is slow [ms]. By software it took 35 to 45 on two
@@ -47,8 +47,10 @@ location.replace(slow ? "%s" : "%s");
 
 
 def welcome(light: str) -> str:
-    """The page that goes on; `light` is `AUTO`, `ON` or `OFF`."""
+    """The page that goes on; `light` is `AUTO`, `ALWAYS` or `NEVER`."""
     head = "<!doctype html><title>opening</title>"
     if light == AUTO:
         return f"{head}<script>{MEASURE % (SLOW_MS, LIGHT, PLAIN)}</script>"
-    return f'{head}<meta http-equiv="refresh" content="0;url={LIGHT if light == ON else PLAIN}">'
+    return (
+        f'{head}<meta http-equiv="refresh" content="0;url={LIGHT if light == ALWAYS else PLAIN}">'
+    )

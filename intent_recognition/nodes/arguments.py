@@ -89,6 +89,7 @@ ARGUMENTS = {
         Argument("dashboard", bool, "Serve the web page, and teach tasks from it."),
         Argument("port", int, "Port of the web page."),
         Argument("scene", str, "What stands in the cell, for the page: a YAML file, or toolbox."),
+        Argument("light", str, "Page without shadows: always, never, or auto: for slow browsers."),
         Argument("arm_scene", str, "In the simulated arm's world: toolbox, pouring or none."),
         Argument("cup", str, "Container in the hand, in the scene pouring."),
         Argument("second", str, "Container that is poured into, in the scene pouring."),

@@ -140,7 +140,7 @@ NODES = {
         when="dashboard",
     ),
     "dashboard": NodeSpec(
-        _from("port", "models", "hand_link", "scene"),
+        _from("port", "models", "hand_link", "scene", "light"),
         remappings=_ARM,
         when="dashboard",
     ),

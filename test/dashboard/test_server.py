@@ -17,7 +17,7 @@ from websockets.exceptions import InvalidStatus
 
 from intent_recognition.dashboard import server as served
 from intent_recognition.dashboard.admission import IDLE_S, answers, script_sources
-from intent_recognition.dashboard.welcome import AUTO, LIGHT, OFF, ON, PLAIN
+from intent_recognition.dashboard.welcome import ALWAYS, AUTO, LIGHT, NEVER, PLAIN
 
 NEVER_SENT = (
     b"",
@@ -275,12 +275,12 @@ def test_scripts_are_known_by_their_hashes():
     assert script_sources(page) == wanted
 
 
-@pytest.mark.parametrize(("light", "goes_on"), [(AUTO, 1), (ON, 0), (OFF, 0)])
+@pytest.mark.parametrize(("light", "goes_on"), [(AUTO, 1), (ALWAYS, 0), (NEVER, 0)])
 def test_the_entrance_goes_on_to_a_page_as_light_as_is_wanted(light, goes_on):
     opened = []
     with guarded(light=light, slow=lambda: opened.append(1)) as page:
         _, headers, text = page.get(f"/?token={TOKEN}", Cookie=None)
-        assert (LIGHT in text) == (light != OFF)
+        assert (LIGHT in text) == (light != NEVER)
         policy = headers["Content-Security-Policy"]
         assert all(one in policy for one in script_sources(text))
         assert len(script_sources(text)) == goes_on
