@@ -53,10 +53,10 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
         table = open_table(files[0])
         kinds.setdefault(table.names, []).extend(files)
         tables.setdefault(table.names, table)
-    found = [
-        FileKind(_name(files[0]), _inside(source, files[0]), tables[names], _pattern(source, files))
-        for names, files in kinds.items()
-    ]
+    found = []
+    for names, files in kinds.items():
+        first, pattern = files[0], name_pattern(source, files)
+        found.append(FileKind(_name(first), _inside(source, first), tables[names], pattern))
     stems = [{path.stem for path in files} for files in kinds.values()]
     together = all(kind.pattern for kind in found) and len({k.name for k in found}) == len(found)
     return found if together and set.intersection(*stems) else found[:1]
@@ -66,7 +66,7 @@ def _name(path: Path) -> str:
     return re.sub(r"\W+", "_", path.parent.name)
 
 
-def _pattern(source: Path, files: Sequence[Path]) -> str:
+def name_pattern(source: Path, files: Sequence[Path]) -> str:
     """How the files are named below a folder; empty where no rule is seen."""
     if files[0] == source:
         return ""

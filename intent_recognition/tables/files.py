@@ -63,6 +63,13 @@ def is_table(path: Path) -> bool:
     return path.suffix.lower() in TEXTS or path.suffix.lower() in SUFFIXES
 
 
+def has_tables(source: Path) -> bool:
+    """Whether something of a path can be imported as a table."""
+    if source.is_file() or is_lerobot(source):
+        return is_lerobot(source) or is_table(source)
+    return any(path.is_file() and is_table(path) for path in source.rglob("*"))
+
+
 def find_tables(source: Path) -> list[Path]:
     """What of a path can be imported: itself, or what is in a folder, sorted by name.
 

@@ -2,21 +2,21 @@
 """A first map from what a table holds: places, what moves, times, units."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import yaml
-from numpy.typing import NDArray
 
-from intent_recognition.bags import JOINT_STATE, NANOSECONDS, POSE
+from intent_recognition.bags import NANOSECONDS
+from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError
-from intent_recognition.signals import POSITION_FIELDS
-from intent_recognition.tables.cells import numbers, texts, without_zeros
+from intent_recognition.tables.cells import numbers, texts
 from intent_recognition.tables.file_kinds import FileKind, file_kinds
-from intent_recognition.tables.files import find_tables
-from intent_recognition.tables.scales import spelled
+from intent_recognition.tables.files import find_tables, has_tables
+from intent_recognition.tables.suggested_bags import suggest_of_bags
+from intent_recognition.tables.suggested_entries import SeenColumn, body_entry, flow, joints_entry
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT
 
@@ -28,34 +28,21 @@ MOST_LISTED = 12
 """Columns of a kind that a comment lists. Convention."""
 LEAST_SEEN = 0.5
 """Share of the rows that a body is seen in, below which it is only named. Convention."""
+MOST_JOINTS = 16
+"""Joints that a suggestion has. Convention: two arms with a hand."""
 MOST_BODIES = 8
-"""Bodies and joints that a suggestion has. Convention: a person is asked to delete the others."""
+"""Bodies that a suggestion has. Convention: a person is asked to delete the others."""
 USUAL_PERIODS_S = 1e-3, 0.5
 """Steps between samples by which the unit of times is known [s]. Convention."""
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|time|timestamp|stamp|secs?|seconds|zeit)([^a-z]|$)")
 NO_JOINT = re.compile(
-    r"(?i)stamp|secs?\b|header|vel|effort|torque|current|temp|force|quality|error"
+    r"(?i)stamp|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
 )
 """What columns are called that move and are no position of a joint."""
-JOINT = re.compile(r"(?:.*[./])?(?P<joint>[^./]+)[./](?:position|pos|q)$")
-"""Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample)#?$")
 ELEMENTS = re.compile(r"(?i)^(?P<body>.*(pos|position|xyz|translation))\.(?P<element>\d+)$")
 NO_PLACE = re.compile(r"(?i)rotation|orientation|velocity|acceleration")
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[xXyYzZ])$")
-FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
-"""Beyond this a number is taken for another unit [m, rad]. Convention: a lab, two turns."""
-FARTHEST_CM = 300.0
-"""Centimetres beyond which numbers are millimetres [cm]. Convention: what a person reaches."""
-
-
-class _Column(NamedTuple):
-    """A column of numbers: its name, values, whether they change, and share of rows with one."""
-
-    name: str
-    values: NDArray[np.float64]
-    moves: bool
-    seen: float
 
 
 def suggest_map(source: Path) -> str:
@@ -69,11 +56,13 @@ def suggest_map(source: Path) -> str:
     Raises:
         BagError: nothing can be read.
     """
+    if source.exists() and not has_tables(source) and (bags := find_bags(source)):
+        return suggest_of_bags(source, bags)
     kinds = file_kinds(source, find_tables(source))
     several = len(kinds) > 1
     parts = [_suggest(kind, kind.name if several else "") for kind in kinds]
     parts.sort(key=lambda part: not part.bodies)  # the person first
-    entries = [entry for part in parts for entry in (*part.bodies, *part.others)]
+    entries = _distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
     if not entries:
         place = str(kinds[0].table.source)
         raise BagError.about(place, "columns that move", "none", "Check the file.")
@@ -92,6 +81,17 @@ def suggest_map(source: Path) -> str:
         *(line for part in parts for line in part.left_out),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
+    """Entries whose topics differ: further ones of the same name have a number."""
+    seen: Counter[str] = Counter()
+    for (first, *_), entry in zip(entries, entries, strict=True):
+        topic = first.split()[2]
+        seen[topic] += 1
+        if seen[topic] > 1 and topic.endswith("/pose"):
+            entry[0] = first.replace(topic, f"{topic.removesuffix('/pose')}_{seen[topic]}/pose")
+    return list(entries)
 
 
 class _Part(NamedTuple):
@@ -122,9 +122,9 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     seldom = [b for b in moving if columns[bodies[b][0]].seen < LEAST_SEEN]
     markers = [b for b in moving if b not in seldom and _is_marker_of(b, moving)]
     moving = [b for b in moving if b not in (*seldom, *markers)]
-    own = [f"    file: {_flow(name)}", f"    time: {_flow(time)}  # {time_note}"] if name else []
-    found = [_body(table, columns, body, bodies[body]) + own for body in moving[:MOST_BODIES]]
-    arm = [_joints(table, joints[:MOST_BODIES]) + own] if joints else []
+    own = [f"    file: {flow(name)}", f"    time: {flow(time)}  # {time_note}"] if name else []
+    found = [body_entry(table, columns, body, bodies[body]) + own for body in moving[:MOST_BODIES]]
+    arm = [joints_entry(table, joints[:MOST_JOINTS]) + own] if joints else []
     rows = max((column.values.size for column in columns.values()), default=0)
     left_out = []
     for title, names in (
@@ -133,7 +133,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         ("Markers of these bodies", markers),
         ("Seldom seen", seldom),
         ("More bodies that move", moving[MOST_BODIES:]),
-        ("More columns that move", [c.name for c in joints[MOST_BODIES:]]),
+        ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
     ):
         if names:
             more = [f"and {len(names) - MOST_LISTED} more"] if names[MOST_LISTED:] else []
@@ -143,7 +143,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         table.notes,
         found,
         arm,
-        [] if name else [f"time: {_flow(time)}  # {time_note}"],
+        [] if name else [f"time: {flow(time)}  # {time_note}"],
         [*_of_texts(kind, labels)],
         left_out,
     )
@@ -154,9 +154,9 @@ def _files(kinds: Sequence[FileKind]) -> Iterator[str]:
     if len(kinds) > 1:
         yield "files:  # of one recording"
         for kind in kinds:
-            yield f"  {kind.name}: {_flow(kind.pattern)}"
+            yield f"  {kind.name}: {flow(kind.pattern)}"
     elif kinds[0].says_task:
-        yield f"files: {_flow(kinds[0].pattern)}"
+        yield f"files: {flow(kinds[0].pattern)}"
 
 
 def _is_marker_of(body: str, bodies: Sequence[str]) -> bool:
@@ -165,9 +165,9 @@ def _is_marker_of(body: str, bodies: Sequence[str]) -> bool:
     return bool(colon) and any(other.split(".")[0] == owner for other in bodies)
 
 
-def _columns(table: Table) -> tuple[dict[str, _Column], dict[str, list[str]]]:
+def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]]]:
     """Columns with a name of their own: those of numbers, and those of texts."""
-    found: dict[str, _Column] = {}
+    found: dict[str, SeenColumn] = {}
     labels: dict[str, list[str]] = {}
     alone = [k for k, name in enumerate(table.names) if name and table.names.count(name) == 1]
     for start in range(0, len(alone), READ_AT_ONCE):
@@ -182,17 +182,17 @@ def _columns(table: Table) -> tuple[dict[str, _Column], dict[str, list[str]]]:
             seen = values[np.isfinite(values)]
             if seen.size:
                 moves = bool(np.ptp(seen) > STILL * max(1.0, float(np.abs(seen).max())))
-                found[name] = _Column(name, values, moves, seen.size / values.size)
+                found[name] = SeenColumn(name, values, moves, seen.size / values.size)
     return found, labels
 
 
-def _counts(column: _Column) -> bool:
+def _counts(column: SeenColumn) -> bool:
     """Whether a column counts rows, as frames and indices do."""
     by_one = bool(np.all(np.diff(column.values) == 1.0)) and column.values[0] in (0.0, 1.0)
     return by_one or bool(COUNT_NAME.search(column.name))
 
 
-def _time(table: Table, columns: Mapping[str, _Column]) -> tuple[dict[str, object], str]:
+def _time(table: Table, columns: Mapping[str, SeenColumn]) -> tuple[dict[str, object], str]:
     said = table.defaults.get("time")
     if isinstance(said, Mapping):
         rate = said.get("rate")
@@ -209,7 +209,7 @@ def _time(table: Table, columns: Mapping[str, _Column]) -> tuple[dict[str, objec
     return {"rate": 100}, "nothing in the file says when: give the rate in Hz"
 
 
-def _bodies(columns: Mapping[str, _Column]) -> dict[str, list[str]]:
+def _bodies(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
     """Columns x, y, z of each body."""
     found: dict[str, dict[str, str]] = {}
     for name in columns:
@@ -225,74 +225,17 @@ def _bodies(columns: Mapping[str, _Column]) -> dict[str, list[str]]:
     }
 
 
-def _body(
-    table: Table, columns: Mapping[str, _Column], body: str, names: Sequence[str]
-) -> list[str]:
-    values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
-    extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
-    unit, note = _unit(table, names[0], values, "m")
-    topic = (
-        re.sub(r"\W+", "_", re.sub(r"(?i)[._ ](position|pos)$|_t$", "", body)).strip("_").lower()
-    )
-    return [
-        f"  - topic: /mocap/{topic or 'wrist'}/pose  # moves over {extent:.3g} {unit or 'm'}",
-        f"    type: {POSE}",
-        f"    fields: {_flow(list(POSITION_FIELDS))}",
-        "    unit: m",
-        f"    columns: {_flow(list(names))}",
-        *([f"    columns_unit: {unit}  # {note}"] if unit else []),
-    ]
-
-
-def _joints(table: Table, joints: Sequence[_Column]) -> list[str]:
-    found = [JOINT.fullmatch(joint.name) for joint in joints]
-    called = [
-        match["joint"] if match else joint.name for match, joint in zip(found, joints, strict=True)
-    ]
-    names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
-    values = np.column_stack([joint.values for joint in joints])
-    unit, note = _unit(table, joints[0].name, values, "rad")
-    return [
-        "  - topic: /joint_states  # they move, and are no place of a body",
-        f"    type: {JOINT_STATE}",
-        f"    joints: {_flow(names)}",
-        "    unit: rad",
-        f"    columns: {_flow([joint.name for joint in joints])}",
-        *([f"    columns_unit: {unit}  # {note}"] if unit else []),
-    ]
-
-
-def _unit(table: Table, name: str, values: NDArray[np.float64], base: str) -> tuple[str, str]:
-    """Unit of columns, "" where it is that of the entry, and how it is known."""
-    number = table.find(name)
-    said = spelled(table.units.get(number if number is not None else -1, "") or table.unit)
-    if said:
-        return ("" if said == base else said), "the file says so"
-    if table.must_say and base == "m":
-        return "mm", "guessed: the usual unit of motion capture"
-    farthest = float(np.nanmax(np.abs(values)))
-    if farthest <= FARTHEST[base]:
-        return "", ""
-    unit = "deg" if base == "rad" else "cm" if farthest <= FARTHEST_CM else "mm"
-    return unit, f"guessed: {farthest:.3g} {base} is too far"
-
-
 def _of_texts(kind: FileKind, labels: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """Where demonstrations begin, and what their label is."""
     table = kind.table
     for key in ("segments", "task"):
         if isinstance(said := table.defaults.get(key), Mapping):
-            yield f"{key}: {_flow(dict(said))}  # the file says so"
+            yield f"{key}: {flow(dict(said))}  # the file says so"
     if "task" in table.defaults:
         return
     for name, values in labels.items():
         kinds = sorted(set(filter(None, values)))
         shown = ", ".join(kinds[:MOST_LISTED])
-        yield f"# task: {_flow({'column': name})}  # it says: {shown}"[:200]
+        yield f"# task: {flow({'column': name})}  # it says: {shown}"[:200]
     if not labels and not kind.says_task:
         yield "task: give_it_a_name"
-
-
-def _flow(content: object) -> str:
-    text = yaml.safe_dump(content, default_flow_style=True, sort_keys=False, width=10**6)
-    return text.strip().removesuffix("...").strip()

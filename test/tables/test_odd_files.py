@@ -4,8 +4,10 @@
 import numpy as np
 import pytest
 import yaml
+from bag_builder import write_ros1
 from c3d_builder import c3d_file
 
+from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import ImportMap, import_demonstrations, suggest_map
 
@@ -188,3 +190,45 @@ def test_a_suggestion_knows_joints_from_clocks(tmp_path):
     (entry,) = yaml.safe_load(text)["observed"]
     assert entry["joints"] == ["panda_joint1"]
     assert "# They move, and are no positions: header.stamp, /js/panda_joint1/velocity" in text
+
+
+def suggested(source):
+    text = suggest_map(source)
+    found = list(import_demonstrations(source, ImportMap.from_dict(yaml.safe_load(text))))
+    assert found and not any(isinstance(one, Rejection) for one in found)
+    return yaml.safe_load(text), text, found
+
+
+def test_a_map_is_suggested_of_bags(tmp_path):
+    write_ros1(tmp_path / "give_00.bag")
+    content, _, (found,) = suggested(tmp_path)
+    assert content["files"] == "{task}_{number}.bag" and found.custom_data["task"] == "give"
+    assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
+    assert len(content["controlled"][0]["joints"]) == 7
+    (tmp_path / "give_00.bag").unlink()
+    with pytest.raises(BagError):
+        suggest_map(tmp_path)
+
+
+def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "give_0.hdf5", "w") as file:
+        file["observations/qpos"] = SHARE + np.arange(14) / 100
+        file["observations/wrist_pos"] = file["observations/goal_pos"] = PLACE / 1000
+        file["action"] = SHARE + np.arange(14) / 100
+    content, text, _ = suggested(tmp_path)
+    topics = [one["topic"] for side in ("observed", "controlled") for one in content[side]]
+    assert topics == ["/mocap/goal/pose", "/mocap/wrist/pose", "/joint_states"]
+    assert content["controlled"][-1]["columns"] == [f"observations.qpos.{k}" for k in range(14)]
+    assert "# They move, and are no positions: action.0" in text
+
+
+def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
+    content = plain(head="t,obs.x,obs.y,obs.z").replace("\n", ",1,2,3\n")
+    _, *rest = content.splitlines()
+    rows = [",".join([*row.split(",")[:4], *row.split(",")[1:4]]) for row in rest]
+    names = "t,obs.x,obs.y,obs.z,pose.x,pose.y,pose.z"
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]) + "\n")
+    content, *_ = suggested(tmp_path / "a.csv")
+    assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
+    assert content["controlled"][0]["topic"] == "/mocap/wrist_2/pose"

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Entries of a suggested map, as lines of YAML with comments."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from intent_recognition.bags import JOINT_STATE, POSE
+from intent_recognition.signals import POSITION_FIELDS
+from intent_recognition.tables.cells import without_zeros
+from intent_recognition.tables.scales import spelled
+from intent_recognition.tables.table import Table
+
+FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
+"""Beyond this a number is taken for another unit [m, rad]. Convention: a lab, two turns."""
+FARTHEST_CM = 300.0
+"""Centimetres beyond which numbers are millimetres [cm]. Convention: what a person reaches."""
+JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
+"""Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
+NO_NAME = {"observation", "observations", "obs", "human", "field", "mocap", "pose"}
+NO_NAME |= {"position", "pos", "xyz", "translation", "t"}
+"""What names of columns say that is no name of a body."""
+
+
+class SeenColumn(NamedTuple):
+    """A column of numbers: its name, values, whether they change, and share of rows with one."""
+
+    name: str
+    values: NDArray[np.float64]
+    moves: bool
+    seen: float
+
+
+def body_entry(
+    table: Table, columns: Mapping[str, SeenColumn], body: str, names: Sequence[str]
+) -> list[str]:
+    """Lines of the entry of a body, by what it is called and its columns x, y, z."""
+    values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
+    extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
+    unit, note = _unit_of(table, names[0], values, "m")
+    parts = [part for part in re.split(r"[\W_]+", body.lower()) if part not in NO_NAME]
+    topic = "_".join(filter(None, parts))
+    return [
+        f"  - topic: /mocap/{topic or 'wrist'}/pose  # moves over {extent:.3g} {unit or 'm'}",
+        f"    type: {POSE}",
+        f"    fields: {flow(list(POSITION_FIELDS))}",
+        "    unit: m",
+        f"    columns: {flow(list(names))}",
+        *([f"    columns_unit: {unit}  # {note}"] if unit else []),
+    ]
+
+
+def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
+    """Lines of the entry of joints."""
+    found = [JOINT.fullmatch(joint.name) for joint in joints]
+    called = [
+        match["joint"] if match else joint.name for match, joint in zip(found, joints, strict=True)
+    ]
+    names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
+    values = np.column_stack([joint.values for joint in joints])
+    unit, note = _unit_of(table, joints[0].name, values, "rad")
+    return [
+        "  - topic: /joint_states  # they move, and are no place of a body",
+        f"    type: {JOINT_STATE}",
+        f"    joints: {flow(names)}",
+        "    unit: rad",
+        f"    columns: {flow([joint.name for joint in joints])}",
+        *([f"    columns_unit: {unit}  # {note}"] if unit else []),
+    ]
+
+
+def _unit_of(table: Table, name: str, values: NDArray[np.float64], base: str) -> tuple[str, str]:
+    """Unit of columns, "" where it is that of the entry, and how it is known."""
+    number = table.find(name)
+    said = spelled(table.units.get(number if number is not None else -1, "") or table.unit)
+    if said:
+        return ("" if said == base else said), "the file says so"
+    if table.must_say and base == "m":
+        return "mm", "guessed: the usual unit of motion capture"
+    farthest = float(np.nanmax(np.abs(values)))
+    if farthest <= FARTHEST[base]:
+        return "", ""
+    unit = "deg" if base == "rad" else "cm" if farthest <= FARTHEST_CM else "mm"
+    return unit, f"guessed: {farthest:.3g} {base} is too far"
+
+
+def flow(content: object) -> str:
+    """YAML on one line."""
+    text = yaml.safe_dump(content, default_flow_style=True, sort_keys=False, width=10**6)
+    return text.strip().removesuffix("...").strip()
