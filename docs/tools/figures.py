@@ -5,7 +5,7 @@
 take an hour), keeps what they measured, and writes it into the pages. `--write` runs nothing.
 
 A page shows a table or a printed text between `<!-- figures NAME -->` and `<!-- end -->`, and a
-single value before `<!--NAME.KEY-->`.
+single value before `<!--NAME.KEY-->`. What is of another version, or missing, is marked on the page.
 """
 
 import argparse
@@ -19,12 +19,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from intent_recognition import __version__
+
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "docs" / "figures.json"
 OUT = Path("out/figures")
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(?<=<!-- figures )(\S+) -->\n.*?(?=<!-- end -->)", re.DOTALL)
 INLINE = re.compile(r"[^\s|(]+(?=<!--([\w./]+)\.(\w+)-->)")
+MISSING = "?"
+"""Stands for a single value that was not measured yet."""
 EXPERIMENTS = {
     **dict.fromkeys(("pointing", "pole", "toolbox"), " --seeds 10"),
     **dict.fromkeys(("sparse", "noise", "alignment", "assembly", "feedback", "context"), ""),
@@ -148,10 +152,10 @@ def load() -> dict[str, dict]:
 
 def measured(name: str) -> dict:
     """Run the command of a figure; what is to be kept of it."""
-    from intent_recognition import __version__
-
     source, printed = SOURCES[name], ""
     (ROOT / OUT).mkdir(parents=True, exist_ok=True)
+    if source.result is not None:  # what an earlier run left is no result of this one
+        (ROOT / source.result).unlink(missing_ok=True)
     programs = Path(sys.executable).parent
     for command in source.command.split(" && "):
         words = shlex.split(command)
@@ -169,13 +173,24 @@ def with_figures(page: str, figures: Mapping[str, Mapping]) -> str:
     """The text of a page with the figures in their places."""
 
     def block(match: re.Match) -> str:
-        return f"{match[1]} -->\n{_shown(figures[match[1]])}\n"
+        return f"{match[1]} -->\n{_shown(match[1], figures.get(match[1], {}))}\n"
 
-    page = BLOCK.sub(block, page)
-    return INLINE.sub(lambda match: figures[match[1]]["values"][match[2]], page)
+    def value(match: re.Match) -> str:
+        return str(figures.get(match[1], {}).get("values", {}).get(match[2], MISSING))
+
+    return INLINE.sub(value, BLOCK.sub(block, page))
 
 
-def _shown(figure: Mapping) -> str:
+def _shown(name: str, figure: Mapping) -> str:
+    """A figure in Markdown; said of it, where it is missing or of another version."""
+    if not figure:
+        return f'*Not measured yet: `make figures FIGURES="{name}"`.*'
+    is_old = figure.get("version", __version__) != __version__
+    note = f"\n\n*Measured with version {figure['version']}.*" if is_old else ""
+    return _content(figure) + note
+
+
+def _content(figure: Mapping) -> str:
     if "text" in figure:
         return f"```text\n{figure['text']}\n```"
     head, *rows = figure["rows"]
@@ -189,8 +204,13 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SOURCES))
     parser.add_argument("--write", action="store_true", help="only write the pages")
     args = parser.parse_args()
+    failed = []
     for name in () if args.write else args.names or SOURCES:
-        found = measured(name)
+        try:
+            found = measured(name)
+        except (OSError, ValueError, LookupError) as error:  # the others are still measured
+            failed.append(f"{name} ({error})")
+            continue
         figures = {**load(), name: found}  # another run may have written meanwhile
         text = json.dumps(dict(sorted(figures.items())), indent=1, ensure_ascii=False)
         FILE.write_text(text + "\n", encoding="utf-8")
@@ -198,6 +218,8 @@ def main() -> None:
     for path in PAGES:
         page = path.read_text(encoding="utf-8")
         path.write_text(with_figures(page, figures), encoding="utf-8")
+    if failed:
+        sys.exit(f"not measured, what was there stays: {', '.join(failed)}")
 
 
 if __name__ == "__main__":
