@@ -5,7 +5,7 @@
 take an hour), keeps what they measured, and writes it into the pages. `--write` runs nothing.
 
 A page shows a table or a printed text between `<!-- figures NAME -->` and `<!-- end -->`, and a
-single value before `<!--NAME.KEY-->`. What is of another version, or missing, is marked on the page.
+single value before `<!--NAME.KEY-->`. What is old or missing is marked on the page.
 """
 
 import argparse
