@@ -113,6 +113,7 @@ NODES: Mapping[str, RegisteredNode] = {
             "intent/via_points",
             f"human/{BODY}",
             "joint_states",
+            "monitored_planning_scene",
             "robot_description",
         ),
         publishes=(
@@ -122,6 +123,7 @@ NODES: Mapping[str, RegisteredNode] = {
             "intent/question",
             "intent/sequence",
             "joint_trajectory",
+            "planning_scene",
         ),
         offers=("~/reset",),
         managed=True,

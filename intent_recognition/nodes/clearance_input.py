@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What plans keep clear of: boxes from parameters, and the arm's shape from `robot_description`."""
+"""What plans keep clear of: boxes, things of a planning scene, and the arm itself."""
 
 from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, IntentError
-from intent_recognition.kinematics import Arm, Bodies, parse_boxes
+from intent_recognition.kinematics import Arm, Bodies, Box, parse_boxes
 from intent_recognition.motion import Clearance, Spread
 from intent_recognition.nodes.activation_parameters import RejectionError
+from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
 from intent_recognition.promp import TaskLibrary
 
 
@@ -16,6 +18,7 @@ class ClearanceInput:
 
     Args:
         node: has the parameters, and logs.
+        diagnostics: of the node.
 
     Attributes:
         clearance: None where nothing is kept clear of, or as long as the arm is not known.
@@ -24,7 +27,7 @@ class ClearanceInput:
         ArgumentError: the parameters do not fit one another.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, diagnostics: Diagnostics) -> None:
         self._node = node
         values = declare(node, "clearance")
         self._distance_m = values["clearance"]
@@ -33,6 +36,14 @@ class ClearanceInput:
         if self._boxes and not self._distance_m:
             cure = "Try 0.02, or leave boxes empty."
             raise ArgumentError.about("clearance", "above 0 m with boxes", 0.0, cure)
+        use = values["planning_scene"]
+        if use in (READ, BOTH) and not self._distance_m:
+            cure = "Try 0.02, or leave planning_scene off."
+            raise ArgumentError.about("clearance", "above 0 m with a planning scene", 0.0, cure)
+        self._scene = PlanningSceneLink(
+            node, diagnostics, use, values["planning_frame"], self._boxes
+        )
+        self._of_scene: tuple[Box, ...] = ()
         self.clearance: Clearance | None = None
         self._description = ""
         self._arm: Arm | None = None
@@ -62,9 +73,11 @@ class ClearanceInput:
             return False
         if not description:
             raise RejectionError("no_robot_description", "clearance is set, but for which arm?")
-        changed = description != self._description or arm is not self._arm
+        changed = (description, self._scene.boxes) != (self._description, self._of_scene)
+        changed |= arm is not self._arm
         if changed:
             self._description, self._arm, self._rejection = description, arm, None
+            self._of_scene = self._scene.boxes
             try:
                 self._make(description, names, library, arm, reference)
             except IntentError as error:
@@ -81,7 +94,8 @@ class ClearanceInput:
         arm: Arm | None,
         reference: tuple[float, ...],
     ) -> None:
-        bodies = Bodies(description, names, self._boxes, clearance_m=self._distance_m)
+        boxes = (*self._boxes, *self._of_scene)
+        bodies = Bodies(description, names, boxes, clearance_m=self._distance_m)
         spreads = {}
         if library is not None:
             spreads = {
@@ -89,7 +103,7 @@ class ClearanceInput:
                 for k, label in enumerate(library.labels)
             }
         self.clearance = Clearance(bodies, spreads, self._largest_bend)
-        things = ", ".join([*(box.name for box in self._boxes), "itself"])
+        things = ", ".join([*(box.name for box in boxes), "itself"])
         self._node.get_logger().info(
             f"keeps {self._distance_m:g} m clear of {things}: {len(bodies.pairs)} pairs of bodies"
         )

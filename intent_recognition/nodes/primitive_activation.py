@@ -73,7 +73,7 @@ class PrimitiveActivation(ManagedNode):
         self.diagnostics = Diagnostics(self)
         self._settings = ActivationParameters(self)
         self._hand = HandInput(self, self.diagnostics)
-        self._things = ClearanceInput(self)
+        self._things = ClearanceInput(self, self.diagnostics)
         self._person = PersonInput(self, self._hand, self.diagnostics)
         self._correction = CorrectionInput(self)
         self._sequences = SequenceRunner(self, self.diagnostics)

@@ -8,6 +8,7 @@ from joint_trajectories import build_joint_trajectory
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
@@ -16,6 +17,7 @@ from intent_recognition.kinematics import JOINT_NAMES, hand_position, parse_boxe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     to_joint_state,
+    to_pose,
     to_stamp,
     trajectory_arrays,
 )
@@ -93,6 +95,35 @@ def test_a_path_into_a_box_is_refused_and_both_bodies_are_named(harness):
     assert all("would touch crate at phase" in text for text in texts)
 
 
+@pytest.mark.slow
+def test_a_path_into_a_thing_of_the_planning_scene_is_refused_until_it_is_gone(
+    harness, ros_interfaces
+):
+    ros_interfaces("moveit_msgs")
+    from moveit_msgs.msg import CollisionObject, PlanningScene
+
+    graph = Graph(harness, clearance=0.02, planning_scene="read")
+    (box,) = parse_boxes([box_at(0.5 * (HOME + GOAL))])
+    thing = CollisionObject(id="container", operation=CollisionObject.ADD)
+    thing.header.frame_id = "world"
+    thing.pose = to_pose(np.array(box.center), np.array(box.quaternion))
+    thing.primitives = [SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.1, 0.05])]
+    told = harness.publisher(PlanningScene, "monitored_planning_scene", qos.STATE)
+    harness.connect(told)
+    link = graph.node._things._scene
+    for operation, n_boxes in ((CollisionObject.ADD, 1), (CollisionObject.REMOVE, 0)):
+        thing.operation = operation
+        scene = PlanningScene(is_diff=True)
+        scene.world.collision_objects = [thing]
+        told.publish(scene)
+        harness.spin_until(lambda n=n_boxes: len(link.boxes) == n, what="the scene")
+        graph.describe(ROBOT.description)
+        for _ in range(4):
+            graph.step()
+        assert bool(graph.commands) == (n_boxes == 0)
+    assert graph.node.diagnostics.rejected("would_touch")
+
+
 def test_a_path_beside_a_box_is_executed(harness):
     graph = Graph(harness, clearance=0.02, boxes=[box_at(HOME + [1.5, 0, 0, 0, 0, 0, 0])])
     graph.describe(ROBOT.description)
@@ -120,6 +151,7 @@ def test_without_the_arms_shape_nothing_moves(harness):
     "wrong, message",
     [
         ({"boxes": ["table 0 0 0 1 1 0.1"]}, "clearance: expected above 0 m with boxes"),
+        ({"planning_scene": "read"}, "clearance: expected above 0 m with a planning scene"),
         ({"clearance": 0.02, "boxes": ["table 0 0"]}, "boxes: expected 'name x y z"),
     ],
 )

@@ -22,7 +22,8 @@ LATER = {
     "intent_estimator": {"human/wrist", "joint_states"},  # once it has a model
     "primitive_activation": {"intent/next_task", "intent/robot_trajectory", "intent/tasks"}
     | {"joint_states", "joint_trajectory"}
-    | {"human/wrist", "intent/sequence", "intent/via_points"},
+    | {"human/wrist", "intent/sequence", "intent/via_points"}
+    | {"monitored_planning_scene", "planning_scene"},  # with MoveIt
     "bag_recorder": {*RECORDED},
     "bag_player": {topic for topic in RECORDED if not topic.startswith(OWN_TOPICS)},
     "task_teacher": {"mocap/wrist/pose", "joint_states", "robot_description"},
