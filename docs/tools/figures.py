@@ -17,6 +17,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 from intent_recognition import __version__
@@ -91,6 +92,29 @@ def _demo(numbers: Any) -> dict:
 
 MODEL = OUT / "toolbox.npz"
 LEARN = f"intent train bags/toolbox/train --output {MODEL}"
+
+
+def _arms(numbers: Any) -> dict:
+    """A row for each arm."""
+    head = ["arm", "recognised", "decided at (median)", "hand error [cm]", "its median", "largest"]
+    rows = [[*head, "arrival after the worker (median)"]]
+    for arm, one in numbers["arms"].items():
+        found, error = one["summary"], one["summary"]["hand_error"]
+        cm = [100 * i["hand_error_m"] for i in one["interactions"] if i["hand_error_m"] is not None]
+        rows.append(
+            [
+                arm,
+                f"{found['recognised_right']}/{found['n']}",
+                f"{100 * found['median_decision_share']:.0f} %",
+                f"{error['mean_cm']:.1f} +- {error['two_std_cm']:.1f}",
+                f"{median(cm):.1f}",
+                f"{max(cm):.1f}",
+                f"{found['median_arrival_s']:+.2f} s",
+            ]
+        )
+    return {"rows": rows}
+
+
 TAKES = "python docs/tutorials/example_takes.py"
 SOURCES = {
     "own_takes": Source(
@@ -135,6 +159,19 @@ SOURCES = {
         f"intent demo --headless --interactions 5 --seed 2 --output {OUT / 'demo_short'}"
         f" --json {OUT / 'demo_short.json'}",
         OUT / "demo_short.json",
+        _demo,
+    ),
+    "arms": Source(
+        f"intent demo --headless --arm lwr,panda,iiwa,xarm --seed 1 --output {OUT / 'arms'}"
+        f" --json {OUT / 'arms.json'}",
+        OUT / "arms.json",
+        _arms,
+    ),
+    "compose": Source(
+        "intent demo --headless --sequences config/examples/toolbox_sequence.yaml --task-list"
+        " plate_handover,screw_handover,plate_handover,screw_handover"
+        f" --output {OUT / 'compose'} --json {OUT / 'compose.json'}",
+        OUT / "compose.json",
         _demo,
     ),
     "demo": Source(
