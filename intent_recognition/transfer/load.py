@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import Arm
 
-BANDWIDTH_RAD_S = 35.0
-"""Of the residual's filter [rad/s]: at 63 % after 29 ms, as a slip must be noticed within 50 ms
+BANDWIDTH_RAD_S = 45.0
+"""Of the residual's filter [rad/s]: at 63 % after 22 ms, as a slip must be noticed within 50 ms
 (docs/transfer.md), with as little noise of differenced velocities as that allows."""
 LONGEST_GAP_S = 0.1
 """Joint states further apart begin the filter anew [s]. Convention: three time constants."""

@@ -36,9 +36,10 @@ PATIENCE_S = 4.0
 """Time after which what nobody takes is brought back [s]. Convention."""
 OPENING_S = 0.3
 """Time in which the fingers open [s]: 40 mm at 0.15 m/s."""
-SLIP_SHARE, SLIP_N, SLIP_S = 0.25, 1.5, 0.01
-"""Share of the weight, and force [N], that must be missing, and how long [s], to be a slip: three
-standard deviations of the load, and more than an arm's acceleration (2 m/s^2) takes off it."""
+SLIP_SHARE, SLIP_N, SLIP_S = 0.25, 1.0, 0.01
+"""Share of the weight, and force [N], that must be missing, and how long [s], to be a slip: more
+than an arm's acceleration (2 m/s^2) takes off it, and than twice the load's standard deviation.
+What weighs less than twice that force is held by the least grip."""
 SLIP_GRIP = 2.0
 """Grip after a slip, by what the friction that was felt needs to hold. Convention: it must stop the
 object, too, and the load is still falling when the slip is noticed."""
@@ -251,7 +252,7 @@ class TransferMachine:
 
     def _slips(self, now: Situation) -> bool:
         """Less than the weight is carried, and nobody takes it: grip harder from now on."""
-        if not self._feels or self._share > 0.0 or self.weight_n == 0.0:
+        if not self._feels or self._share > 0.0 or self.weight_n < 2.0 * SLIP_N:
             return False
         missing_n = self.weight_n + float(now.force_n[2])
         less = missing_n > max(SLIP_SHARE * self.weight_n, SLIP_N)

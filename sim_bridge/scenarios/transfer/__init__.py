@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Objects handed over by force between an arm and a person: physics, trials and their outcomes."""
+"""Objects handed over by force between an arm and a person: the physics, and the robot's side."""
 
 import lazy_loader
 

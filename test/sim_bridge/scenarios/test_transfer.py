@@ -4,8 +4,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.transfer_trials import DISTURBANCES, TransferTrial, run_trial
 from intent_recognition.transfer import Holding
-from sim_bridge.scenarios.transfer import DISTURBANCES, OBJECTS, TransferTrial, run_trial
+from sim_bridge.scenarios.transfer import OBJECTS
 
 LARGEST_N, RELEASE_S, NOTICED_S = 15.0, 0.3, 0.05
 
@@ -50,10 +51,8 @@ def test_a_wet_bottle_is_gripped_before_it_is_lost():
     assert outcome.slip_s <= NOTICED_S
 
 
-@pytest.mark.slow
-def test_by_the_clock_an_object_is_dropped_or_torn():
-    """With the load signal off, some of the same transfers fail."""
-    outcomes = [
-        run_trial(TransferTrial("give", "bottle", "lwr", seed, feels=False)) for seed in range(4)
-    ]
-    assert any(not one.success or one.peak_n > LARGEST_N for one in outcomes)
+@pytest.mark.parametrize("thing", OBJECTS)
+def test_by_the_clock_an_object_is_dropped(thing):
+    """With the load signal off, as the toolbox's gripper opens a quarter of a second after rest."""
+    outcome = run_trial(TransferTrial("give", thing, "lwr", 1, clock_s=0.25))
+    assert outcome.dropped

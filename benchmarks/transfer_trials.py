@@ -11,8 +11,13 @@ from intent_recognition.transfer import LIGHTEST_N, PATIENCE_S, Holding, Request
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import CompliantHand, Giver, Manner, SeenRobot, Strength, Taker
-from sim_bridge.scenarios.transfer.cell import HELD_SHARE, OBJECTS, TransferCell
-from sim_bridge.scenarios.transfer.robot_side import RobotSide, TransferSample
+from sim_bridge.scenarios.transfer import (
+    HELD_SHARE,
+    OBJECTS,
+    RobotSide,
+    TransferCell,
+    TransferSample,
+)
 
 TRANSFERS = ("give", "take")
 DISTURBANCES = ("bump", "bump on the way", "pull on the way", "tug", "wrong way", "partly")
@@ -34,9 +39,6 @@ LONGEST_S, AFTER_S = 14.0, 0.6
 """Longest trial, and what follows its end [s]. Convention."""
 WAIT_S = 1.8
 """Patience of the robot while it is only disturbed [s]: longer than any of that."""
-CLOCK_S = 2.0
-"""When the robot opens its hand with the load signal off, from the begin of the offer [s]: the time
-in which these people take an object, on average."""
 LOST_M = 0.05
 """Distance from where it was held from which an object is lost [m]. Convention."""
 WET, SLIDES_M_S = (0.45, 0.6), 0.01
@@ -47,13 +49,13 @@ BESIDE_M = np.array([0.08, 0.0, 0.0])
 
 
 class TransferTrial(NamedTuple):
-    """What is tried: kind, object, arm, seed; whether the robot feels the load."""
+    """What is tried: kind, object, arm, seed; the clock of a robot that does not feel the load."""
 
     kind: str
     thing: str
     robot: str
     seed: int
-    feels: bool = True
+    clock_s: float | None = None
 
 
 class TransferOutcome(NamedTuple):
@@ -91,7 +93,7 @@ def run_trial(trial: TransferTrial) -> TransferOutcome:
     manner = Manner.draw(rng, weight_n)
     with TransferCell(trial.robot, thing, STAND_M, rng) as cell:
         patience_s = WAIT_S if trial.kind in DISTURBANCES else PATIENCE_S
-        robot = RobotSide(cell, rng, patience_s, None if trial.feels else CLOCK_S)
+        robot = RobotSide(cell, rng, patience_s, trial.clock_s)
         run = _Run(cell, robot, offer_m, float(rng.uniform(*WAY_S)))
         if trial.kind == "take":
             run.receive(hand, manner)
