@@ -48,22 +48,12 @@ class Dashboard(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("dashboard", **kwargs)
-        values = declare(self, "dashboard")
-        host = values["host"]
-        port = values["port"]
-        rate_hz = values["rate"]
-        bags = values["bags"]
-        self._models = values["models"]
-        body = values["body"]
-        names: list[str] = values["names"]
-        scene = values["scene"]
-        hand_link = values["hand_link"]
-        read_only = values["read_only"]
-        light = values["light"]
-        if light not in (AUTO, ALWAYS, NEVER):
-            cure = "Leave it out for auto."
-            raise ArgumentError.about("parameter light", "auto, always or never", light, cure)
-        seed = values["seed"]
+        given = declare(self, "dashboard")
+        if given["light"] not in (AUTO, ALWAYS, NEVER):
+            got, cure = given["light"], "Leave it out for auto."
+            raise ArgumentError.about("parameter light", "auto, always or never", got, cure)
+        bags, body, hand_link = given["bags"], given["body"], given["hand_link"]
+        self._models = given["models"]
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
         self._cell_subscriptions = CellSubscriptions(
@@ -75,11 +65,11 @@ class Dashboard(Node):
             teleoperation,
             self._commands,
             lambda ok, text: self.page.show_message(ok, text),
-            np.random.default_rng(seed),
+            np.random.default_rng(given["seed"]),
         )
         self.page = DashboardPage(
-            host,
-            port,
+            given["host"],
+            given["port"],
             self.state,
             self._commands,
             teleoperation,
@@ -88,14 +78,14 @@ class Dashboard(Node):
             models=self._find_models,
             play=self._play,
             stop=self._stop,
-            scene=load_scene(scene) if scene else None,
+            scene=load_scene(given["scene"]) if given["scene"] else None,
             hand_link=hand_link,
-            names=names,
-            read_only=read_only,
-            light=light,
+            names=given["names"],
+            read_only=given["read_only"],
+            light=given["light"],
         )
         self.get_logger().info(f"the page is at {self.page.address}")
-        steady_timer(self, 1.0 / rate_hz, self._update)
+        steady_timer(self, 1.0 / given["rate"], self._update)
         gc.freeze()
 
     def destroy_node(self) -> None:

@@ -47,7 +47,6 @@ class Teleoperation:
         node: owner of publishers and timer.
         state: where the arm and the wrist are.
         body: the tracked body it moves.
-        frame: frame of its poses.
         hand_link: link of the arm that is its hand.
     """
 
@@ -56,10 +55,9 @@ class Teleoperation:
         node: Node,
         state: CellState,
         body: str = "wrist",
-        frame: str = "world",
         hand_link: str = "",
     ):
-        self._node, self._state, self._body, self._frame = node, state, body, frame
+        self._node, self._state, self._body = node, state, body
         self._finder = ArmFinder(hand_link)
         self._pose: Publisher | None = None
         self._arm = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
@@ -248,7 +246,7 @@ class Teleoperation:
         self._last_ns = stamp_ns
         message = PoseStamped(pose=to_pose(self._position, UPRIGHT))
         message.header.stamp = to_stamp(stamp_ns)
-        message.header.frame_id = self._frame
+        message.header.frame_id = "world"
         self._pose.publish(message)
 
 

@@ -60,21 +60,15 @@ def hand_position(q: ArrayLike) -> NDArray[np.float64]:
     return forward_kinematics(q)[..., :3, 3]
 
 
-def jacobian(q: ArrayLike, point_m: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Return the geometric Jacobian in base axes, shape (..., 6, 7).
+def jacobian(q: ArrayLike) -> NDArray[np.float64]:
+    """Return the geometric Jacobian in base axes, shape (..., 6, 7), of joints (..., 7) [rad].
 
-    Rows 0-2 map joint velocities to the linear velocity [m/s] of the point, rows 3-5 to the
-    angular velocity [rad/s] of the hand.
-
-    Args:
-        q: joint angles (..., 7) [rad].
-        point_m: a point fixed in the hand frame (3,) [m]; the hand's origin if left out.
+    Rows 0-2 map joint velocities to the linear velocity [m/s] of the hand, rows 3-5 to its angular
+    velocity [rad/s].
     """
     poses = frame_poses(q)
     axes = poses[..., :N_JOINTS, :3, 2]
     origins = poses[..., :N_JOINTS, :3, 3]
     tip = poses[..., N_JOINTS, :3, 3]
-    if point_m is not None:
-        tip = tip + poses[..., N_JOINTS, :3, :3] @ np.asarray(point_m, dtype=np.float64)
     linear = np.cross(axes, tip[..., None, :] - origins)
     return np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2)

@@ -270,6 +270,6 @@ def _known(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _significant(value: float, digits: int = 3) -> str:
-    decimals = digits - 1 - int(np.floor(np.log10(abs(value)))) if value else digits - 1
+def _significant(value: float) -> str:
+    decimals = 2 - int(np.floor(np.log10(abs(value)))) if value else 2
     return f"{value:.{min(max(decimals, 0), 6)}f}"

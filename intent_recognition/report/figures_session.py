@@ -72,7 +72,7 @@ def hand_error_figure(
 
 @styled
 def decision_share_figure(
-    shares: Mapping[str, Sequence[float]], bin_share: float = 0.05, labels: Sequence[str] = ()
+    shares: Mapping[str, Sequence[float]], labels: Sequence[str] = ()
 ) -> "Figure":
     """Histogram per task of the share of the human's movement that had passed at the decision.
 
@@ -80,9 +80,8 @@ def decision_share_figure(
     """
     arrays = [np.asarray(values, dtype=float) for values in shares.values()]
     everything = np.concatenate(arrays) if arrays else np.empty(0)
-    low = min(0.0, np.floor(everything.min(initial=0.0) / bin_share) * bin_share)
-    high = max(1.0, np.ceil(everything.max(initial=1.0) / bin_share) * bin_share)
-    edges = np.linspace(low, high, round((high - low) / bin_share) + 1)
+    low, high = everything.min(initial=0.0), everything.max(initial=1.0)
+    edges = np.arange(np.floor(20 * low), np.ceil(20 * high) + 1) / 20
     percent = {task: 100 * values for task, values in zip(shares, arrays, strict=True)}
     figure, axes = _histogram(percent, 100 * edges, labels)
     if everything.size:

@@ -103,13 +103,11 @@ class Figure:
     Attributes:
         data: the bytes of an SVG or PNG file.
         caption: what it shows, below it.
-        alt: for who cannot see it; the caption when empty.
         media_type: "image/svg+xml" or "image/png".
     """
 
     data: bytes
     caption: str = ""
-    alt: str = ""
     media_type: str = MEDIA_TYPES[0]
 
     def __post_init__(self) -> None:
@@ -259,7 +257,7 @@ def _table_row(block: TableBlock, number: int) -> str:
 def _figure(block: Figure) -> str:
     data = base64.b64encode(block.data).decode("ascii")
     caption = f"<figcaption>{escape(block.caption)}</figcaption>" if block.caption else ""
-    alt = escape(block.alt or block.caption)
+    alt = escape(block.caption)
     return (
         f'<figure><img alt="{alt}" src="data:{block.media_type};base64,{data}">{caption}</figure>'
     )

@@ -82,18 +82,6 @@ def test_jacobian_matches_finite_differences(q):
         assert np.allclose(J[3:, j], turn, atol=1e-8)
 
 
-def test_jacobian_of_a_point_in_the_hand():
-    rng = np.random.default_rng(2)
-    q, qd, point = rng.uniform(-1, 1, 7), rng.uniform(-1, 1, 7), np.array([0.1, -0.05, 0.2])
-
-    def place(angles):
-        pose = forward_kinematics(angles)
-        return pose[:3, 3] + pose[:3, :3] @ point
-
-    velocity = (place(q + 1e-6 * qd) - place(q - 1e-6 * qd)) / 2e-6
-    assert np.allclose(jacobian(q, point)[:3] @ qd, velocity, atol=1e-8)
-
-
 @pytest.mark.parametrize("bad", [0.0, np.zeros(6), np.zeros((7, 2))])
 def test_wrong_shape(bad):
     with pytest.raises(ShapeError, match="seven"):

@@ -100,7 +100,7 @@ def test_any_text_is_escaped_everywhere(text):
     blocks = (
         Paragraph(text),
         KeyNumbers((KeyNumber(text, text, text, True, text),)),
-        Figure(SVG, text, text),
+        Figure(SVG, text),
         TableBlock((Column(text, text),), ((text,),), text),
     )
     html = render(ReportPage(text, text, (Section(text, blocks),), text))
