@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.demonstrations import DofEntry, numbers_of
-from intent_recognition.errors import ArgumentError, IntentError
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import (
     JOINT_NAMES,
     LWR_LIMITS,
@@ -28,6 +28,7 @@ from intent_recognition.motion import (
 )
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, declare
+from intent_recognition.nodes.prediction_input import RejectionError
 from intent_recognition.promp import (
     Risk,
     TaskLibrary,
@@ -41,7 +42,6 @@ from intent_recognition.recognition import (
     learned_risk,
     start_mean,
 )
-from intent_recognition.signals import POSITION_FIELDS
 
 if TYPE_CHECKING:
     from intent_recognition.model import Model
@@ -56,36 +56,6 @@ GUARDS = (
     *("max_end_std", "timeout", "max_joint_state_age", "max_tracking_error"),
 )
 """Parameters that say how fast, how surely and how long the arm is moved."""
-
-
-class RejectionError(IntentError):
-    """An input that is not acted on, with the reason it is counted under."""
-
-    def __init__(self, reason: str, text: str):
-        super().__init__(text)
-        self.reason = reason
-
-
-def check_trajectory(
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    rest: Mapping[str, NDArray[np.float64]],
-) -> None:
-    """Raise what is wrong with a predicted trajectory, under the reason it is counted by."""
-    if len(times_s) < 2:
-        raise RejectionError("too_few_points", f"intent/robot_trajectory of {len(times_s)} points")
-    arrays = (times_s, positions, *rest.values())
-    if not all(np.all(np.isfinite(array)) for array in arrays):
-        raise RejectionError("not_finite", "intent/robot_trajectory holds NaN or infinity")
-    if times_s[0] < 0.0 or np.min(np.diff(times_s)) <= 0.0:
-        raise RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
-
-
-def std_by_unit(std: NDArray[np.float64], of_hand: bool) -> dict[str, float]:
-    """The largest standard deviation of each unit, of joints or of the numbers of a hand (d,)."""
-    n_metres = len(POSITION_FIELDS) if of_hand else 0
-    parts = {"m": std[:n_metres], "rad": std[n_metres:]}
-    return {unit: float(part.max()) for unit, part in parts.items() if part.size}
 
 
 class ActivationParameters:

@@ -6,10 +6,10 @@ from rclpy.node import Node
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm, Bodies, Box, parse_boxes
 from intent_recognition.motion import Clearance, Spread
-from intent_recognition.nodes.activation_parameters import RejectionError
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
+from intent_recognition.nodes.prediction_input import RejectionError
 from intent_recognition.promp import TaskLibrary
 
 

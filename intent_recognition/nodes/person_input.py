@@ -8,11 +8,11 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.motion import PredictedPerson, Separation, SeparationSettings
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.activation_parameters import RejectionError
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.prediction_input import RejectionError
 
 TOPIC = "intent/human_trajectory"
 _DEFAULTS = SeparationSettings()

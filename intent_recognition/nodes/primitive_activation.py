@@ -19,29 +19,19 @@ from intent_recognition.errors import (
     ArgumentError,
     IntentError,
     MessageError,
-    TrajectoryError,
 )
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import (
     JointPath,
-    check_range,
     hand_targets,
     is_hand,
-    joints_along,
-    make_path,
 )
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_output import ActivationOutput
-from intent_recognition.nodes.activation_parameters import (
-    AT_REST,
-    ActivationParameters,
-    RejectionError,
-    check_trajectory,
-    std_by_unit,
-)
+from intent_recognition.nodes.activation_parameters import AT_REST, ActivationParameters
 from intent_recognition.nodes.clearance_input import ClearanceInput
 from intent_recognition.nodes.command_action import CommandAction
-from intent_recognition.nodes.conversions import joint_values, stamp_ns, trajectory_arrays
+from intent_recognition.nodes.conversions import joint_values, stamp_ns
 from intent_recognition.nodes.correction_input import CorrectionInput
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
@@ -49,6 +39,12 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live, live_parameters
 from intent_recognition.nodes.person_input import PersonInput
+from intent_recognition.nodes.prediction_input import (
+    RejectionError,
+    joint_path,
+    read_prediction,
+    reason_of,
+)
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
@@ -178,50 +174,29 @@ class PrimitiveActivation(ManagedNode):
     def _accept_prediction(self, message: JointTrajectory) -> PredictedInteraction | None:
         """The prediction, or None if it is rejected; the first one determines the joints."""
         names = tuple(message.joint_names)
-        label, of_hand = message.header.frame_id, is_hand(names)
         try:
-            joints = self._meet_arm().joint_names if of_hand else names
+            joints = self._meet_arm().joint_names if is_hand(names) else names
             if self.joint_names and joints != self.joint_names:
                 named, wanted = ", ".join(joints), ", ".join(self.joint_names)
                 raise RejectionError("wrong_joint_names", f"{named} for {wanted}")
-            if not label:
-                raise RejectionError(
-                    "no_task", "intent/robot_trajectory without a task in frame_id"
-                )
-            times_s, positions, rest = trajectory_arrays(message)
-            check_trajectory(times_s, positions, rest)
+            read = read_prediction(message)
             self._keep_clear(joints)
             if self.activation is None:
                 self._set_joints(joints)
-            onset_s = times_s[0]
-            path = self._path(of_hand, times_s, positions, rest.get("velocities"))
+            path = self._path(read.of_hand, read.times_s, read.positions, read.velocities)
         except IntentError as error:
             usual = "wrong_size" if isinstance(error, MessageError) else "bad_prediction"
-            self.diagnostics.reject(_reason(error, usual), str(error))
+            self.diagnostics.reject(reason_of(error, usual), str(error))
             return None
-        end_std = std_by_unit(rest["effort"][-1], of_hand) if "effort" in rest else None
-        onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(onset_s) * 1e9)
-        return PredictedInteraction(label, onset_ns, path, end_std)
+        return PredictedInteraction(read.label, read.onset_ns, path, read.end_std)
 
-    def _path(
-        self,
-        of_hand: bool,
-        times_s: NDArray[np.float64],
-        positions: NDArray[np.float64],
-        velocities: NDArray[np.float64] | None,
-    ) -> JointPath:
-        """Of the arm's joints, from theirs or from the hand's."""
+    def _path(self, of_hand: bool, *numbers: Any) -> JointPath:
+        """Of the arm's joints, from times, positions and velocities of theirs or of the hand's."""
+        hand_of = None
         if of_hand:
-            arm, velocities = self._meet_arm(), None
-            try:
-                times_s, positions = joints_along(arm, times_s, positions, self._rest(arm))
-            except TrajectoryError as error:
-                raise RejectionError("unreachable", str(error)) from error
-        try:
-            check_range(positions, self._limits)
-        except TrajectoryError as error:
-            raise RejectionError("outside_range", str(error)) from error
-        return make_path(times_s, positions, self._limits, velocities)
+            arm = self._meet_arm()
+            hand_of = arm, self._rest(arm)
+        return joint_path(self._limits, *numbers, hand_of=hand_of)
 
     def _path_of(self, trajectory: Trajectory) -> JointPath:
         """The same from a trajectory of the model's controlled DOFs."""
@@ -283,7 +258,7 @@ class PrimitiveActivation(ManagedNode):
             if message.velocity:
                 velocity = joint_values(message, self.joint_names, "velocity")
         except IntentError as error:
-            self.diagnostics.reject(_reason(error, "joint_states_incomplete"), str(error))
+            self.diagnostics.reject(reason_of(error, "joint_states_incomplete"), str(error))
             return
         measured = position if velocity is None else np.stack([position, velocity])
         if not np.all(np.isfinite(measured)):
@@ -417,11 +392,6 @@ class PrimitiveActivation(ManagedNode):
 
     def _now_ns(self) -> int:
         return self.get_clock().now().nanoseconds
-
-
-def _reason(error: IntentError, usual: str) -> str:
-    """What an input that is not acted on is counted under."""
-    return error.reason if isinstance(error, RejectionError) else usual
 
 
 main = partial(run, PrimitiveActivation)

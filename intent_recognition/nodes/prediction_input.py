@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a message with a prediction to a path of the arm's joints, or why it is not acted on."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import IntentError, TrajectoryError
+from intent_recognition.kinematics import Arm, JointLimits
+from intent_recognition.motion import JointPath, check_range, is_hand, joints_along, make_path
+from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
+from intent_recognition.signals import POSITION_FIELDS
+
+
+class RejectionError(IntentError):
+    """An input that is not acted on, with the reason it is counted under."""
+
+    def __init__(self, reason: str, text: str):
+        super().__init__(text)
+        self.reason = reason
+
+
+def check_trajectory(
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    rest: Mapping[str, NDArray[np.float64]],
+) -> None:
+    """Raise what is wrong with a predicted trajectory, under the reason it is counted by."""
+    if len(times_s) < 2:
+        raise RejectionError("too_few_points", f"intent/robot_trajectory of {len(times_s)} points")
+    arrays = (times_s, positions, *rest.values())
+    if not all(np.all(np.isfinite(array)) for array in arrays):
+        raise RejectionError("not_finite", "intent/robot_trajectory holds NaN or infinity")
+    if times_s[0] < 0.0 or np.min(np.diff(times_s)) <= 0.0:
+        raise RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
+
+
+def std_by_unit(std: NDArray[np.float64], of_hand: bool) -> dict[str, float]:
+    """The largest standard deviation of each unit, of joints or of the numbers of a hand (d,)."""
+    n_metres = len(POSITION_FIELDS) if of_hand else 0
+    parts = {"m": std[:n_metres], "rad": std[n_metres:]}
+    return {unit: float(part.max()) for unit, part in parts.items() if part.size}
+
+
+class PredictionNumbers(NamedTuple):
+    """What a message with a prediction holds.
+
+    Attributes:
+        label: of the task.
+        onset_ns: when it began; 0 without a stamp.
+        of_hand: whether the columns are those of a hand instead of joints.
+        times_s: (T,) from the stamp.
+        positions: (T, d).
+        velocities: (T, d), None where they were not sent.
+        end_std: largest standard deviation of each unit at the end, None where not known.
+    """
+
+    label: str
+    onset_ns: int
+    of_hand: bool
+    times_s: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64] | None
+    end_std: Mapping[str, float] | None
+
+
+def read_prediction(message: JointTrajectory) -> PredictionNumbers:
+    """The numbers of a message with a prediction.
+
+    Raises:
+        RejectionError: it cannot be acted on.
+        MessageError: points with different numbers of values.
+    """
+    label, of_hand = message.header.frame_id, is_hand(tuple(message.joint_names))
+    if not label:
+        raise RejectionError("no_task", "intent/robot_trajectory without a task in frame_id")
+    times_s, positions, rest = trajectory_arrays(message)
+    check_trajectory(times_s, positions, rest)
+    end_std = std_by_unit(rest["effort"][-1], of_hand) if "effort" in rest else None
+    onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(times_s[0]) * 1e9)
+    return PredictionNumbers(
+        label, onset_ns, of_hand, times_s, positions, rest.get("velocities"), end_std
+    )
+
+
+def joint_path(
+    limits: JointLimits,
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    velocities: NDArray[np.float64] | None,
+    *,
+    hand_of: tuple[Arm, NDArray[np.float64]] | None = None,
+) -> JointPath:
+    """The path of the arm's joints, from theirs or from those of its hand.
+
+    Args:
+        limits: of the joints.
+        times_s: (T,) increasing.
+        positions: (T, n) [rad], or of the hand (T, 3 or 6).
+        velocities: (T, n) [rad/s]; None, and those of a hand: from the positions.
+        hand_of: the arm whose hand the positions are of, and the posture (n,) [rad] that its
+            joints are drawn to; None: they are of joints.
+
+    Raises:
+        RejectionError: the hand cannot get there, or a joint would leave its range.
+    """
+    if hand_of is not None:
+        (arm, rest), velocities = hand_of, None
+        try:
+            times_s, positions = joints_along(arm, times_s, positions, rest)
+        except TrajectoryError as error:
+            raise RejectionError("unreachable", str(error)) from error
+    try:
+        check_range(positions, limits)
+    except TrajectoryError as error:
+        raise RejectionError("outside_range", str(error)) from error
+    return make_path(times_s, positions, limits, velocities)
+
+
+def reason_of(error: IntentError, usual: str) -> str:
+    """What an input that is not acted on is counted under."""
+    return error.reason if isinstance(error, RejectionError) else usual
