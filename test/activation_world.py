@@ -49,6 +49,7 @@ class World:
         self.tasks_seen = [""]
         self.task, self.onset_ns = "idle", 0
         self.shift, self.push = 0.0, np.zeros(7)
+        self.duration_s, self.end_std = DURATION_S, 0.1
         self.speaks = self.measures = True
         self.rng = np.random.default_rng(0)
 
@@ -82,10 +83,9 @@ class World:
             self.activation.take_tasks(self.now_ns, self.now_ns, LABELS, self.probabilities())
             if self.task in GOALS and (self.now_ns // STEP_NS) % 4 == 0:
                 self.shift += self.rng.normal(0.0, 0.004)
-                duration = DURATION_S * (1.0 + self.rng.normal(0.0, 0.01))
-                self.activation.take_prediction(
-                    self.now_ns, prediction(self.task, self.onset_ns, self.shift, duration)
-                )
+                duration = self.duration_s * (1.0 + self.rng.normal(0.0, 0.01))
+                predicted = prediction(self.task, self.onset_ns, self.shift, duration, self.end_std)
+                self.activation.take_prediction(self.now_ns, predicted)
         command = self.activation.step(self.now_ns)
         if command is not None:
             self.commands.append(command)

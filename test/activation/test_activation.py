@@ -184,6 +184,26 @@ def test_an_unknown_movement_activates_nothing():
     assert world.commands == [] and world.modes == [Mode.IDLE]
 
 
+def test_an_end_that_is_too_uncertain_is_executed_once_it_is_certain():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.end_std = 0.6
+    world.run(0.5)
+    assert world.commands == [] and "end is uncertain" in world.activation.held_back
+    world.end_std = 0.1
+    world.run_until(Mode.EXECUTING)
+    assert world.activation.held_back == "" and "uncertain_end" not in world.rejected
+
+
+def test_a_prediction_too_fast_for_the_arm_is_slowed():
+    world = World()
+    world.duration_s = 0.3
+    world.begin("plate", already_s=0.1)
+    world.run_until(Mode.HOMING)
+    world.check_continuous()
+    assert world.activation.counts["slowed"] > 0
+
+
 def test_a_prediction_of_another_task_is_not_executed():
     world = World()
     world.begin("plate")

@@ -9,7 +9,6 @@ from model_builder import WRIST, learned_model, make_dofs, true_library
 from nodes.test_primitive_activation import HOME, LABELS, Graph, check_commands
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model.file import save_model
@@ -85,28 +84,6 @@ def test_it_waits_at_the_start_of_the_expected_task(harness, path):
     graph.until(lambda: graph.mode == "homing")
     assert graph.activated("screw") == ["plate", "screw"]
     assert graph.report()[1]["count pretrigger right"] == "1"
-    check_commands(graph.commands)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cause", ["none", "timeout", "reset"])
-def test_it_withdraws(harness, path, cause):
-    graph = AheadGraph(harness, path, pretrigger_timeout=1.0 if cause == "timeout" else 30.0)
-    graph.serve_a_plate()
-    graph.until(lambda: graph.mode == "pretriggered")
-    for _ in range(40):
-        graph.step()
-    if cause == "none":
-        graph.begin("none")
-    elif cause == "reset":
-        answer = harness.call(Trigger, "primitive_activation/reset", Trigger.Request())
-        assert answer.success
-    graph.until(lambda: graph.mode == "homing")
-    graph.until(lambda: graph.mode == "idle")
-    np.testing.assert_allclose(graph.arm(), HOME, atol=1e-6)
-    if cause != "reset":
-        assert graph.report()[1][f"count pretrigger withdrawn: {cause}"] == "1"
-    assert graph.activated("") == ["plate"]
     check_commands(graph.commands)
 
 

@@ -99,18 +99,6 @@ def test_a_prediction_outside_the_limits_is_bent_and_reported(graph):
     assert int(values["count clamped"]) > 0
 
 
-def test_a_prediction_too_fast_is_slowed_and_reported(graph):
-    graph.begin(already_s=0.1)
-    for _ in range(10):
-        graph.tick()
-        graph.send_joints()
-        graph.send_prediction(predicted("plate", graph.onset_ns, duration_s=0.3))
-        graph.send_tasks()
-    graph.harness.spin_until(lambda: graph.commands)
-    check_commands(graph.commands)
-    assert int(graph.report()[1]["count slowed"]) > 0
-
-
 def spoiled(fault, onset_ns):
     message = copy.deepcopy(predicted("plate", onset_ns))
     if fault == "wrong_joint_names":
@@ -199,31 +187,6 @@ def test_bad_joint_states_are_rejected_by_reason(graph):
         assert graph.rejected(reason) == 1, reason
 
 
-def test_stale_joint_states_start_nothing(graph):
-    graph.begin()
-    for _ in range(20):
-        graph.tick()
-        graph.send_prediction()
-        graph.send_tasks()
-    assert graph.mode == "idle" and not graph.commands
-    assert graph.rejected("stale_joint_states") >= 1
-
-
-def test_none_and_uncertain_ends_activate_nothing(graph):
-    graph.begin()
-    uncertain = predicted("plate", graph.onset_ns)
-    uncertain.points[-1].effort = [0.6] * 7
-    for _ in range(12):
-        graph.tick()
-        graph.send_joints()
-        graph.send_prediction(uncertain)
-        graph.send_tasks()
-    graph.task = "none"
-    for _ in range(12):
-        graph.step()
-    assert graph.mode == "idle" and not graph.commands
-
-
 def test_diagnostics_say_why_a_recognised_task_is_not_executed(graph):
     graph.begin()
     uncertain = predicted("plate", graph.onset_ns)
@@ -243,20 +206,6 @@ def test_diagnostics_say_why_a_recognised_task_is_not_executed(graph):
     status, values = graph.report()
     assert status.level == b"\x00" and status.message == "idle"
     assert values["rejected uncertain_end"] == "1" and values["last held back"] == text
-
-
-def test_an_end_that_becomes_certain_is_no_complaint(graph):
-    graph.begin()
-    uncertain = predicted("plate", graph.onset_ns)
-    uncertain.points[-1].effort = [0.52] * 7
-    for _ in range(8):
-        graph.tick()
-        graph.send_joints()
-        graph.send_prediction(uncertain)
-        graph.send_tasks()
-    graph.until(lambda: graph.mode == "executing")
-    status, values = graph.report()
-    assert status.message == "executing" and "rejected uncertain_end" not in values
 
 
 def test_reset_sends_the_arm_home(graph):
@@ -349,22 +298,6 @@ def test_wrong_parameters_are_errors_at_start(harness, wrong):
         PrimitiveActivation(parameter_overrides=overrides)
 
 
-@pytest.mark.slow
-def test_activated_again_it_goes_on_from_the_braking_arm(graph):
-    graph.begin(already_s=0.1)
-    graph.until(lambda: graph.mode == "executing")
-    graph.until(lambda: np.abs(graph.arm() - HOME).max() > 0.02)
-    n = len(graph.commands)
-    graph.node.trigger_deactivate()
-    graph.harness.spin_until(lambda: len(graph.commands) > n, what="the brake")
-    graph.node.trigger_activate()
-    graph.task = "idle"
-    graph.step()
-    graph.begin("screw", already_s=0.2)
-    graph.until(lambda: graph.mode == "executing")
-    check_commands(graph.commands)
-
-
 def test_a_joint_state_without_velocities_is_no_arm_at_rest(graph):
     graph.begin(already_s=0.1)
 
@@ -383,17 +316,6 @@ def test_a_joint_state_without_velocities_is_no_arm_at_rest(graph):
         measured(HOME + 0.2)
     graph.harness.spin_until(lambda: graph.commands, what="a command once the arm rests")
     np.testing.assert_allclose(trajectory_arrays(graph.commands[0])[1][0], HOME + 0.2)
-
-
-@pytest.mark.parametrize("ahead_ns", [500_000_000, 10**12])
-def test_a_joint_state_from_the_future_does_not_block_the_arm(harness, ahead_ns):
-    graph = Graph(harness, joint_names=list(JOINT_NAMES))
-    message = to_joint_state(JOINT_NAMES, HOME, np.zeros(7), time_ns=graph.now_ns + ahead_ns)
-    graph.send(graph.joints, message, "joint_states")
-    graph.begin()
-    graph.until(lambda: graph.mode == "executing", longest_s=0.5)
-    assert graph.rejected("joint_state_not_increasing") == 0
-    assert graph.rejected("joint_state_in_future") == (ahead_ns > 10**9)
 
 
 @pytest.mark.parametrize("allowed", [False, True])
