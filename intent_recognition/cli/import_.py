@@ -15,11 +15,12 @@ from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import DOFS
-from intent_recognition.cli.rejections import nothing_of, print_left_out
+from intent_recognition.cli.rejections import nothing_of, print_doubtful, print_left_out
 from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import (
+    Doubt,
     ImportedBag,
     ImportedDemonstration,
     import_demonstrations,
@@ -109,7 +110,8 @@ def run(args: argparse.Namespace) -> int:
         raise nothing_of(str(args.source), "demonstrations", left_out, "Correct the map.")
     _write_dofs(args.output / DOFS, mapping.dofs)
     console.print(table)
-    print_left_out(console, left_out)
+    print_left_out(console, [one for one in left_out if not isinstance(one, Doubt)])
+    print_doubtful(console, [one for one in left_out if isinstance(one, Doubt)])
     for topic, total in sorted(totals.items()):
         say(console, f"{topic}: {total} messages")
     dofs = args.output / DOFS

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings from files of motion capture and robot learning, and to tables."""
 
+from intent_recognition.tables.doubts import Doubt
 from intent_recognition.tables.exporting import export_columns, export_map, write_table
 from intent_recognition.tables.import_map import ImportMap, load_map
 from intent_recognition.tables.imported import EntrySamples, ImportedDemonstration
@@ -10,6 +11,7 @@ from intent_recognition.tables.lerobot_writing import write_lerobot
 from intent_recognition.tables.suggesting import suggest_map
 
 __all__ = [
+    "Doubt",
     "EntrySamples",
     "ImportMap",
     "ImportedBag",

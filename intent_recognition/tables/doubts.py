@@ -2,14 +2,25 @@
 """Whether what was read of a table can be in its units, and on one clock."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.signals import Signal, misfit, time_misfit
+from intent_recognition.signals import Rejection, Signal, misfit, time_misfit
 from intent_recognition.tables.imported import EntrySamples
 
+LONG_STEP_S = 4.0
+"""Step between samples [s] that is named where it is also `LONG_STEPS` usual ones. Convention: as
+the longest period that can be learned from."""
+LONG_STEPS = 50
+"""Usual steps without a sample that are named. Convention: half a second at 100 Hz."""
 MANY_DROPPED = 0.1
 """Share of the rows without a time of their own that is named. Convention."""
+
+
+@dataclass(frozen=True)
+class Doubt(Rejection):
+    """What is odd about a recording that is taken all the same."""
 
 
 def certain_misfit(samples: Sequence[EntrySamples]) -> str | None:
@@ -38,13 +49,19 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
                 " under time in the map."
             )
         seen = np.all(np.isfinite(part.values), axis=1)
+        steps_s = np.diff(part.stamps_ns) * 1e-9
+        if steps_s.size and steps_s.max() > max(LONG_STEP_S, LONG_STEPS * np.median(steps_s)):
+            yield (
+                f"no sample of {part.entry.topic} for {steps_s.max():.4g} s. Likely a clock that"
+                " jumped, or several demonstrations: cut them by segments in the map."
+            )
         values = part.values[seen]
         if part.entry.unit == "rad":  # reading takes wrapped angles as continuous, too
             values = np.unwrap(values, axis=0)
         signal = Signal(part.entry.names, part.stamps_ns[seen], values, part.entry.unit)
         found = None if part.entry.orientation else misfit(signal)
         if found is not None:
-            yield f"taken as it is, but {found.reason} Say in the map: columns_unit."
+            yield f"{found.reason} Say in the map: columns_unit."
 
 
 def _never_measured(signal: Signal) -> str:
@@ -53,7 +70,7 @@ def _never_measured(signal: Signal) -> str:
     if signal.values.shape[1] < 2 or len(set(signal.values[same, 0].tolist())) != 1:
         return ""
     rest = Signal(signal.names, signal.stamps_ns[~same], signal.values[~same], signal.unit)
-    if misfit(rest) is not None:
+    if not rest.values.size or misfit(rest) is not None:
         return ""
     return (
         f"{signal.values[same][0, 0]:.6g} {signal.unit} stands in every column of {int(same.sum())}"

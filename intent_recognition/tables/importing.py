@@ -15,7 +15,7 @@ from intent_recognition.demonstrations import check_label, find_bags
 from intent_recognition.errors import BagError, MissingPackageError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables.cells import Values, numbers, text_of, texts, without_zeros
-from intent_recognition.tables.doubts import certain_misfit, doubts
+from intent_recognition.tables.doubts import Doubt, certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import (
     PLACEHOLDER,
@@ -70,7 +70,7 @@ def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported
         mapping: what its columns mean; without columns the source is taken for bags.
 
     Yields:
-        Demonstrations, and reasons why a file, or a part of one, is left out or is odd.
+        Demonstrations, and reasons why a file, or a part of one, is left out, or is odd (`Doubt`).
 
     Raises:
         BagError: there is nothing to read.
@@ -155,14 +155,14 @@ def _demonstrations(
     for table in tables.values():
         mapping = mapping.over(table.defaults)
         for note in table.notes:
-            yield Rejection(table.source.name, "", 0, note)
+            yield Doubt(table.source.name, "", 0, note)
     data = _load(tables, mapping)
     rows = [_rows(source, tables[source.file], data[source.file], mapping.time)
             for source in mapping.columns]  # fmt: skip
     for row in filter(lambda row: row.hidden, rows):
         marker = row.source.columns[0].rpartition(".")[0] or row.source.entry.topic
         said = f"frames at exactly (0, 0, 0) are taken for occlusion: {marker} {row.hidden}"
-        yield Rejection(recording.paths[row.source.file].name, "", 0, said)
+        yield Doubt(recording.paths[row.source.file].name, "", 0, said)
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
     parts_ = _parts(recording, mapping, rows, data)
@@ -182,7 +182,7 @@ def _demonstrations(
         if (reason := certain_misfit([s for s, _ in parts])) is not None:
             yield Rejection(name, "", 0, reason)
             continue
-        yield from (Rejection(name, "", 0, doubt) for doubt in doubts(parts))
+        yield from (Doubt(name, "", 0, doubt) for doubt in doubts(parts))
         yield ImportedDemonstration(
             name, custom, tuple(s for s, _ in parts), mapping.frame, sum(n for _, n in parts)
         )

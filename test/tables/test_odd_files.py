@@ -9,7 +9,7 @@ from c3d_builder import c3d_file
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
-from intent_recognition.tables import ImportMap, import_demonstrations, suggest_map
+from intent_recognition.tables import Doubt, ImportMap, import_demonstrations, suggest_map
 
 ROWS = 200
 TIMES_S = np.arange(ROWS) / 100
@@ -125,6 +125,12 @@ def test_times_that_go_back_are_named(tmp_path):
     assert "100 of 200 rows" in said and "a clock that went back" in said
 
 
+def test_a_clock_that_jumps_is_named(tmp_path):
+    content = table("t,x,y,z", lambda k: [f"{k / 100 + 3600 * (k > 99)}", *cells(k)])
+    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    assert len(samples.stamps_ns) == ROWS and "no sample of mocap/wrist/pose for 3600 s" in said
+
+
 def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
     angles = 3.0 + 1.0 * SHARE[:, 0]
     wrapped = (angles + np.pi) % (2 * np.pi) - np.pi
@@ -140,6 +146,7 @@ def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
         content = {"observed": [joint], "task": "t", "time": {"column": "t"}}
         *doubts, _ = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(content))
         assert [one.reason.count("degrees for radians") for one in doubts] == [1] * doubted
+        assert all(isinstance(one, Doubt) for one in doubts)
 
 
 @pytest.mark.parametrize("before", ["", DEVICES + "1,0,1,2,3\n" * 300 + "\n"])
