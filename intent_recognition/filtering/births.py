@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PriorGrid that are born while a movement is under way: changes of mind, detours, delays.
+"""Hypotheses that are born while a movement is under way: changes of mind, detours, delays.
 
 As in interacting multiple models (Blom and Bar-Shalom 1988), what a person does may change on the
 way. Rates are relative to how long the tasks usually take. A newborn hypothesis takes its share of

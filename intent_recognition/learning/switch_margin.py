@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must speak for a change of mind before it counts.
 
-PriorGrid that are born on the way fit people who do not quite move as they were taught, too. So
+Hypotheses that are born on the way fit people who do not quite move as they were taught, too. So
 the filter follows demonstrations, with a library that does not know them: how probable does it ever
 hold other tasks that were born, compared with all the rest? A change of mind has to be more
 probable than that (docs/decisions/change_of_mind.md).

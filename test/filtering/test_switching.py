@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PriorGrid born on the way: their offsets, their shares, and what they make of a movement."""
+"""Hypotheses born on the way: their offsets, their shares, and what they make of a movement."""
 
 from dataclasses import replace
 

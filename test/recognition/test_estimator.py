@@ -221,7 +221,7 @@ def test_asynchronous_signals_equal_the_joint_filter_whatever_order_they_arrive_
     swapped = []
     for i in range(0, len(later) - 1, 2):  # neighbours arrive in the other order
         swapped += [later[i + 1], later[i]]
-    # PriorGrid born on the way begin with whichever signal comes first.
+    # Hypotheses born on the way begin with whichever signal comes first.
     ordered = IntentEstimator(library, switching=False)
     expected = feed(ordered, early + later[: len(swapped)])[-1]
     found = feed(IntentEstimator(library, switching=False), early + swapped)[-1]
