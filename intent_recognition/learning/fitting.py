@@ -2,7 +2,7 @@
 """The library that follows from statistics and hyperparameters: no recording is needed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TypedDict
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.learning.none_model import departures, none_primitive, none_timing
+from intent_recognition.learning.persons import covariance_of_strangers
 from intent_recognition.learning.preprocessing import Preprocessing
 from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import (
@@ -21,9 +22,9 @@ from intent_recognition.learning.statistics import (
 )
 from intent_recognition.promp import (
     ContextModel,
+    PhaseDeviation,
     TaskLibrary,
     observed_block,
-    shared_covariance,
     shrunk_covariance,
     structured_target,
 )
@@ -85,7 +86,7 @@ def library_from_statistics(
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
         none_prior=settings.none_prior,
         duration_evidence=settings.duration_evidence or chosen.duration_evidence,
-        phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
+        phase_deviation=deviation_of(preprocessing, chosen),
         evidence_freedom=EVIDENCE_FREEDOM,
         onset=preprocessing.onset,
         provenance={
@@ -94,6 +95,12 @@ def library_from_statistics(
             "chosen": chosen._asdict(),
         },
     )
+
+
+def deviation_of(preprocessing: Preprocessing, chosen: Hyperparameters) -> PhaseDeviation:
+    """The prior of the phase deviation."""
+    prior = preprocessing.timing.phase_deviation(chosen.pace)
+    return replace(prior, evidence=chosen.deviation_evidence)
 
 
 def learned_from(
@@ -106,7 +113,8 @@ def learned_from(
     n = np.array([task.n for task in tasks.values()])
     means = np.array([task.mean[:n_observed] for task in over.values()])
     pooled = observed_block(pooled_moments(over.values()), means[0].size)
-    shared = shared_covariance(pooled, floor[:n_observed], STRENGTH)
+    examples = [task.examples for task in over.values()]
+    shared = covariance_of_strangers(examples, pooled, floor[:n_observed], STRENGTH)
     covariance = (1.0 + 1.0 / n)[:, None, None] * shared
     departed = departures(list(over.values()), preprocessing.units[:n_observed])
     none = none_primitive(means, covariance, departed)

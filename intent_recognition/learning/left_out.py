@@ -7,6 +7,7 @@ what people's phases deviate by stay as all demonstrations gave them.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +21,11 @@ from intent_recognition.learning.none_model import (
     none_primitive,
     none_timing,
 )
+from intent_recognition.learning.persons import covariance_of_strangers, without_group
 from intent_recognition.learning.selection import STRENGTH
 from intent_recognition.learning.statistics import (
     TaskStatistics,
     pooled_moments,
-    summarize,
     variance_scales,
 )
 from intent_recognition.promp import (
@@ -84,6 +85,7 @@ class LeavingOut:
         self._pooled = observed_block(pooled_moments(self.statistics), size)
         self._floor = variance_scales(tasks, library.units)[0][: library.n_observed]
         self._departed = departures(self.statistics, library.observed_units)
+        self.group = cache(self._without_group)  # of many demonstrations the same
 
     def nothing(self) -> LeftOut:
         """With every demonstration."""
@@ -98,9 +100,23 @@ class LeavingOut:
         rest = Scatter(self._pooled.matrix - own.matrix, self._pooled.freedom - own.freedom)
         kept = {other: task for other, task in self.tasks.items() if other != label}
         floor = variance_scales(kept, self.library.units)[0][:n_observed]
-        covariance = shared_covariance(rest if rest.freedom else self._pooled, floor, STRENGTH)
+        rest = rest if rest.freedom else self._pooled
+        examples = [task.examples for task in kept.values()]
+        covariance = covariance_of_strangers(examples, rest, floor, STRENGTH)
         departed = departures(list(kept.values()), self.library.observed_units)
         return self._left_out(covariance, departed, without=number)
+
+    def unseen(self, number: int, example: TrainingExample) -> LeftOut | None:
+        """Without the person who showed a demonstration, or without it alone; None: neither is.
+
+        Args:
+            number: of its task.
+            example: the demonstration.
+        """
+        found = self.group(example.group)
+        if found is None and self.can_spare_one_of(number):
+            return self.demonstration(number, example)
+        return found
 
     def can_spare_one_of(self, number: int) -> bool:
         """Whether something is left to learn from without one demonstration of a task."""
@@ -118,17 +134,17 @@ class LeavingOut:
         covariance = shared_covariance(rest, self._floor, STRENGTH)
         return self._left_out(covariance, self._departed, mean, n)
 
-    def group(self, name: str) -> LeftOut | None:
+    def _without_group(self, name: str) -> LeftOut | None:
         """Without all demonstrations of a group; None where a task has no others."""
         n_observed, size = self.library.n_observed, self.library.n_observed_weights
-        rest = [[e for e in task.examples if e.group != name] for task in self.statistics]
-        kept = [summarize(examples) for examples in rest if examples]
-        if len(kept) < len(rest) or sum(task.n for task in kept) == len(kept):
+        kept = without_group(self.statistics, name)
+        if kept is None:
             return None
         pooled = observed_block(pooled_moments(kept), size)
         mean = np.array([task.mean.ravel()[:size] for task in kept])
-        n = np.array([task.n for task in kept])
-        covariance = shared_covariance(pooled, self._floor[:n_observed], STRENGTH)
+        n, examples = np.array([task.n for task in kept]), [task.examples for task in kept]
+        floor = self._floor[:n_observed]
+        covariance = covariance_of_strangers(examples, pooled, floor, STRENGTH)
         return self._left_out(covariance, self._departed, mean, n)
 
     def _left_out(

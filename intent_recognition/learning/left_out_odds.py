@@ -7,7 +7,6 @@ of somebody new; where nobody else was recorded, one demonstration after the oth
 """
 
 from collections.abc import Mapping
-from functools import cache
 
 import numpy as np
 
@@ -39,15 +38,11 @@ def learn_left_out_odds(
         return NO_ODDS
     leaving_out = LeavingOut(library, tasks)
     odds, groups = list[float](), list[str]()
-    without_group = cache(leaving_out.group)
     for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED):
-        group = example.group
-        without = without_group(group) if group else None
-        if without is None and leaving_out.can_spare_one_of(k):
-            without, group = leaving_out.demonstration(k, example), ""
+        without = leaving_out.unseen(k, example)
         if without is not None:
             odds.append(largest_odds_against(without.as_library(), k, as_recorded))
-            groups.append(group)
+            groups.append(example.group if leaving_out.group(example.group) else "")
     return LeftOutOdds(tuple(odds), tuple(groups)) if len(odds) > 1 else NO_ODDS
 
 

@@ -9,7 +9,7 @@ of the controlled agent's Q DOFs under a normal error of fitted variance, Q / 2 
 error).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,7 +33,9 @@ from intent_recognition.learning.held_out import (
     nearest_tasks,
     paired_examples,
 )
+from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
+from intent_recognition.learning.timing import DEVIATION_EVIDENCE
 from intent_recognition.promp import (
     ResidualCoupling,
     Scatter,
@@ -68,6 +70,7 @@ class Hyperparameters(NamedTuple):
     Attributes:
         pace: one of `PACES`.
         noise_scale: factor of the observed DOFs' noise variance.
+        deviation_evidence: exponent of the evidence in the posterior of the phase deviation.
         duration_evidence: exponent of the evidence in the posterior of the duration.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
@@ -76,6 +79,7 @@ class Hyperparameters(NamedTuple):
 
     pace: str = "own"
     noise_scale: float = 4.0
+    deviation_evidence: float = DEVIATION_EVIDENCE[0]
     duration_evidence: float = EXPONENTS[0]
     log_loss: float = float("nan")
     error: float = float("nan")
@@ -111,24 +115,37 @@ def choose(
         candidates: by pace a library, with the statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
-    tried, everything = list[Hyperparameters](), []
-    for pace, (library, tasks) in candidates.items():
-        left_out = _leave_out(tasks, recorded, library.units)
-        if not left_out:
-            return Choice(Hyperparameters(), None, (Hyperparameters(),))
-        for noise_scale in NOISE_SCALES:
-            scaled = replace(library, noise_scale=noise_scale)
-            log_loss, error = validate(scaled, left_out, tasks)
+    left_out = {
+        pace: _leave_out(tasks, recorded, library.units)
+        for pace, (library, tasks) in candidates.items()
+    }
+    if not all(left_out.values()):
+        return Choice(Hyperparameters(), None, (Hyperparameters(),))
+    tried = list[Hyperparameters]()
+
+    def best_of(some: Iterable[Hyperparameters]) -> Hyperparameters:
+        for one in some:
+            library, tasks = candidates[one.pace]
+            log_loss, error = validate(_with(library, one), left_out[one.pace], tasks)
             score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
-            tried.append(Hyperparameters(pace, noise_scale, EXPONENTS[0], log_loss, error, score))
-            everything.append((scaled, left_out))
-    best = min(range(len(tried)), key=lambda k: tried[k].score)
-    library, left_out = everything[best]
-    at_once = _at_once(library, N_DURATIONS)
-    variance = _variance(library, left_out)
-    exponent, coupling = choose_duration_evidence(library, left_out, FRACTIONS, variance, at_once)
-    tried[best] = tried[best]._replace(duration_evidence=exponent)
-    return Choice(tried[best], coupling if np.any(coupling.gain) else None, tuple(tried))
+            tried.append(one._replace(log_loss=log_loss, error=error, score=score))
+        return min(tried, key=lambda one: one.score)
+
+    best = best_of(Hyperparameters(pace, scale) for pace in candidates for scale in NOISE_SCALES)
+    if len(candidates[best.pace][0].phase_deviation.grid) > 1:
+        others = DEVIATION_EVIDENCE[1:]
+        best = best_of([best._replace(deviation_evidence=other) for other in others])
+    library, of_best = _with(candidates[best.pace][0], best), left_out[best.pace]
+    at_once, variance = _at_once(library, N_DURATIONS), _variance(library, of_best)
+    exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
+    tried[tried.index(best)] = best = best._replace(duration_evidence=exponent)
+    return Choice(best, coupling if np.any(coupling.gain) else None, tuple(tried))
+
+
+def _with(library: TaskLibrary, chosen: Hyperparameters) -> TaskLibrary:
+    """The library of a pace with other hyperparameters."""
+    deviation = replace(library.phase_deviation, evidence=chosen.deviation_evidence)
+    return replace(library, noise_scale=chosen.noise_scale, phase_deviation=deviation)
 
 
 def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> NDArray[np.float64]:
@@ -245,15 +262,59 @@ def _leave_out(
     recorded: Mapping[str, TaskStatistics],
     units: Sequence[str],
 ) -> list[LeftOutExample]:
-    """Demonstrations of tasks that have two or more, each with its task without it."""
+    """Demonstrations of tasks that have two or more, each with its task without it.
+
+    Where it is known whose they are, and others have shown each task, too, all demonstrations of
+    the person are left out with it.
+    """
     statistics = list(tasks.values())
     floor, _ = variance_scales(tasks, units)
     pooled = pooled_moments(statistics)
     several = {label: task for label, task in tasks.items() if task.n > 1}
+    pairs = paired_examples(several, recorded, MAX_VALIDATED)
+    others = {name: without_group(statistics, name) for name in {e.group for _, e, _ in pairs}}
+    if pairs and all(rest is not None and people(rest) > 1 for rest in others.values()):
+        found = {name: _of_others(rest, floor, units) for name, rest in others.items() if rest}
+        return [
+            _left_out(statistics, k, found[example.group][k], units, example, as_recorded)
+            for k, example, as_recorded in pairs
+        ]
     return [
         _without(statistics, k, pooled, floor, units, example, as_recorded)
-        for k, example, as_recorded in paired_examples(several, recorded, MAX_VALIDATED)
+        for k, example, as_recorded in pairs
     ]
+
+
+class _Rest(NamedTuple):
+    """A task without some demonstrations: weights (D N,), and what `LeftOutExample` has of it."""
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    log_duration: float
+
+
+def _of_others(
+    rest: Sequence[TaskStatistics], floor: NDArray[np.float64], units: Sequence[str]
+) -> list[_Rest]:
+    """Every task of other people's demonstrations."""
+    n_observed = rest[0].examples[0].observed.shape[1]
+    size, pooled = n_observed * rest[0].mean.shape[1], pooled_moments(rest)
+    examples = [task.examples for task in rest]
+    of_observed = observed_block(pooled, size), floor[:n_observed], STRENGTH
+    shared = covariance_of_strangers(examples, *of_observed)
+    found = []
+    for task in rest:
+        target = structured_target(task.moments, pooled, floor).covariance()
+        covariance = shrunk_covariance(task.scatter, task.n, target, REGRESSION_STRENGTH)
+        gain = _gain(symmetrize(covariance), size)
+        found.append(_Rest(task.mean.ravel(), shared, gain, task.log_duration_mean))
+    return found
+
+
+def _gain(covariance: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    """Of the controlled weights on the observed ones, of which there are so many."""
+    return np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
 
 
 def _without(
@@ -276,20 +337,31 @@ def _without(
         target = structured_target(own, pooled, floor).covariance()
     shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
     covariance = symmetrize(shrunk_covariance(part.matrix, task.n - 1, target, REGRESSION_STRENGTH))
-    gain = np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
     mean = (task.mean - deviation / (task.n - 1)).ravel()
+    log_s = float(np.log(as_recorded.duration_s))
+    log_duration = task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1)
+    rest_of_task = _Rest(mean, shared, _gain(covariance, size), log_duration)
+    return _left_out(tasks, number, rest_of_task, units, example, as_recorded)
+
+
+def _left_out(
+    tasks: Sequence[TaskStatistics],
+    number: int,
+    rest: _Rest,
+    units: Sequence[str],
+    example: TrainingExample,
+    as_recorded: TrainingExample,
+) -> LeftOutExample:
     others = np.delete(np.arange(len(tasks)), number)
-    rivals = nearest_tasks(tasks, example, others, units[:n_observed])
-    samples, log_s = as_recorded.observed, float(np.log(as_recorded.duration_s))
+    rivals = nearest_tasks(tasks, example, others, units[: example.observed.shape[1]])
+    samples = as_recorded.observed
     return LeftOutExample(
         number,
-        mean,
-        shared,
-        gain,
+        *rest[:3],
         rivals,
         samples,
         _at_scored_phases(samples),
         as_recorded.controlled,
         as_recorded.duration_s,
-        task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1),
+        rest.log_duration,
     )

@@ -70,8 +70,8 @@ def learn_none_margin(
             compared = nearest_tasks(statistics, example, rivals, library.observed_units)
             comparisons.append(Comparison(without[k], compared, len(rivals), as_recorded))
             is_known.append(False)
-        if leaving_out.can_spare_one_of(k):
-            left_out = leaving_out.demonstration(k, example)
+        left_out = leaving_out.unseen(k, example)
+        if left_out is not None:
             compared = np.r_[k, nearest_tasks(statistics, example, rivals, library.observed_units)]
             comparisons.append(Comparison(left_out, compared, len(calibrating), as_recorded))
             is_known.append(True)

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How people differ from each other, beyond how demonstrations of one of them differ.
+
+Demonstrations of one person are alike: they are no more than one draw of a person. With the person
+g of a demonstration i of task k, its observed weights are
+
+    w_kgi = mu_k + b_kg + e_kgi,    b ~ N(0, B),    e ~ N(0, E),
+
+a one-way model of random effects. E is estimated from the scatter about the means of each person's
+demonstrations of a task, C from the scatter of these means, and B from both by restricted maximum
+likelihood: in coordinates in which E is the identity, the eigenvalues of C less the share h of E in
+it, or zero (Amemiya 1985; h is the mean of 1 / n_kg).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import cholesky, symmetrize
+from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.learning.statistics import TaskStatistics, summarize
+from intent_recognition.promp import Scatter, shared_covariance
+
+MIN_FREEDOM = 4
+"""Degrees of freedom between people from which on B is estimated: three people with two tasks, or
+five with one. With fewer the target would be inflated (`promp.structured_target`)."""
+
+
+class Grouped(NamedTuple):
+    """Scatter of demonstrations by whose they are.
+
+    Attributes:
+        within: about the mean of each person's demonstrations of a task.
+        between: of these means about the mean of the task.
+        share: mean of 1 / n over the numbers of demonstrations behind the means.
+        n_groups: people.
+    """
+
+    within: Scatter
+    between: Scatter
+    share: float
+    n_groups: int
+
+
+def group_scatter(examples: Sequence[Sequence[TrainingExample]], n_observed: int) -> Grouped | None:
+    """The scatter of K tasks' demonstrations by group; None where groups say nothing of people.
+
+    They do where some person has shown a task twice, and several have shown the same one.
+
+    Args:
+        examples: of each task.
+        n_observed: number of observed DOFs.
+    """
+    if any(not one.group for task in examples for one in task):
+        return None
+    apart, means, shares = [], [], []
+    for task in examples:
+        groups = sorted({one.group for one in task})
+        weights = [(one.group, one.weights[:n_observed].ravel()) for one in task]
+        cells = [np.array([w for g, w in weights if g == group]) for group in groups]
+        own = np.array([cell.mean(axis=0) for cell in cells])
+        apart += [cell - mean for cell, mean in zip(cells, own, strict=True)]
+        means.append(own - own.mean(axis=0))
+        shares += [1.0 / len(cell) for cell in cells]
+    within, between = np.concatenate(apart), np.concatenate(means)
+    freedom = len(within) - len(between), len(between) - len(means)
+    if freedom[0] < 1 or freedom[1] < MIN_FREEDOM:
+        return None
+    n_groups = len({one.group for task in examples for one in task})
+    return Grouped(
+        Scatter(within.T @ within, freedom[0]),
+        Scatter(between.T @ between, freedom[1]),
+        float(np.mean(shares)),
+        n_groups,
+    )
+
+
+def people(tasks: Sequence[TaskStatistics]) -> int:
+    """How many have shown the tasks; 0 where it is not known of all demonstrations."""
+    names = {one.group for task in tasks for one in task.examples}
+    return 0 if "" in names else len(names)
+
+
+def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatistics] | None:
+    """The tasks without a person's demonstrations; None where one has no others, or all have one.
+
+    Args:
+        tasks: statistics, of which the demonstrations that were kept count.
+        name: the group; "" is nobody's.
+    """
+    kept = [[one for one in task.examples if one.group != name] for task in tasks]
+    if not name or not all(kept) or sum(map(len, kept)) == len(kept):
+        return None
+    return [summarize(examples) for examples in kept]
+
+
+def between_people(
+    grouped: Grouped, floor: NDArray[np.float64], strength: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Covariances E within and B between people, (d, d) each.
+
+    Args:
+        grouped: scatter by whose demonstrations they are.
+        floor: variance floor per observed DOF, (P,).
+        strength: equivalent sample size of the target that both are shrunk towards.
+    """
+    within = shared_covariance(grouped.within, floor, strength)
+    means = shared_covariance(grouped.between, floor, strength)
+    root = cholesky(within, name="covariance within people")
+    scaled = np.linalg.solve(root, np.linalg.solve(root, means).T)
+    values, vectors = np.linalg.eigh(symmetrize(scaled))
+    apart = (root @ vectors) * np.sqrt(np.maximum(values - grouped.share, 0.0))
+    return within, symmetrize(apart @ apart.T)
+
+
+def covariance_of_strangers(
+    examples: Sequence[Sequence[TrainingExample]],
+    pooled: Scatter,
+    floor: NDArray[np.float64],
+    strength: float,
+) -> NDArray[np.float64]:
+    """Covariance of an unknown person's demonstrations about the means of their tasks, (d, d).
+
+    These means are uncertain, too, as if each of the G people were one demonstration: B counts
+    1 + 1 / G. Without people to compare it is the covariance that all demonstrations share.
+
+    Args:
+        examples: of each task.
+        pooled: scatter of the observed weights of all demonstrations about the tasks' means.
+        floor: variance floor per observed DOF, (P,).
+        strength: equivalent sample size of the target, in demonstrations.
+    """
+    grouped = group_scatter(examples, len(floor))
+    if grouped is None:
+        return shared_covariance(pooled, floor, strength)
+    within, between = between_people(grouped, floor, strength)
+    return within + (1.0 + 1.0 / grouped.n_groups) * between
