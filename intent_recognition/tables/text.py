@@ -44,9 +44,10 @@ def open_text(path: Path, skip_rows: int) -> Table:
     Raises:
         BagError: it cannot be read.
     """
-    skip_rows = skip_rows or _comments(path)
-    before = _before_places(path, skip_rows)
-    head = list(islice(_rows(path, skip_rows), before, before + HEAD_ROWS))
+    encoding = _encoding(path)
+    skip_rows = skip_rows or _comments(path, encoding)
+    before = _before_places(path, skip_rows, encoding)
+    head = list(islice(_rows(path, skip_rows, encoding), before, before + HEAD_ROWS))
     header = known_header(path, head) or _plain_header(path, head)
     start = before + header.skip
     check_columns(path, len(header.names))
@@ -56,7 +57,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
         most = MOST_CELLS // max(1, len(wanted))
         last = max(wanted, default=0)
         short = ""
-        for number, row in enumerate(islice(_rows(path, skip_rows), start, None)):
+        for number, row in enumerate(islice(_rows(path, skip_rows, encoding), start, None)):
             if number >= most:
                 cure = "Split it, or name fewer of its columns in the map."
                 got = f"more than {most} rows of {len(wanted)} columns"
@@ -86,11 +87,11 @@ def open_text(path: Path, skip_rows: int) -> Table:
     )
 
 
-def _comments(path: Path) -> int:
+def _comments(path: Path, encoding: str) -> int:
     """Lines of comment at the begin, before the line of names, which may begin with a # itself."""
     count = 0
     try:
-        with path.open(encoding=_encoding(path), newline="") as stream:
+        with path.open(encoding=encoding, newline="") as stream:
             for line in iter(lambda: stream.readline(LONGEST_LINE), ""):
                 if not line.startswith("#"):
                     cells = re.split(r"[,;\s]+", line.strip())
@@ -101,9 +102,9 @@ def _comments(path: Path) -> int:
     return 0
 
 
-def _before_places(path: Path, skip_rows: int) -> int:
+def _before_places(path: Path, skip_rows: int, encoding: str) -> int:
     """Rows before the first table of places in an export of Nexus that begins with devices."""
-    rows = _rows(path, skip_rows)
+    rows = _rows(path, skip_rows, encoding)
     if [cell.strip() for cell in next(rows, [])][:1] != ["Devices"]:
         return 0
     places = (k for k, row in enumerate(rows, 1) if row and row[0].strip() in OF_NEXUS)
@@ -132,10 +133,10 @@ def _is_number(text: str) -> bool:
         return False
 
 
-def _rows(path: Path, skip_rows: int) -> Iterator[list[str]]:
+def _rows(path: Path, skip_rows: int, encoding: str) -> Iterator[list[str]]:
     """The lines of a CSV as cells, from the header on."""
     try:
-        with path.open(encoding=_encoding(path), newline="") as stream:
+        with path.open(encoding=encoding, newline="") as stream:
             while skip_rows and stream.readline(LONGEST_LINE):
                 skip_rows -= 1
             at = stream.tell()
