@@ -216,6 +216,29 @@ def test_what_the_library_has_learned_of_the_task_left_out_does_not_matter(pace)
     assert validate(blank, left_out, tasks) == validate(library, left_out, tasks)
 
 
+def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
+    """Each example with its task, and what tasks share, as without all of its person."""
+    data = accumulated(2, counts=(6, 6))
+    people = {
+        label: summarize([e._replace(group="abc"[k % 3]) for k, e in enumerate(task.examples)])
+        for label, task in data.tasks.items()
+    }
+    found = selection._leave_out(people, people, UNITS)
+    everyone = [example for task in people.values() for example in task.examples]
+    for one, example in zip(found, everyone, strict=True):
+        rest = {
+            label: summarize([e for e in task.examples if e.group != example.group])
+            for label, task in people.items()
+        }
+        np.testing.assert_allclose(one.mean, rest[example.task].mean.ravel())
+        assert one.log_duration == pytest.approx(rest[example.task].log_duration_mean)
+    alone = {k: summarize([e._replace(group="") for e in t.examples]) for k, t in people.items()}
+    for one, example in zip(selection._leave_out(alone, alone, UNITS), everyone, strict=True):
+        task = people[example.task]
+        mean = task.mean - (example.weights - task.mean) / (task.n - 1)
+        np.testing.assert_allclose(one.mean, mean.ravel())
+
+
 def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
     data = accumulated(2, counts=(4, 2, 1))
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters("aligned"))
