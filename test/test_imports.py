@@ -25,7 +25,7 @@ STOREYS = (  # of the library, from the ground up; rooms of one storey may not f
     | {"plots", "registry", "parameter_table"},
     {"gaussian", "signals", "kinematics", "bags"},
     {"promp", "alignment", "tracking", "warping", "motion", "transfer"},
-    {"filtering", "objects", "demonstrations", "composing"},
+    {"filtering", "objects", "demonstrations", "composing", "plans"},
     {"learning", "recognition", "tables", "improvement"},
     {"activation", "model"},
     {"evaluation"},

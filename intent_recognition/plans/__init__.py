@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plans of assemblies: which steps there are and their order, learned, written, followed online."""
+
+from intent_recognition.plans.file import (
+    Assembly,
+    DoneTask,
+    read_assemblies,
+    read_plan,
+    write_plan,
+)
+from intent_recognition.plans.learning import learn_plan
+from intent_recognition.plans.progress import StepState, WorkProgress
+from intent_recognition.plans.work_plan import WorkPlan, WorkStep
+
+__all__ = [
+    "Assembly",
+    "DoneTask",
+    "StepState",
+    "WorkPlan",
+    "WorkProgress",
+    "WorkStep",
+    "learn_plan",
+    "read_assemblies",
+    "read_plan",
+    "write_plan",
+]

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plans and sessions as YAML, which people read and change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, NoReturn
+
+import yaml
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.plans.work_plan import Pair, WorkPlan, WorkStep
+from intent_recognition.untrusted import UntrustedError, load_yaml
+
+MOST_STEPS = 60
+"""Steps of a plan. Convention: the belief and the sampled orders grow with their square."""
+MOST_TASKS = 100_000
+"""Tasks of all sessions of a file. Convention."""
+BEFORE = " < "
+STEP_KEYS = ("step", "task", "share", "who", "objects", "duration")
+PLAN_KEYS = ("assemblies", "repeated", "wrong", "steps", "order", "by_hand")
+
+
+class DoneTask(NamedTuple):
+    """What somebody did in an assembly.
+
+    Attributes:
+        task: its label.
+        who: name of the person or robot; empty where that was not recorded.
+        objects: number of each kind of object that it took.
+        duration_s: time that it took; 0 where that was not recorded.
+    """
+
+    task: str
+    who: str = ""
+    objects: Mapping[str, float] = {}
+    duration_s: float = 0.0
+
+
+Assembly = tuple[DoneTask, ...]
+"""One assembly: what was done, in order."""
+
+
+def write_plan(plan: WorkPlan) -> str:
+    """The YAML of a plan, as `read_plan` takes it."""
+    steps = []
+    for step in plan.steps:
+        row: dict[str, Any] = {"step": step.name, "task": step.task, "share": step.share}
+        row |= {"who": dict(step.who)} if step.who else {}
+        row |= {"objects": dict(step.objects)} if step.objects else {}
+        row |= {"duration": step.duration_s} if step.duration_s else {}
+        steps.append(row)
+    content = {
+        "assemblies": plan.n_assemblies,
+        "repeated": plan.repeated,
+        "wrong": plan.wrong,
+        "steps": steps,
+        "order": {BEFORE.join(pair): p for pair, p in plan.order.items()},
+        "by_hand": {BEFORE.join(pair): p for pair, p in plan.by_hand.items()},
+    }
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+
+
+def read_plan(text: str) -> WorkPlan:
+    """A plan from YAML.
+
+    Such as::
+
+        steps:
+        - {step: base, task: base_handover, share: 0.97, duration: 3.1}
+        - {step: screw, task: screw_handover, objects: {screw: 2}, who: {anna: 1.0}}
+        order:
+          base < screw: 0.96
+        by_hand:
+          base < screw: 1
+
+    Only `steps` is required, and of a step its name or its task.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    content = _yaml("plan", text)
+    if not isinstance(content, Mapping) or not isinstance(content.get("steps"), list):
+        _refuse("plan", "steps: [...]", content)
+    if unknown := sorted(map(str, set(content) - set(PLAN_KEYS))):
+        _refuse("plan", f"{', '.join(PLAN_KEYS)}", ", ".join(unknown))
+    if not 0 < len(content["steps"]) <= MOST_STEPS:
+        _refuse("plan", f"1 to {MOST_STEPS} steps", len(content["steps"]))
+    numbers = {
+        name: _number(f"plan, {key}", content[key])
+        for key, name in (("repeated", "repeated"), ("wrong", "wrong"))
+        if key in content
+    }
+    return WorkPlan(
+        tuple(_step(f"plan, step {k + 1}", one) for k, one in enumerate(content["steps"])),
+        _relations("plan, order", content.get("order")),
+        _relations("plan, by_hand", content.get("by_hand")),
+        n_assemblies=int(_number("plan, assemblies", content.get("assemblies", 0))),
+        **numbers,
+    )
+
+
+def read_assemblies(text: str) -> tuple[Assembly, ...]:
+    """Sessions from YAML: a list of tasks is one assembly, a list of such lists several.
+
+    A task is a label, or has `task`, `who`, `start` and `end` [s], and `objects`::
+
+        - [base, screw, {task: lid, who: anna, start: 7.5, end: 9.0, objects: {lid: 1}}]
+        - [base, lid, screw]
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    content = _yaml("session", text)
+    if not isinstance(content, list) or not content:
+        _refuse("session", "a list of tasks, or of such lists", content)
+    several = content if isinstance(content[0], list) else [content]
+    if not all(isinstance(one, list) for one in several):
+        _refuse("session", "either tasks or lists of tasks", content)
+    if (n_tasks := sum(map(len, several))) > MOST_TASKS:
+        _refuse("session", f"at most {MOST_TASKS} tasks", n_tasks)
+    return tuple(
+        tuple(_done(f"assembly {a + 1}, task {k + 1}", one) for k, one in enumerate(assembly))
+        for a, assembly in enumerate(several)
+    )
+
+
+def begun_with(assemblies: Sequence[Assembly], task: str) -> tuple[Assembly, ...]:
+    """The same, cut before each time that a task is done: what assemblies begin with."""
+    out: list[list[DoneTask]] = []
+    for assembly in assemblies:
+        for k, one in enumerate(assembly):
+            if k == 0 or one.task == task:
+                out.append([])
+            out[-1].append(one)
+    return tuple(map(tuple, out))
+
+
+def _done(place: str, content: Any) -> DoneTask:
+    if isinstance(content, str) and content:
+        return DoneTask(content)
+    if not isinstance(content, Mapping) or not isinstance(content.get("task"), str):
+        _refuse(place, "a task", content)
+    if unknown := sorted(map(str, set(content) - {"task", "who", "start", "end", "objects"})):
+        _refuse(place, "task, who, start, end and objects", ", ".join(unknown))
+    start, end = (_number(place, content.get(key, 0.0), -math.inf) for key in ("start", "end"))
+    return DoneTask(
+        content["task"],
+        str(content.get("who", "")),
+        _numbers(f"{place}, objects", content.get("objects")),
+        max(end - start, 0.0),
+    )
+
+
+def _step(place: str, content: Any) -> WorkStep:
+    if not isinstance(content, Mapping) or not {"step", "task"} & set(content):
+        _refuse(place, "a step and its task", content)
+    if unknown := sorted(map(str, set(content) - set(STEP_KEYS))):
+        _refuse(place, ", ".join(STEP_KEYS), ", ".join(unknown))
+    name = str(content.get("step", content.get("task")))
+    if not name or BEFORE.strip() in name:
+        _refuse(place, "a name without <", name)
+    return WorkStep(
+        name,
+        str(content.get("task", name)),
+        _number(f"{place}, share", content.get("share", 1.0)),
+        _numbers(f"{place}, who", content.get("who")),
+        _numbers(f"{place}, objects", content.get("objects")),
+        _number(f"{place}, duration", content.get("duration", 0.0)),
+    )
+
+
+def _relations(place: str, content: Any) -> dict[Pair, float]:
+    found: dict[Pair, float] = {}
+    for key, p in _numbers(place, content).items():
+        first, sign, then = (part.strip() for part in key.partition(BEFORE.strip()))
+        if not (first and sign and then) or BEFORE.strip() in then:
+            _refuse(place, "FIRST < THEN: probability", key)
+        found[first, then] = p
+    return found
+
+
+def _numbers(place: str, content: Any) -> dict[str, float]:
+    if content is None:
+        return {}
+    if not isinstance(content, Mapping):
+        _refuse(place, "names with a number each", content)
+    return {str(key): _number(f"{place}, {key}", value) for key, value in content.items()}
+
+
+def _number(place: str, value: Any, least: float = 0.0) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value) or value < least:
+        _refuse(place, "a finite number, not negative", value)
+    return float(value)
+
+
+def _yaml(place: str, text: str) -> Any:
+    try:
+        return load_yaml(text)
+    except UntrustedError as error:
+        _refuse(place, "YAML", error)
+
+
+def _refuse(argument: str, expected: str, got: object) -> NoReturn:
+    raise ArgumentError.about(argument, expected, got, "docs/plans.md describes plans.")

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A plan from a few assemblies: which steps there are, and the posterior of their partial order.
+
+An assembly is taken as drawn step by step: with probability 1 - e the next step is any of those
+whose predecessors are done, all being equally probable, and with probability e any at all (the
+queue-jumping error of Nicholls and Muir Watt 2011, Jiang, Nicholls and Lee 2023). A rule that would
+have forbidden nothing that was possible earns nothing; one that was kept while it forbade several
+steps earns their number. Beforehand, each further relation makes an order a little less probable.
+The posterior is sampled by Metropolis and Hastings, one relation being added or removed at a time,
+and told as the probability of each relation: "i must be done before j" (Mannila and Meek 2000 learn
+one such order; Beerenwinkel, Eriksson and Sturmfels 2007 learn them with errors).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.plans.file import Assembly
+from intent_recognition.plans.work_plan import (
+    SURE,
+    USUAL_SLIP,
+    Pair,
+    WorkPlan,
+    WorkStep,
+    covering,
+)
+
+JUMPS = 0.03
+"""Probability e that a step is done before its turn. Convention: as USUAL_SLIP."""
+ORDER_ODDS = 0.7
+"""Prior odds of one relation more in an order (docs/plans.md)."""
+N_SAMPLES = 20_000
+"""Steps of the chain, of which the first fifth is left out (docs/plans.md)."""
+SLIP_WEIGHT = 30.0
+"""Movements that the prior of USUAL_SLIP counts as. Convention: two or three assemblies."""
+DONE_COUNT, LEFT_COUNT = 1.0, 0.1
+"""Beta prior of the share of assemblies in which a step is done. Convention: one in ten leaves it
+out."""
+LEAST_ORDER = 0.05
+"""Probability below which a relation is not told. Convention: what two digits show."""
+
+Occurrence = tuple[str, int]
+"""A task, and how many times it has been done by then."""
+
+
+def learn_plan(
+    assemblies: Sequence[Assembly],
+    rng: np.random.Generator,
+    by_hand: Mapping[Pair, float] | None = None,
+    n_samples: int = N_SAMPLES,
+) -> WorkPlan:
+    """The plan of an assembly that was demonstrated a few times.
+
+    A task that most assemblies hold is a step, once more for each further time that most hold it
+    (a task that half of them hold is one, too). What an assembly holds beyond is taken for a slip:
+    a step that was repeated, or done in vain before its last time.
+
+    Args:
+        assemblies: what was done in each, in order.
+        rng: random numbers of the sampled orders.
+        by_hand: relations that a person has written; those of steps that are no more are left out.
+        n_samples: steps of the Markov chain.
+
+    Raises:
+        ArgumentError: no assembly holds a task.
+    """
+    if not any(assemblies):
+        cure = "Record sessions with labelled tasks, or write them as YAML."
+        raise ArgumentError.about("assemblies", "at least one that holds a task", "none", cure)
+    done = [assembly for assembly in assemblies if assembly]
+    found = _occurrences([[one.task for one in assembly] for assembly in done])
+    steps = sorted(_places(found), key=lambda step: (_places(found)[step], step))
+    number = {step: k for k, step in enumerate(steps)}
+    sequences = [[number[step] for step in one if step is not None] for one in found]
+    before = np.minimum(sample_orders(sequences, len(steps), rng, n_samples), SURE)
+    names = [task if k == 1 else f"{task} {k}" for task, k in steps]
+    told = np.round(covering(np.where(before < LEAST_ORDER, 0.0, before)), 3)
+    order = {(names[i], names[j]): float(told[i, j]) for i, j in np.argwhere(told > 0.0).tolist()}
+    total = sum(map(len, found))
+    slips = sum(step is None for one in found for step in one) / 2.0
+    rate = round((slips + USUAL_SLIP * SLIP_WEIGHT) / (total + SLIP_WEIGHT), 4)
+    kept = {pair: p for pair, p in (by_hand or {}).items() if set(pair) <= set(names)}
+    return WorkPlan(
+        tuple(_step(name, step, done, found) for name, step in zip(names, steps, strict=True)),
+        order,
+        kept,
+        repeated=rate,
+        wrong=rate,
+        n_assemblies=len(done),
+    )
+
+
+def _occurrences(tasks: Sequence[Sequence[str]]) -> list[list[Occurrence | None]]:
+    """Which step each movement does; None where it does none.
+
+    Args:
+        tasks: of each assembly, in order.
+    """
+    counts = [Counter(one) for one in tasks]
+    n = len(tasks)
+    often = {
+        task: sum(
+            2 * sum(c[task] >= k for c in counts) > n - (k == 1)
+            for k in range(1, max(c[task] for c in counts) + 1)
+        )
+        for task in sorted(set().union(*counts))
+    }
+    out: list[list[Occurrence | None]] = []
+    for one, count in zip(tasks, counts, strict=True):
+        seen: Counter[str] = Counter()
+        steps: list[Occurrence | None] = []
+        for task in one:
+            seen[task] += 1
+            k = seen[task] - max(count[task] - often[task], 0)
+            steps.append((task, k) if k >= 1 else None)
+        out.append(steps)
+    return out
+
+
+def _places(found: Sequence[Sequence[Occurrence | None]]) -> dict[Occurrence, float]:
+    """Mean place of each step in the assemblies, in [0, 1)."""
+    places: dict[Occurrence, list[float]] = {}
+    for one in found:
+        for at, step in enumerate(one):
+            if step is not None:
+                places.setdefault(step, []).append(at / len(one))
+    return {step: float(np.mean(at)) for step, at in places.items()}
+
+
+def _step(
+    name: str,
+    step: Occurrence,
+    assemblies: Sequence[Assembly],
+    found: Sequence[Sequence[Occurrence | None]],
+) -> WorkStep:
+    """What is known of a step."""
+    records = [
+        assembly[one.index(step)]
+        for assembly, one in zip(assemblies, found, strict=True)
+        if step in one
+    ]
+    share = (len(records) + DONE_COUNT) / (len(assemblies) + DONE_COUNT + LEFT_COUNT)
+    people = Counter(record.who for record in records if record.who)
+    objects: Counter[str] = Counter()
+    for record in records:
+        objects.update(record.objects)
+    durations = [record.duration_s for record in records if record.duration_s > 0.0]
+    return WorkStep(
+        name,
+        step[0],
+        round(share, 3),
+        {who: round(n / people.total(), 3) for who, n in sorted(people.items())},
+        {kind: round(n / len(records), 2) for kind, n in sorted(objects.items())},
+        round(float(np.median(durations)), 2) if durations else 0.0,
+    )
+
+
+class _Draws(NamedTuple):
+    """Every step of every assembly as a draw from those that were undone.
+
+    Attributes:
+        undone: 1 for each step that was undone before the draw, (T, n); what an assembly does not
+            hold was never undone.
+        drawn: number of the step, (T,).
+    """
+
+    undone: NDArray[np.float64]
+    drawn: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, sequences: Sequence[Sequence[int]], n: int) -> _Draws:
+        """The draws of some assemblies, whose steps are numbers below n."""
+        undone = np.zeros((sum(map(len, sequences)), n))
+        drawn = np.array([step for one in sequences for step in one], dtype=np.int64)
+        t = 0
+        for one in sequences:
+            for k in range(len(one)):
+                undone[t, list(one[k:])] = 1.0
+                t += 1
+        return cls(undone, drawn)
+
+    def log_posterior(self, order: NDArray[np.float64]) -> float:
+        """Log probability of a partial order (n, n), 1 where i is before j, up to a constant."""
+        possible = self.undone * (self.undone @ order < 0.5)
+        in_turn = possible[np.arange(len(self.drawn)), self.drawn] / possible.sum(axis=1)
+        p = (1.0 - JUMPS) * in_turn + JUMPS / self.undone.sum(axis=1)
+        return float(np.log(p).sum() + np.log(ORDER_ODDS) * order.sum())
+
+
+def sample_orders(
+    sequences: Sequence[Sequence[int]], n: int, rng: np.random.Generator, n_samples: int
+) -> NDArray[np.float64]:
+    """Posterior probability that step i must be done before step j, (n, n).
+
+    Args:
+        sequences: of each assembly the numbers of its steps, below n, each at most once.
+        n: number of steps.
+        rng: random numbers.
+        n_samples: steps of the Markov chain, which begins with the relations that every assembly
+            keeps.
+    """
+    draws = _Draws.of(sequences, n)
+    order = _kept_by_all(sequences, n)
+    now = draws.log_posterior(order)
+    total = np.zeros((n, n))
+    pairs, limits = rng.integers(n, size=(n_samples, 2)), np.log(rng.random(n_samples))
+    for t, (i, j) in enumerate(pairs.tolist()):
+        if _may_change(order, i, j):
+            order[i, j] = 1.0 - order[i, j]
+            then = draws.log_posterior(order)
+            if limits[t] < then - now:
+                now = then
+            else:
+                order[i, j] = 1.0 - order[i, j]
+        if 5 * t >= n_samples:
+            total += order
+    return total / max(n_samples - n_samples // 5, 1)
+
+
+def _may_change(order: NDArray[np.float64], i: int, j: int) -> bool:
+    """Whether an order remains one, when just the relation of i to j is added or removed."""
+    if i == j or order[j, i]:
+        return False
+    if order[i, j]:
+        return not np.any(order[i] * order[:, j])
+    return not (np.any(order[:, i] > order[:, j]) or np.any(order[j] > order[i]))
+
+
+def _kept_by_all(sequences: Sequence[Sequence[int]], n: int) -> NDArray[np.float64]:
+    """1 where i came before j in every assembly that holds both, and in some, (n, n).
+
+    Where few hold both, this may be no order: then what follows from it in a circle is left out.
+    """
+    seen = np.zeros((n, n))
+    for one in sequences:
+        for k, step in enumerate(one):
+            seen[step, list(one[k + 1 :])] += 1.0
+    order = ((seen > 0.0) & (seen.T == 0.0)).astype(float)
+    for k in range(n):
+        np.maximum(order, np.outer(order[:, k], order[k]), out=order)
+    order[(order > 0.0) & (order.T > 0.0)] = 0.0
+    return order

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far an assembly is: a belief over which steps are done, and which task comes next.
+
+The belief is a list of sets of done steps with their probabilities. From a set s, the next movement
+
+- does step i with a probability in proportion to share_i prod_j (1 - before_ji present_j) over the
+  undone steps j: whatever must come before it must be done, or be left out of this assembly;
+- does no step: it repeats one, or is wrong;
+- or begins the next assembly, if what is undone is usually left out.
+
+A step that is undone while one is done that needs it was left out, and holds nothing up any more:
+present_j = share_j (1 - p(left out)). A movement that the recogniser takes for task k with
+probability p(k) moves the belief to sum_k p(k) p(s' | k), so that a step which was misrecognised is
+set right by those that come after (the filter of a hidden Markov model whose states are sets).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.plans.work_plan import WorkPlan
+
+MOST_STATES = 128
+"""Sets of done steps that are kept, the most probable. Convention: a noisy recogniser leaves a
+dozen above a thousandth."""
+DISORDERED = 0.03
+"""Probability that somebody does a step before one that must come first. Convention: as
+USUAL_SLIP."""
+HABIT_WEIGHT = 0.5
+"""Exponent of what usually follows, among the steps that may come (docs/plans.md)."""
+VAIN = 0.1
+"""How often a step that is undone is done in vain; tasks of which nothing is undone count 1.
+Convention."""
+LIKELY = 0.5
+"""Probability from which a step counts as done. Convention."""
+FORGOTTEN = 0.4
+"""Probability from which a step counts as forgotten (docs/plans.md)."""
+POSSIBLE = 0.1
+"""Probability from which a step may come next. Convention: one of ten."""
+
+
+class StepState(NamedTuple):
+    """What is believed of a step.
+
+    Attributes:
+        name: of the step.
+        task: its label.
+        done: probability that it is done.
+        next: probability that the next movement does it.
+        forgotten: probability that it was left out, though a step was done that needs it.
+    """
+
+    name: str
+    task: str
+    done: float
+    next: float
+    forgotten: float
+
+    def __str__(self) -> str:
+        """One of `done`, `forgotten`, `may come` and `later`."""
+        if self.done >= LIKELY:
+            return "done"
+        if self.forgotten >= FORGOTTEN:
+            return "forgotten"
+        return "may come" if self.next >= POSSIBLE else "later"
+
+
+class WorkProgress:
+    """Follows an assembly from one movement to the next.
+
+    Args:
+        plan: of the assembly; steps of tasks that cannot be recognised are left out.
+        labels: of the K tasks that are recognised.
+
+    Attributes:
+        plan: of the steps that can be recognised.
+        labels: as given.
+
+    Raises:
+        ArgumentError: the plan has no step of these tasks.
+    """
+
+    def __init__(self, plan: WorkPlan, labels: Sequence[str]):
+        self.plan, self.labels = plan.of(labels), tuple(labels)
+        if not self.plan.steps:
+            tasks = ", ".join(sorted({step.task for step in plan.steps}))
+            cure = "Learn the plan from sessions with the labels of the model."
+            raise ArgumentError.about("plan", f"steps of {', '.join(labels)}", tasks, cure)
+        steps = self.plan.steps
+        self._task = np.array([self.labels.index(step.task) for step in steps], dtype=np.int64)
+        self._of_task = np.eye(len(labels))[self._task]
+        self._share = np.array([step.share for step in steps])
+        # Laplace: without a rule, an order not seen in N assemblies comes with 1 / (N + 2)
+        q, by_chance = self.plan.before, 1.0 / (self.plan.n_assemblies + 2.0)
+        self._log_in_order = np.log1p(-q * DISORDERED / (q * DISORDERED + (1.0 - q) * by_chance))
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is done."""
+        self._done = np.zeros((1, len(self._task)), dtype=bool)
+        self._weight = np.ones(1)
+
+    def next_tasks(self, habit: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Probability that each task is that of the next movement, (K,); sums to one.
+
+        Args:
+            habit: what usually follows the task before, (K,); None: nothing is known of that.
+        """
+        step, anew, idle = self._choice(habit)
+        p = self._weight @ (step @ self._of_task + anew @ self._of_task + idle)
+        return np.asarray(p / p.sum())
+
+    def take(
+        self, probabilities: NDArray[np.float64], habit: NDArray[np.float64] | None = None
+    ) -> None:
+        """Take note of a movement that has ended.
+
+        Args:
+            probabilities: of the K tasks and none, (K + 1,), that of the plan included.
+            habit: as it was given to `next_tasks` before.
+        """
+        n = len(self._task)
+        step, anew, idle = self._choice(habit)
+        gain = probabilities[:-1] / np.maximum(self.next_tasks(habit), 1e-300)
+        single, w = np.eye(n, dtype=bool), self._weight
+        sets = (self._done[:, None] | single).reshape(-1, n), single, self._done
+        weights = (
+            (w[:, None] * step * gain[self._task]).ravel(),
+            (w @ anew) * gain[self._task],
+            w * (idle @ gain + probabilities[-1]),
+        )
+        done, where = np.unique(np.concatenate(sets), axis=0, return_inverse=True)
+        weight = np.bincount(where.ravel(), np.concatenate(weights), minlength=len(done))
+        best = np.argsort(-weight, kind="stable")[:MOST_STATES]
+        self._done, self._weight = done[best], weight[best] / weight[best].sum()
+
+    def steps(self, habit: NDArray[np.float64] | None = None) -> tuple[StepState, ...]:
+        """What is believed of each step, in the order of the plan."""
+        step, anew, _ = self._choice(habit)
+        columns = (
+            self._weight @ self._done,
+            self._weight @ (step + anew),
+            self._weight @ self._left_out(self._done),
+        )
+        return tuple(
+            StepState(one.name, one.task, *map(float, row))
+            for one, row in zip(self.plan.steps, zip(*columns, strict=True), strict=True)
+        )
+
+    def _left_out(self, done: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Probability that each step was left out where these are done, (M, n)."""
+        needed = 1.0 - np.exp(done.astype(np.float64) @ self._log_in_order.T)
+        return np.asarray(needed * ~done)
+
+    def _due(
+        self, done: NDArray[np.bool_], habit: NDArray[np.float64] | None
+    ) -> NDArray[np.float64]:
+        """Share of each step in what comes next where these are done, (M, n), or all zero."""
+        left_out = self._left_out(done)
+        present = self._share * (1.0 - left_out) * ~done
+        log_free = np.log1p(-self.plan.before * present[:, :, None]).sum(axis=1)
+        weight = np.exp(log_free) * self._share * ~done
+        if habit is not None:
+            weight = weight * (habit[self._task] + 1e-9) ** HABIT_WEIGHT
+        return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
+
+    def _choice(
+        self, habit: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """What the next movement does, from each set of done steps.
+
+        Returns:
+            Probability of a step (M, n), of a first step of the next assembly (M, n), and of a
+            task that does no step (M, K); a row of all three sums to one.
+        """
+        plan, done = self.plan, self._done
+        begun = np.any(done, axis=1, keepdims=True)
+        absent = 1.0 - self._share * (1.0 - self._left_out(done))
+        over = begun * np.prod(np.where(done, 1.0, absent), axis=1, keepdims=True)
+        known = 1.0 - plan.wrong - plan.repeated * begun
+        again = done @ self._of_task
+        again = plan.repeated * again / np.maximum(again.sum(axis=1, keepdims=True), 1.0)
+        into, fresh = self._due(done, habit), self._due(np.zeros_like(done[:1]), habit)
+        step, anew = known * (1.0 - over) * into, known * over * fresh
+        rest = 1.0 - (step.sum(axis=1) + anew.sum(axis=1) + again.sum(axis=1))
+        undone = (~done).astype(np.float64) @ self._of_task
+        vain = np.where(undone > 0.0, VAIN, 1.0)
+        return step, anew, again + rest[:, None] * vain / vain.sum(axis=1, keepdims=True)

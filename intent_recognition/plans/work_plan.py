@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of an assembly: its steps, and which of them must come before which."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError
+
+SURE = 1.0 - 1e-6
+"""Largest probability that a step must come before another. Numerical safeguard."""
+USUAL_SLIP = 0.03
+"""Share of movements that repeat a step, or do none, where nothing else is known. Convention."""
+FOLLOWS = 0.05
+"""An order is not listed where others imply it to within this probability. Convention: what two
+digits show."""
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class WorkStep:
+    """One step of an assembly.
+
+    Attributes:
+        name: unlike any other: the task, and a number where it is done again ("screw 2").
+        task: its label.
+        share: of assemblies in which it is done, in (0, 1].
+        who: share of the times that it was done by each person or robot, where that was recorded.
+        objects: number of each kind of object that it takes, on average.
+        duration_s: median time that it takes; 0 where that was not recorded.
+    """
+
+    name: str
+    task: str
+    share: float = 1.0
+    who: Mapping[str, float] = field(default_factory=dict)
+    objects: Mapping[str, float] = field(default_factory=dict)
+    duration_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class WorkPlan:
+    """The plan of an assembly: a partial order of steps, each relation with its probability.
+
+    Attributes:
+        steps: in a usual order.
+        order: probability that the first step of a pair must be done before the second, as
+            learned; relations that follow from others are left out.
+        by_hand: the same, written by a person: 1 for must, 0 for need not. It has precedence.
+        repeated: probability that a movement does again what was done.
+        wrong: probability that a movement does no step.
+        n_assemblies: number of assemblies that it was learned from.
+
+    Raises:
+        ArgumentError: two steps have one name, a relation names no step or its steps in a circle,
+            or a number is no probability.
+    """
+
+    steps: tuple[WorkStep, ...]
+    order: Mapping[Pair, float] = field(default_factory=dict)
+    by_hand: Mapping[Pair, float] = field(default_factory=dict)
+    repeated: float = USUAL_SLIP
+    wrong: float = USUAL_SLIP
+    n_assemblies: int = 0
+
+    def __post_init__(self) -> None:
+        """Check names and ranges."""
+        if len(set(self.names)) != len(self.steps):
+            _refuse("steps", "different names", ", ".join(self.names))
+        unknown = {name for pair in (*self.order, *self.by_hand) for name in pair} - set(self.names)
+        if unknown:
+            _refuse("order", f"steps of {', '.join(self.names)}", ", ".join(sorted(unknown)))
+        for name, p in (
+            *((step.name, step.share) for step in self.steps),
+            *((" < ".join(pair), p) for pair, p in (*self.order.items(), *self.by_hand.items())),
+            ("repeated", self.repeated),
+            ("wrong", self.wrong),
+            ("repeated and wrong", self.repeated + self.wrong),
+        ):
+            if not 0.0 <= p <= 1.0:
+                _refuse(name, "a probability in [0, 1]", p)
+        circle = np.argwhere((self.before > 0.5) & (self.before.T > 0.5))
+        if circle.size:
+            _refuse(
+                "order", "no circle", ", ".join(self.names[k] for k in sorted(set(circle[:, 0])))
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the steps."""
+        return tuple(step.name for step in self.steps)
+
+    @cached_property
+    def before(self) -> NDArray[np.float64]:
+        """Probability that step i must be done before step j, (n, n), with what is implied."""
+        place = {name: k for k, name in enumerate(self.names)}
+        found = np.zeros((len(self.steps), len(self.steps)))
+        for (first, then), p in {**self.order, **self.by_hand}.items():
+            found[place[first], place[then]] = p
+        for j, step in enumerate(self.steps):
+            for i in range(j):  # the second time comes after the first
+                if self.steps[i].task == step.task:
+                    found[i, j], found[j, i] = 1.0, 0.0
+        found = closure(found)
+        for (first, then), p in self.by_hand.items():
+            found[place[first], place[then]] = p
+        return np.minimum(found, SURE)
+
+    def of(self, labels: Sequence[str]) -> WorkPlan:
+        """The plan of the steps whose tasks are among some labels."""
+        kept = [k for k, step in enumerate(self.steps) if step.task in labels]
+        if len(kept) == len(self.steps):
+            return self
+        names = self.names
+        order = {(names[i], names[j]): float(self.before[i, j]) for i in kept for j in kept}
+        return replace(self, steps=tuple(self.steps[k] for k in kept), order=order, by_hand={})
+
+
+def closure(before: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What follows by transitivity: along the most probable chain, its links being independent.
+
+    Args:
+        before: probability that i must come before j, (n, n).
+    """
+    found = before.copy()
+    for k in range(len(found)):  # Floyd and Warshall, with products in place of sums
+        np.maximum(found, np.outer(found[:, k], found[k]), out=found)
+    np.fill_diagonal(found, 0.0)
+    return found
+
+
+def covering(before: NDArray[np.float64], tolerance: float = FOLLOWS) -> NDArray[np.float64]:
+    """The same without the relations that follow from the others.
+
+    Args:
+        before: probability that i must come before j, (n, n).
+        tolerance: by how much what follows may be less probable.
+    """
+    kept = before.copy()
+    for i, j in sorted(np.argwhere(before > 0.0).tolist(), key=lambda pair: before[tuple(pair)]):
+        kept[i, j] = 0.0
+        if closure(kept)[i, j] < before[i, j] - tolerance:
+            kept[i, j] = before[i, j]
+    return kept
+
+
+def _refuse(argument: str, expected: str, got: object) -> None:
+    raise ArgumentError.about(argument, expected, got, "docs/plans.md describes plans.")

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Following an assembly by what the recogniser believes of each movement."""
+
+import numpy as np
+import pytest
+from assemblies import FOREIGN, build, make_job
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.learning import count_transitions, smoothed_transitions
+from intent_recognition.plans import DoneTask, WorkPlan, WorkProgress, WorkStep, learn_plan
+
+LABELS = tuple("abcdx")
+STEPS = tuple(WorkStep(name, name, 0.97) for name in "abcd")
+CHAIN = WorkPlan(STEPS, {("a", "b"): 1.0, ("b", "c"): 1.0, ("c", "d"): 1.0}, n_assemblies=5)
+
+
+def sure(label, labels=LABELS, p=0.999):
+    out = np.full(len(labels) + 1, (1.0 - p) / len(labels))
+    out[labels.index(label)] = p
+    return out
+
+
+def state(progress):
+    return {step.name: str(step) for step in progress.steps()}
+
+
+def test_a_chain_is_followed_and_begins_anew():
+    progress = WorkProgress(CHAIN, LABELS)
+    for label in "abcdab":
+        assert LABELS[np.argmax(progress.next_tasks())] == label
+        progress.take(sure(label))
+        assert progress.next_tasks().sum() == pytest.approx(1.0)
+    assert state(progress) == {"a": "done", "b": "done", "c": "may come", "d": "later"}
+
+
+def test_an_order_that_is_allowed_is_followed():
+    plan = WorkPlan(STEPS, {("a", "d"): 1.0, ("b", "d"): 1.0, ("c", "d"): 1.0})
+    for order in ("abcd", "cbad", "bacd"):
+        progress = WorkProgress(plan, LABELS)
+        for k, label in enumerate(order):
+            p = progress.next_tasks()
+            due = [p[LABELS.index(other)] for other in (order[k:3] or "d")]
+            np.testing.assert_allclose(due, due[0])
+            assert sum(due) > 0.85
+            progress.take(sure(label))
+
+
+def test_a_step_that_was_left_out_is_forgotten_until_it_is_done():
+    progress = WorkProgress(CHAIN, LABELS)
+    for label in "ac":
+        progress.take(sure(label))
+    assert state(progress)["b"] == "forgotten"
+    progress.take(sure("b"))
+    assert state(progress) == {"a": "done", "b": "done", "c": "done", "d": "may come"}
+
+
+def test_a_misrecognised_step_is_set_right_by_those_after_it():
+    progress = WorkProgress(CHAIN, LABELS)
+    progress.take(sure("a"))
+    mistaken = np.array([0.0, 0.35, 0.0, 0.0, 0.6, 0.05])  # b, taken for x
+    progress.take(mistaken)
+    assert progress.steps()[1].done < 0.5
+    progress.take(sure("c"))
+    progress.take(sure("d"))
+    assert progress.steps()[1].done > 0.9
+
+
+def test_none_and_slips_change_little():
+    progress = WorkProgress(CHAIN, LABELS)
+    progress.take(sure("a"))
+    before = progress.next_tasks()
+    progress.take(np.r_[np.zeros(5), 1.0])
+    np.testing.assert_allclose(progress.next_tasks(), before)
+    for slip in "ax":
+        progress.take(sure(slip))
+        assert LABELS[np.argmax(progress.next_tasks())] == "b"
+    progress.reset()
+    assert LABELS[np.argmax(progress.next_tasks())] == "a"
+
+
+def test_a_belief_of_certain_movements_is_that_of_all_sets(rng):
+    """Two movements under a uniform recogniser, against the sum over all pairs of steps."""
+    progress = WorkProgress(CHAIN, LABELS)
+    joint = np.zeros((5, 5))
+    for i, first in enumerate(LABELS):
+        after = WorkProgress(CHAIN, LABELS)
+        after.take(sure(first, p=1.0))
+        joint[i] = progress.next_tasks()[i] * after.next_tasks()
+    progress.take(np.r_[progress.next_tasks(), 0.0])
+    np.testing.assert_allclose(progress.next_tasks(), joint.sum(axis=0), atol=1e-9)
+
+
+def test_a_habit_decides_among_what_may_come():
+    plan = WorkPlan(STEPS, {("a", "d"): 1.0})
+    habit = np.array([0.1, 0.1, 0.6, 0.1, 0.1])
+    progress = WorkProgress(plan, LABELS)
+    assert LABELS[np.argmax(progress.next_tasks(habit))] == "c"
+    habit = np.array([0.025, 0.025, 0.025, 0.9, 0.025])
+    assert np.argmax(progress.next_tasks(habit)) != 3  # no habit makes d come before a
+
+
+def test_tasks_that_nobody_recognises_are_left_out():
+    progress = WorkProgress(CHAIN, ("a", "c", "x"))
+    progress.take(sure("a", ("a", "c", "x")))
+    assert np.argmax(progress.next_tasks()) == 1
+    with pytest.raises(ArgumentError, match="a, b, c, d"):
+        WorkProgress(CHAIN, ("x", "y"))
+
+
+def scores(seed, n_demonstrations, slips):
+    """Of ten assemblies with slips: right and decidable; log loss of plan and of the table."""
+    rng = np.random.default_rng(seed)
+    job = make_job(rng)
+    labels = tuple(sorted({*job.labels, FOREIGN}))
+    shown = [
+        tuple(DoneTask(a.label) for a in build(rng, job, slips)) for _ in range(n_demonstrations)
+    ]
+    plan = learn_plan(shown, rng)
+    table = smoothed_transitions(count_transitions([[d.task for d in x] for x in shown], labels))
+    out = np.zeros(4)
+    for _ in range(10):
+        progress, last = WorkProgress(plan, labels), len(labels)
+        for act in build(rng, job):
+            p, k = progress.next_tasks(table[last]), labels.index(act.label)
+            if act.step >= 0 and act.allowed == {act.label}:
+                out[:2] += labels[np.argmax(p)] == act.label, 1
+            out[2:] -= np.log(p[k]), np.log(table[last, k])
+            progress.take(sure(act.label, labels), table[last])
+            last = k
+    return out
+
+
+@pytest.mark.slow
+def test_two_clean_demonstrations_tell_what_comes_next():
+    right, decidable, loss, of_table = np.sum([scores(seed, 2, 0.0) for seed in range(10)], axis=0)
+    assert decidable > 200 and right / decidable >= 0.9
+    assert loss / of_table <= 0.7

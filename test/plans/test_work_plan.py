@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A plan: its relations, what follows from them, and its file."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.plans import WorkPlan, WorkStep, read_assemblies, read_plan, write_plan
+from intent_recognition.plans.file import begun_with
+from intent_recognition.plans.work_plan import closure, covering
+
+STEPS = tuple(WorkStep(name, name) for name in "abcd")
+
+
+def test_relations_follow_along_the_most_probable_chain():
+    plan = WorkPlan(STEPS, {("a", "b"): 0.9, ("b", "c"): 0.8, ("a", "c"): 0.1})
+    assert plan.before[0, 2] == pytest.approx(0.72)
+    assert plan.before[2, 0] == plan.before[0, 3] == 0.0
+
+
+def test_what_a_person_wrote_has_precedence():
+    learned = {("a", "b"): 0.9, ("b", "c"): 0.9}
+    plan = WorkPlan(STEPS, learned, {("a", "c"): 0.0, ("c", "d"): 1.0})
+    assert plan.before[0, 2] == 0.0
+    assert plan.before[1, 3] == pytest.approx(0.9)
+
+
+def test_the_second_time_comes_after_the_first():
+    plan = WorkPlan((WorkStep("x", "x"), WorkStep("y", "y"), WorkStep("x 2", "x")))
+    assert plan.before[0, 2] == pytest.approx(1.0, abs=1e-5) and plan.before[2, 0] == 0.0
+
+
+def test_steps_left_out_of_the_labels_keep_what_they_imply():
+    plan = WorkPlan(STEPS, {("a", "b"): 0.9, ("b", "c"): 0.9}).of(("a", "c"))
+    assert plan.names == ("a", "c") and plan.before[0, 1] == pytest.approx(0.81)
+
+
+def test_a_covering_implies_what_was_left_out(rng):
+    for _ in range(20):
+        before = closure(np.triu(rng.random((5, 5)) * (rng.random((5, 5)) < 0.5), 1))
+        kept = covering(before, 0.0)
+        np.testing.assert_allclose(closure(kept), before, atol=1e-12)
+        assert np.count_nonzero(kept) <= np.count_nonzero(before)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (({("a", "z"): 0.5},), "z"),
+        (({("a", "b"): 1.5},), "1.5"),
+        (({("a", "b"): 0.9, ("b", "a"): 0.9},), "a, b"),
+    ],
+)
+def test_what_is_no_plan_is_refused(arguments, said):
+    with pytest.raises(ArgumentError, match=said):
+        WorkPlan(STEPS, *arguments)
+
+
+def test_two_steps_have_two_names():
+    with pytest.raises(ArgumentError, match="different names"):
+        WorkPlan((*STEPS, STEPS[0]))
+
+
+def test_what_is_written_is_read():
+    steps = (*STEPS, WorkStep("a 2", "a", 0.5, {"anna": 1.0}, {"screw": 2.0}, 3.25))
+    plan = WorkPlan(steps, {("a", "b"): 0.875}, {("b", "c"): 1.0}, 0.01, 0.02, 7)
+    assert read_plan(write_plan(plan)) == plan
+
+
+def test_a_plan_by_hand_needs_only_steps():
+    plan = read_plan("steps: [{step: base}, {task: lid}]\nby_hand: {base < lid: 1}")
+    assert plan.names == ("base", "lid") and plan.before[0, 1] > 0.99
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[",
+        "steps: []",
+        "steps: [{share: 1}]",
+        "steps: [{step: a, colour: 1}]",
+        "steps: [{step: a, share: much}]",
+        "steps: [{step: a<b}]",
+        "steps: [{step: a}, {step: b}]\norder: {a: 1}",
+        "steps: [{step: a}, {step: b}]\norder: {a < b < a: 1}",
+        "steps: [{step: a}]\nother: 1",
+    ],
+)
+def test_other_texts_are_no_plans(text):
+    with pytest.raises(ArgumentError, match=r"docs/plans\.md"):
+        read_plan(text)
+
+
+def test_sessions_are_read_as_one_or_several_assemblies():
+    (one,) = read_assemblies("[a, {task: b, who: anna, start: 2, end: 3.5, objects: {screw: 2}}]")
+    assert [done.task for done in one] == ["a", "b"]
+    assert (one[1].who, one[1].duration_s, one[1].objects) == ("anna", 1.5, {"screw": 2.0})
+    assert len(read_assemblies("[[a, b], [b]]")) == 2
+
+
+@pytest.mark.parametrize("text", ["", "a", "[[a], b]", "[{who: anna}]", "[{task: a, when: 1}]"])
+def test_other_texts_are_no_sessions(text):
+    with pytest.raises(ArgumentError):
+        read_assemblies(text)
+
+
+def test_a_session_is_cut_where_assemblies_begin():
+    cut = begun_with(read_assemblies("[b, a, b, c, a, c]"), "a")
+    assert [[one.task for one in part] for part in cut] == [["b"], ["a", "b", "c"], ["a", "c"]]
