@@ -2,7 +2,7 @@
 from .activation import Activation, ActivationSettings
 from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
 from .bags import BagReader, BagWriter, recover
-from .composing import ViaPoint, learned_sequence, read_sequences, read_via_points
+from .composing import ViaPoint, read_sequences, read_via_points
 from .demonstrations import (
     DofEntry,
     DofSpec,
@@ -31,6 +31,7 @@ from .learning import (
 )
 from .model import Model, load_model, save_model
 from .objects import find_object, load_object
+from .plans import learn_plan, read_plan
 from .promp import (
     Blend,
     InteractionProMP,
@@ -135,8 +136,8 @@ __all__ = [
     "from_tangent",
     "learn",
     "learn_mixture",
+    "learn_plan",
     "learn_with_report",
-    "learned_sequence",
     "load_dofs",
     "load_model",
     "load_object",
@@ -146,6 +147,7 @@ __all__ = [
     "pouring_parameters",
     "predict_controlled",
     "read_demonstrations",
+    "read_plan",
     "read_sequences",
     "read_via_points",
     "recognize_task",

@@ -16,7 +16,7 @@ _FILE = Path(__file__).with_name("parameters.yaml")
 
 PARTS: Mapping[str, tuple[str, ...]] = {
     "mocap_ingest": ("mocap_ingest", "frames"),
-    "intent_estimator": ("lifecycle", "intent_estimator", "hand", "via_points", "frames"),
+    "intent_estimator": ("lifecycle", "intent_estimator", "hand", "via_points", "plan", "frames"),
     "primitive_activation": ("lifecycle", "activation", "hand", "clearance", "person")
     + ("correction", "sequences"),
     "task_teacher": ("task_teacher", "practice"),

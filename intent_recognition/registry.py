@@ -95,6 +95,7 @@ NODES: Mapping[str, RegisteredNode] = {
             "intent/human_trajectory",
             "intent/markers",
             "intent/next_task",
+            "intent/plan",
             "intent/robot_trajectory",
             "intent/tasks",
             "intent/via_points",

@@ -16,9 +16,7 @@ from intent_recognition.composing.sequences import (
     Step,
     advance,
     awaited,
-    learned_sequence,
     read_sequences,
-    write_sequence,
 )
 from intent_recognition.composing.via_points import (
     HAND,
@@ -44,9 +42,7 @@ __all__ = [
     "check_via_points",
     "control_point",
     "hand_columns",
-    "learned_sequence",
     "read_sequences",
     "read_via_points",
-    "write_sequence",
     "write_via_points",
 ]

@@ -14,11 +14,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.promp import TaskLibrary
 from intent_recognition.untrusted import UntrustedError, load_yaml
 
 RECOGNISED = "recognised"
@@ -29,8 +27,6 @@ WITHIN_S = 60.0
 `recognition.FORGET_AFTER_S`, after which a habit tells nothing."""
 MOST_STEPS = 1000
 """Steps of all sequences. Convention."""
-USUAL = 0.5
-"""Probability from which on a task is the usual next one (`learned_sequence`). Convention."""
 
 
 @dataclass(frozen=True)
@@ -185,20 +181,6 @@ def _holds(when: Condition, moment: Moment, waited_s: float) -> bool:
     return waited_s >= (when.after_s or 0.0) and moment.resting_s >= (when.rest_s or 0.0)
 
 
-def learned_sequence(library: TaskLibrary) -> tuple[str, ...]:
-    """The usual order of a library's tasks, as its transitions tell: labels, perhaps none.
-
-    From the task that sessions begin with, each is followed by the most probable next one, as long
-    as that is more probable than all others together, and new.
-    """
-    order: list[int] = []
-    row = library.transition_prior[-1]
-    while row[following := int(np.argmax(row))] > USUAL and following not in order:
-        order.append(following)
-        row = library.transition_prior[following]
-    return tuple(library.labels[k] for k in order)
-
-
 def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, tuple[Step, ...]]:
     """Sequences of tasks, by name, read from a YAML text.
 
@@ -237,11 +219,6 @@ def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, 
     if labels is not None and unknown:
         _refuse("sequences", f"tasks of {', '.join(labels)}", ", ".join(sorted(unknown)))
     return found
-
-
-def write_sequence(name: str, labels: Sequence[str]) -> str:
-    """The YAML of a sequence whose steps are recognised, as `read_sequences` takes it."""
-    return str(yaml.safe_dump({name: [{"task": label} for label in labels]}, sort_keys=False))
 
 
 def _steps(name: str, content: Any) -> tuple[Step, ...]:

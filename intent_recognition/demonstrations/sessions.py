@@ -53,10 +53,12 @@ class TaskSequence(NamedTuple):
     Attributes:
         source: path of the bag.
         tasks: their labels, in order.
+        durations_s: time between each label and the empty text after it.
     """
 
     source: str
     tasks: tuple[str, ...]
+    durations_s: tuple[float, ...] = ()
 
 
 def clock_shift_ns(differences: NDArray[np.int64]) -> int:
@@ -116,7 +118,8 @@ def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSeq
         BagError: a label cannot name a task, or the bag is damaged.
     """
     tasks: list[str] = []
-    ended_ns, running = 0, False
+    durations_s: list[float] = []
+    begun_ns, ended_ns, running = 0, 0, False
     marker = find_marker_topic(reader)
     topic = marker or _find_label_topic(reader, ACTIVE_TOPIC)
     for message in reader.messages([topic]) if topic else ():
@@ -124,15 +127,19 @@ def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSeq
         if label:
             check_label(label)
             if tasks and not running and now_ns - ended_ns > forget_after_s * 1e9:
-                yield TaskSequence(str(reader.path), tuple(tasks))
-                tasks = []
+                yield TaskSequence(str(reader.path), tuple(tasks), tuple(durations_s))
+                tasks, durations_s = [], []
             if running and marker is None:
                 tasks[-1] = label  # the decision changed during one movement
             else:
                 tasks.append(label)
+                durations_s.append(0.0)
+                begun_ns = now_ns
+        elif running:
+            durations_s[-1] = (now_ns - begun_ns) * 1e-9
         ended_ns, running = now_ns, bool(label)
     if tasks:
-        yield TaskSequence(str(reader.path), tuple(tasks))
+        yield TaskSequence(str(reader.path), tuple(tasks), tuple(durations_s))
 
 
 def _find_label_topic(reader: BagReader, wanted: str) -> str | None:

@@ -185,15 +185,16 @@ class NextTaskOutput:
         self._publisher = node.create_publisher(JointState, "intent/next_task", qos.LATCHED)
         self._published: tuple[TaskMemory, NDArray[np.float64]] | None = None
 
-    def update(self, estimator: IntentEstimator) -> None:
-        """Publish, if memory or expectation is another one than at the last call."""
+    def update(self, estimator: IntentEstimator) -> bool:
+        """Publish, if memory or expectation is another one than at the last call; whether so."""
         expectation = estimator.expectation
         known, prior = self._published or (None, None)
         if expectation.memory is known and expectation.prior is prior:
-            return
+            return False
         self._published = expectation.memory, expectation.prior
         message = to_joint_state(
             estimator.library.labels, expectation.prior, time_ns=expectation.memory.ended_ns
         )
         message.header.frame_id = expectation.last_task
         self._publisher.publish(message)
+        return True

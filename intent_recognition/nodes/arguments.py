@@ -72,6 +72,7 @@ ARGUMENTS = {
         Argument("activate", bool, "Let the arm be moved at once; false: after `ros2 lifecycle`."),
         Argument("transition_prior", bool, "Expect the task that usually follows the last one."),
         Argument("pretrigger_threshold", float, "Go ahead for a next task so probable; 0: never."),
+        Argument("plan", str, "Plan of the assembly, a file of `intent plan learn`; empty: none."),
         Argument("sequences", str, "File of sequences of tasks; empty: none."),
         Argument("arm", str, "Simulated arm: panda, iiwa, xarm or a URDF; empty: the LWR."),
         Argument("hand_link", str, "Link that is the hand, for a model that predicts a hand."),

@@ -102,7 +102,7 @@ NODES = {
     ),
     "mocap_ingest": NodeSpec(_from("bodies"), frames=True),
     "intent_estimator": NodeSpec(
-        _from("model", "dofs", "transition_prior", "hand_link"),
+        _from("model", "dofs", "transition_prior", "plan", "hand_link"),
         remappings=_STATES,
         frames=True,
     ),

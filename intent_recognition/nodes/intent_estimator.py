@@ -33,6 +33,7 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
+from intent_recognition.nodes.plan_follower import PLAN, PlanFollower
 from intent_recognition.nodes.runtime import (
     LeftOvers,
     elapsed_s,
@@ -52,7 +53,7 @@ STREAM_TIMEOUT_S = 0.5
 `primitive_activation` (contract)."""
 CHECK_PERIOD_S = 0.1
 """Time between two looks at the stream [s]. Convention."""
-LIVE = ("publish_rate", "transition_prior", "forget_after", VIA_POINTS)
+LIVE = ("publish_rate", "transition_prior", "forget_after", VIA_POINTS, PLAN)
 
 
 class IntentEstimatorNode(ManagedNode):
@@ -76,6 +77,7 @@ class IntentEstimatorNode(ManagedNode):
         self._diagnostics = Diagnostics(self)
         self._postures = PostureInput(self, self._diagnostics)
         self._via_points = ViaPointInput(self, self._diagnostics)
+        self._plan = PlanFollower(self, self._diagnostics)
         keep_live(self, LIVE, self._check, self._change)
         self._next_task = NextTaskOutput(self)
         self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
@@ -126,6 +128,8 @@ class IntentEstimatorNode(ManagedNode):
         if VIA_POINTS in changes:
             estimator = self._estimator if self._configured else None
             self._via_points.check(changes[VIA_POINTS], estimator, self._postures.arm)
+        if PLAN in changes:
+            self._plan.check(changes[PLAN], self._estimator if self._configured else None)
 
     def _change(self, changes: Changes) -> None:
         """Apply new values of parameters."""
@@ -133,6 +137,10 @@ class IntentEstimatorNode(ManagedNode):
             self._via_points.change(changes[VIA_POINTS])
             if self._configured:
                 self._via_points.use(self._estimator, self._postures.arm)
+        if PLAN in changes:
+            self._plan.change(changes[PLAN])
+            if self._configured:
+                self._plan.follow(self._estimator)
         self._publish_rate = changes.get("publish_rate", self._publish_rate)
         self._transitions = changes.get("transition_prior", self._transitions)
         self._forget_after_s = changes.get("forget_after", self._forget_after_s)
@@ -140,7 +148,7 @@ class IntentEstimatorNode(ManagedNode):
             return
         self._estimator.expectation.change(self._transitions, self._forget_after_s)
         if self.active:
-            self._next_task.update(self._estimator)
+            self._tell_next()
 
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""
@@ -154,6 +162,7 @@ class IntentEstimatorNode(ManagedNode):
             start_posture=self._start_posture,
             switching=self._switching,
         )
+        self._plan.follow(self._estimator)
         self._trajectory_template = SerializedTrajectory(self._model.dofs.controlled_message_names)
         self._human_template = SerializedTrajectory(self._model.library.observed_names)
         self._estimator.expect(self._step)
@@ -175,7 +184,7 @@ class IntentEstimatorNode(ManagedNode):
         if self._start_posture:
             controlled = self._model.dofs.controlled
             self._postures.open(self._estimator, controlled)
-        self._next_task.update(self._estimator)
+        self._tell_next()
         self._diagnostics.status(Level.OK, "waiting for a movement")
 
     def deactivate(self) -> None:
@@ -185,9 +194,14 @@ class IntentEstimatorNode(ManagedNode):
         self._forget()
         self._diagnostics.status(Level.OK, "not active")
 
+    def _tell_next(self) -> None:
+        """Publish what may come next, if that has changed."""
+        if self._next_task.update(self._estimator):
+            self._plan.update(self._estimator)
+
     def _forget(self) -> None:
         self._estimator.reset()
-        self._next_task.update(self._estimator)
+        self._tell_next()
         self._marker_builder.forget()
         self._moving = self._silent = False
         self._last_publication_ns = 0
@@ -267,7 +281,7 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.status(
                 Level.OK, "moving" if self._moving else "waiting for a movement"
             )
-        self._next_task.update(self._estimator)
+        self._tell_next()
 
     def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
         group, columns = self._shown or (None, [])
@@ -386,7 +400,7 @@ class IntentEstimatorNode(ManagedNode):
         self._inputs.learned_in(frames_of(model.library))
         self._tasks_template = SerializedNamedVector((*model.labels, NONE))
         self._marker_builder.set_labels(model.labels)
-        self._next_task.update(self._estimator)
+        self._tell_next()
         self._diagnostics.value(MODEL, self.get_parameter("model").value)
         self.get_logger().info(f"model changed; {self._told_tasks()}")
         return self._told_tasks()

@@ -19,7 +19,7 @@ NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
 """Modules that the nodes of a room need beside what all need."""
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides")
 """Parameters that rclpy declares."""
-FILES = ("model", "bag", "dofs", "sequences", "task_list", "scene")
+FILES = ("model", "bag", "dofs", "sequences", "plan", "task_list", "scene")
 """Arguments that name a file or folder, where they look like a path."""
 
 

@@ -4,6 +4,7 @@
 from intent_recognition.plans.file import (
     Assembly,
     DoneTask,
+    begun_with,
     read_assemblies,
     read_plan,
     write_plan,
@@ -19,6 +20,7 @@ __all__ = [
     "WorkPlan",
     "WorkProgress",
     "WorkStep",
+    "begun_with",
     "learn_plan",
     "read_assemblies",
     "read_plan",

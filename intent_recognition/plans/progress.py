@@ -100,6 +100,23 @@ class WorkProgress:
         self._log_in_order = np.log1p(-q * DISORDERED / (q * DISORDERED + (1.0 - q) * by_chance))
         self.reset()
 
+    def relabelled(self, plan: WorkPlan, labels: Sequence[str]) -> WorkProgress:
+        """The same progress with other labels; none where other steps are recognised with them.
+
+        Args:
+            plan: with the steps that were left out.
+            labels: of the tasks that are recognised from now on.
+
+        Raises:
+            ArgumentError: the plan has no step of these tasks.
+        """
+        if tuple(labels) == self.labels:
+            return self
+        out = WorkProgress(plan, labels)
+        if out.plan.names == self.plan.names:
+            out._done, out._weight = self._done, self._weight
+        return out
+
     def reset(self) -> None:
         """Nothing is done."""
         self._done = np.zeros((1, len(self._task)), dtype=bool)

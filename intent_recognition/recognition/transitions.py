@@ -14,6 +14,7 @@ is
 
 with the task prior p0, since habits are broken. The last row of T, and the last entry of the
 belief, stand for "no last task": the beginning of a session, after a reset, after a long silence.
+Where a plan is followed (`plans`), the first term is what the plan says may come.
 
 An expectation may raise the probability of known tasks together, never lower it: where the movement
 is not the expected task, none keeps the probability it has without the habit, so that a task out of
@@ -26,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.plans import WorkPlan, WorkProgress
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.posterior import TaskPosterior
 
@@ -88,11 +90,19 @@ def remember(
         phase: expected phase under each then, (K + 1,).
         ended_ns: when it ended.
     """
-    p = np.where(np.asarray(phase) >= COMPLETED_PHASE, probabilities, 0.0)
-    p[-1] = 1.0 - p[:-1].sum()
+    p = _completed(probabilities, phase)
     belief = p[-1] * memory.belief
     belief[:-1] += p[:-1]
     return TaskMemory(belief / belief.sum(), ended_ns)
+
+
+def _completed(
+    probabilities: NDArray[np.float64], phase: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The probabilities of a movement, those of tasks that were broken off counting for none."""
+    p = np.where(np.asarray(phase) >= COMPLETED_PHASE, probabilities, 0.0)
+    p[-1] = 1.0 - p[:-1].sum()
+    return p
 
 
 def next_task_prior(
@@ -143,7 +153,12 @@ class Expectation:
         memory: of the movements before.
         prior: p(s) of the next movement, (K,).
         ratio: what `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing.
+        progress: how far the assembly is, where a plan is followed; None without one.
     """
+
+    progress: WorkProgress | None = None
+    _plan: WorkPlan | None = None
+    _habit: NDArray[np.float64] | None = None
 
     def __init__(
         self,
@@ -156,6 +171,18 @@ class Expectation:
         self._transitions, self._forget_after_s = transitions, forget_after_s
         self._step = ""
         self.reset()
+
+    def follow(self, plan: WorkPlan | None) -> None:
+        """Expect what a plan says may come; its assembly begins now. None: follow no plan.
+
+        What usually follows decides among the steps that may come. Time does not end an assembly.
+
+        Raises:
+            ArgumentError: no step of the plan is a task of the library.
+        """
+        self.progress = WorkProgress(plan, self._library.labels) if plan else None
+        self._plan = plan
+        self._set(self.memory)
 
     def expect(self, task: str, *, at_once: bool) -> None:
         """Let a task be that of the next movement, as sure as a habit; empty: as it was learned.
@@ -174,21 +201,27 @@ class Expectation:
         return self.memory.last_task(self._library.labels)
 
     def reset(self) -> None:
-        """No last task."""
+        """No last task, and nothing of the plan done."""
+        if self.progress is not None:
+            self.progress.reset()
         self._set(TaskMemory.empty(self._library.n_tasks))
 
     def remember(self, ended_ns: int, posterior: TaskPosterior) -> None:
         """Take note of a movement that has ended."""
+        if self.progress is not None:
+            self.progress.take(_completed(posterior.probabilities, posterior.phase), self._habit)
         self._set(remember(self.memory, posterior.probabilities, posterior.phase, ended_ns))
 
     def forget_if_long_ago(self, now_ns: int) -> None:
         """Forget the last task when it is too long ago."""
         since_s = (now_ns - self.memory.ended_ns) * 1e-9
         if not self.memory.is_empty and since_s > self._forget_after_s:
-            self.reset()
+            self._set(TaskMemory.empty(self._library.n_tasks))
 
     def swap(self, library: TaskLibrary, fixed_prior: NDArray[np.float64] | None) -> None:
         """Go on with another library."""
+        if self.progress is not None and self._plan is not None:
+            self.progress = self.progress.relabelled(self._plan, library.labels)
         memory = self.memory.relabelled(self._library.labels, library.labels)
         self._library, self._fixed_prior = library, fixed_prior
         self._set(memory)
@@ -212,6 +245,10 @@ class Expectation:
         self.prior = library.task_prior
         if self._transitions:
             self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
+        if self.progress is not None:
+            self._habit = self.prior
+            planned = self.progress.next_tasks(self._habit)
+            self.prior = HABIT_TRUST * planned + (1.0 - HABIT_TRUST) * library.task_prior
         if self._step in library.labels:
             step = np.eye(library.n_tasks)[library.labels.index(self._step)]
             self.prior = HABIT_TRUST * step + (1.0 - HABIT_TRUST) * self.prior

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sequences of tasks: how far one is, whatever happens; what is written and what is learned."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from activation_world import World, prediction
@@ -14,9 +12,7 @@ from intent_recognition.composing import (
     SequenceProgress,
     advance,
     awaited,
-    learned_sequence,
     read_sequences,
-    write_sequence,
 )
 from intent_recognition.errors import ArgumentError
 from intent_recognition.recognition import TaskMemory
@@ -159,17 +155,6 @@ def test_a_first_step_never_begins_by_itself_and_other_mistakes_are_named():
         assert "\n" not in str(caught.value)
     with pytest.raises(ArgumentError, match="tasks of plate, got glue, hold, screw"):
         read_sequences(TEXT, ("plate",))
-
-
-def test_the_usual_order_is_learned_and_can_be_written(rng):
-    library = make_library(rng)
-    rows = np.array([[0.1, 0.8, 0.1], [0.1, 0.1, 0.8], [0.4, 0.3, 0.3], [0.7, 0.2, 0.1]])
-    library = replace(library, transition_prior=rows)
-    order = learned_sequence(library)
-    assert order == ("task_0", "task_1", "task_2")
-    read = read_sequences(write_sequence("usual", order), library.labels)
-    assert [step.task for step in read["usual"]] == list(order)
-    assert learned_sequence(make_library(rng)) == ()
 
 
 def test_the_step_waited_for_is_expected_as_a_habit_is_once_the_movement_is_over(rng):

@@ -12,10 +12,12 @@ from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ShapeError
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from intent_recognition.plans import WorkPlan, WorkStep
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.recognition.transitions import (
     HABIT_TRUST,
+    Expectation,
     TaskMemory,
     next_task_prior,
     remember,
@@ -231,3 +233,30 @@ def test_a_swap_keeps_the_memory(library, rng):
     assert estimator.expectation.last_task == "task_1"
     row = expected(library.transition_prior[0])
     np.testing.assert_allclose(estimator.expectation.prior, row, atol=0.02)
+
+
+def test_a_plan_says_what_is_expected_and_outlasts_silence(rng):
+    library = make_library(rng)
+    steps = tuple(WorkStep(label, label, 0.97) for label in library.labels[:2])
+    plan = WorkPlan(steps, {(steps[1].name, steps[0].name): 1.0})
+    expectation = Expectation(library, forget_after_s=10.0)
+    expectation.follow(plan)
+    planned = expectation.progress.next_tasks(library.task_prior)
+    np.testing.assert_allclose(
+        expectation.prior, HABIT_TRUST * planned + (1.0 - HABIT_TRUST) * library.task_prior
+    )
+    assert np.argmax(expectation.prior) == 1 and expectation.ratio is not None
+    p = np.array([0.02, 0.96, 0.01, 0.01])
+    broken_off = TaskPosterior(p, *[np.zeros(4)] * 4)
+    expectation.remember(START_NS, broken_off)
+    assert np.argmax(expectation.prior) == 1
+    expectation.remember(START_NS, broken_off._replace(phase=DONE))
+    assert np.argmax(expectation.prior) == 0
+    expectation.forget_if_long_ago(START_NS + int(1e12))
+    assert expectation.memory.is_empty and np.argmax(expectation.prior) == 0
+    expectation.swap(library, None)
+    assert np.argmax(expectation.prior) == 0
+    expectation.reset()
+    assert np.argmax(expectation.prior) == 1
+    expectation.follow(None)
+    np.testing.assert_allclose(expectation.prior, library.task_prior)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well a plan tells what comes next, beside the Markov table of the same demonstrations.
+
+    python benchmarks/plans.py [--seeds 10]
+
+Simulated assemblies of `test/assemblies.py`; the figures of docs/plans.md.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
+from assemblies import FOREIGN, Job, build, make_job  # type: ignore[import-not-found]
+
+from intent_recognition.learning import count_transitions, smoothed_transitions
+from intent_recognition.plans import DoneTask, WorkPlan, WorkProgress, learn_plan
+
+SLIPS = 0.02
+"""Of each kind, a movement."""
+LOG_ODDS = 8.0
+"""Of the task that is done, against each other one, in what the recogniser says; standard normal
+noise is added to each. Misrecognised: about one of a thousand."""
+
+
+def known(plan: WorkPlan, job: Job) -> WorkPlan:
+    """The plan with all true relations by hand."""
+    steps = [
+        f"{label} {n}" if (n := job.labels[: k + 1].count(label)) > 1 else label
+        for k, label in enumerate(job.labels)
+    ]
+    pairs = [(i, j) for i in range(len(steps)) for j in range(len(steps)) if i != j]
+    named = {*steps} & set(plan.names)
+    by_hand = {
+        (steps[i], steps[j]): float(i in job.needs[j])
+        for i, j in pairs
+        if {steps[i], steps[j]} <= named
+    }
+    return replace(plan, by_hand=by_hand)
+
+
+def score(
+    seed: int, n_demonstrations: int, slips: float, by_hand: bool = False, n_assemblies: int = 10
+) -> Counter:
+    """Counts of ten assemblies that are followed by a plan of a few."""
+    rng = np.random.default_rng(seed)
+    job = make_job(rng)
+    labels = tuple(sorted({*job.labels, FOREIGN}))
+    shown = [[act.label for act in build(rng, job, slips)] for _ in range(n_demonstrations)]
+    plan = learn_plan([tuple(map(DoneTask, one)) for one in shown], rng)
+    plan = known(plan, job) if by_hand else plan
+    table = smoothed_transitions(count_transitions(shown, labels))
+    out: Counter = Counter()
+    for _ in range(n_assemblies):
+        progress, last = WorkProgress(plan, labels), len(labels)
+        missing: set[str] = set()
+        told: set[str] = set()
+        for act in build(rng, job, SLIPS):
+            habit = table[last]
+            p, k = progress.next_tasks(habit), labels.index(act.label)
+            out["movements"] += 1
+            out["loss"] -= np.log(p[k])
+            out["loss of table"] -= np.log(habit[k])
+            out["possible"] += labels[np.argmax(p)] in act.allowed
+            if act.step >= 0 and act.allowed == {act.label}:
+                out["decidable"] += 1
+                out["right"] += np.argmax(p) == k
+                out["right of table"] += np.argmax(habit) == k
+            seen = np.exp(rng.normal(size=len(labels)) + LOG_ODDS * (np.arange(len(labels)) == k))
+            posterior = np.r_[p * seen, 1e-4 * np.exp(LOG_ODDS)]
+            progress.take(posterior / posterior.sum(), habit)
+            last = k
+            now = {step.task for step in progress.steps() if str(step) == "forgotten"}
+            new = {job.labels[step] for step in act.missing} - missing
+            missing |= new
+            out["forgotten"] += len(new)
+            out["told"] += len(new & now)
+            out["false"] += len(now - told - missing)
+            told |= now
+    return out
+
+
+def main() -> None:
+    """Print a line for each kind of demonstrations."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--seeds", type=int, default=10)
+    seeds = range(parser.parse_args().seeds)
+    print(
+        "| demonstrations | right of decidable | table | log loss / table's"
+        " | one that may come | forgotten, told at once | false a hundred movements |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for n, slips, by_hand in (
+        (2, 0.0, False),
+        (2, SLIPS, False),
+        (5, 0.0, False),
+        (5, SLIPS, False),
+        (10, SLIPS, False),
+        (2, 0.0, True),
+    ):
+        c = sum((score(seed, n, slips, by_hand) for seed in seeds), Counter())
+        print(
+            f"| {n}, {'with slips' if slips else 'clean'}{', all relations by hand' * by_hand}"
+            f" | {c['right'] / c['decidable']:.1%} of {c['decidable']}"
+            f" | {c['right of table'] / c['decidable']:.1%}"
+            f" | {c['loss'] / c['loss of table']:.2f}"
+            f" | {c['possible'] / c['movements']:.1%}"
+            f" | {c['told']} of {c['forgotten']}"
+            f" | {100 * c['false'] / c['movements']:.1f} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

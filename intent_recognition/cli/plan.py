@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent plan`: learn the plan of an assembly from sessions, and show it."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from intent_recognition.cli.console import boxed_table, make_console, say
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.output import check_output
+from intent_recognition.cli.rejections import print_left_out
+from intent_recognition.demonstrations import read_task_sequences
+from intent_recognition.durable import write_text
+from intent_recognition.errors import ArgumentError
+from intent_recognition.plans import (
+    Assembly,
+    DoneTask,
+    WorkPlan,
+    begun_with,
+    learn_plan,
+    read_assemblies,
+    read_plan,
+    write_plan,
+)
+from intent_recognition.recognition import FORGET_AFTER_S
+from intent_recognition.untrusted import UntrustedError, read_text
+
+YAML = (".yaml", ".yml")
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "plan",
+        description="Learn the plan of an assembly from a few sessions: its steps, which of them"
+        " must come before which, who does them and what they take. The estimator follows a plan"
+        " that its parameter `plan` names (docs/plans.md).",
+        **examples(
+            (
+                "from session bags in which boxes are built one after the other",
+                "intent plan learn bags/sessions --first plate_handover -o box.yaml",
+            ),
+            ("from written sessions", "intent plan learn sessions.yaml -o shelf.yaml"),
+            ("what it says", "intent plan show shelf.yaml"),
+        ),
+    )
+    actions = parser.add_subparsers(
+        title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
+    )
+    more = "learn a plan; relations that were written by hand into an older one are kept"
+    learn = actions.add_parser("learn", help=more, description=f"{more.capitalize()}.")
+    learn.add_argument(
+        "sessions",
+        nargs="+",
+        type=a_path,
+        metavar="SESSIONS",
+        help="session bags, folders of them, or YAML files (docs/plans.md)",
+    )
+    learn.add_argument("-o", "--output", type=a_path, required=True, metavar="PLAN.yaml")
+    learn.add_argument(
+        "--first", default="", metavar="TASK", help="cut sessions before each time that it is done"
+    )
+    learn.add_argument(
+        "--pause",
+        type=number(float, 0.0),
+        default=FORGET_AFTER_S,
+        metavar="S",
+        help="a longer pause in a bag ends an assembly [s] (default: %(default)g)",
+    )
+    learn.add_argument("--seed", type=number(int, 0), default=0, help="of the sampled orders")
+    learn.set_defaults(run=_learn)
+    more = "print a plan"
+    show = actions.add_parser("show", help=more, description=f"{more.capitalize()}.")
+    show.add_argument("plan", type=a_path, metavar="PLAN.yaml")
+    show.set_defaults(run=_show)
+
+
+def load_plan(path: Path) -> WorkPlan:
+    """The plan in a file.
+
+    Raises:
+        ArgumentError: it cannot be read, or is no plan.
+    """
+    return read_plan(_text(path))
+
+
+def _learn(args: argparse.Namespace) -> int:
+    console = make_console()
+    check_output("--output", args.output)
+    by_hand = load_plan(args.output).by_hand if args.output.exists() else {}
+    assemblies = _assemblies(args.sessions, args.pause, console)
+    if args.first:
+        assemblies = begun_with(assemblies, args.first)
+    plan = learn_plan(assemblies, np.random.default_rng(args.seed), by_hand)
+    write_text(args.output, write_plan(plan))
+    print_plan(console, plan)
+    say(console, f"wrote {args.output}")
+    return 0
+
+
+def _show(args: argparse.Namespace) -> int:
+    print_plan(make_console(), load_plan(args.plan))
+    return 0
+
+
+def print_plan(console: Console, plan: WorkPlan) -> None:
+    """A table of the steps and what must come before each."""
+    told = {**plan.order, **plan.by_hand}
+    hand = {pair for pair, p in plan.by_hand.items() if p > 0.0}
+    title = f"{len(plan.steps)} steps, from {plan.n_assemblies} assemblies"
+    table = boxed_table(title, "step", ">done in", ">time [s]", "after", "who", "takes")
+    for step in plan.steps:
+        before = [
+            f"{first} (by hand)" if (first, then) in hand else f"{first} {p:.2f}"
+            for (first, then), p in told.items()
+            if then == step.name and p > 0.0
+        ]
+        table.add_row(
+            step.name,
+            f"{step.share:.0%}",
+            f"{step.duration_s:.1f}" if step.duration_s else "-",
+            ", ".join(before) or "-",
+            ", ".join(f"{who} {share:.0%}" for who, share in step.who.items()) or "-",
+            ", ".join(f"{n:g} {kind}" for kind, n in step.objects.items()) or "-",
+        )
+    console.print(table)
+
+
+def _assemblies(paths: Sequence[Path], pause_s: float, console: Console) -> tuple[Assembly, ...]:
+    """What is done in YAML files and bags."""
+    found = [one for path in paths if path.suffix in YAML for one in read_assemblies(_text(path))]
+    bags = [path for path in paths if path.suffix not in YAML]
+    sequences, rejections = read_task_sequences(bags, pause_s)
+    print_left_out(console, rejections)
+    for sequence in sequences:
+        done = zip(sequence.tasks, sequence.durations_s, strict=True)
+        found.append(tuple(DoneTask(task, duration_s=time_s) for task, time_s in done))
+    return tuple(found)
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_text(path)
+    except (OSError, UntrustedError) as error:
+        cure = "Name a YAML file (docs/plans.md)."
+        raise ArgumentError.about(str(path), "a YAML file", error, cure) from error

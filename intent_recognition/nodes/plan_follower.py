@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plan of an assembly in the estimator node: a parameter in, how far it is out."""
+
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.diagnostics import Diagnostics, key_values
+from intent_recognition.nodes.parameters import declare
+from intent_recognition.plans import WorkPlan, WorkProgress, read_plan, write_plan
+from intent_recognition.recognition import IntentEstimator
+from intent_recognition.untrusted import UntrustedError, read_text
+
+PLAN = "plan"
+"""The parameter that names it."""
+
+
+class PlanFollower:
+    """The parameter `plan`, and the topic `intent/plan` with what is believed of each step.
+
+    `intent/plan` is a diagnostic_msgs/DiagnosticStatus: `message` names the steps that were
+    forgotten and those that may come, and `values` hold for each step "done", "may come",
+    "forgotten" or "later" with its probability of being done, and the plan itself as `yaml`.
+
+    Args:
+        node: owner of parameter and topic.
+        diagnostics: shows the message.
+
+    Raises:
+        ArgumentError: the parameter names no plan.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics):
+        self._diagnostics = diagnostics
+        self._plan = _read(declare(node, PLAN)[PLAN])
+        self._publisher = node.create_publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
+        self._told: DiagnosticStatus | None = None
+
+    def check(self, text: str, estimator: IntentEstimator | None) -> None:
+        """Make sure that a value of the parameter can be taken.
+
+        Raises:
+            ArgumentError: it is no plan, or one of other tasks.
+        """
+        plan = _read(text)
+        if plan is not None and estimator is not None:
+            WorkProgress(plan, estimator.library.labels)
+
+    def change(self, text: str) -> None:
+        """Take a value that was checked; `follow` puts it in force."""
+        self._plan = _read(text)
+
+    def follow(self, estimator: IntentEstimator) -> None:
+        """Let an estimator follow the plan; its assembly begins now.
+
+        Raises:
+            ArgumentError: no step is a task of its library.
+        """
+        estimator.expectation.follow(self._plan)
+
+    def update(self, estimator: IntentEstimator) -> None:
+        """Publish how far the assembly is, if that has changed."""
+        progress = estimator.expectation.progress
+        message = DiagnosticStatus(name=PLAN, message="no plan")
+        if progress is not None and self._plan is not None:
+            steps = progress.steps()
+            parts = [
+                f"{what}: {', '.join(names)}"
+                for what in ("forgotten", "may come")
+                if (names := [step.name for step in steps if str(step) == what])
+            ]
+            message.message = "; ".join(parts) or "done"
+            message.level = (
+                DiagnosticStatus.WARN if "forgotten" in message.message else DiagnosticStatus.OK
+            )
+            rows = {step.name: f"{step} {step.done:.2f}" for step in steps}
+            message.values = key_values({**rows, "yaml": write_plan(self._plan)})
+        if message == self._told or (self._told is None and progress is None):
+            return
+        self._told = message
+        self._publisher.publish(message)
+        self._diagnostics.value("plan", message.message)
+
+
+def _read(text: str) -> WorkPlan | None:
+    """The plan in a file or a text; None of an empty one."""
+    if not text:
+        return None
+    if "\n" in text:
+        return read_plan(text)
+    try:
+        return read_plan(read_text(Path(text)))
+    except (OSError, UntrustedError) as error:
+        cure = "Name a file of `intent plan learn`, or give its YAML."
+        raise ArgumentError.about(PLAN, "a file", error, cure) from error
