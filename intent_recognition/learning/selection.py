@@ -133,8 +133,10 @@ def choose(
 
     best = best_of(Hyperparameters(pace, scale) for pace in candidates for scale in NOISE_SCALES)
     if len(candidates[best.pace][0].phase_deviation.grid) > 1:
-        others = DEVIATION_EVIDENCE[1:]
-        best = best_of([best._replace(deviation_evidence=other) for other in others])
+        whole = best._replace(deviation_evidence=DEVIATION_EVIDENCE[1])
+        if best_of([whole]) is tried[-1]:
+            better = tried[-1].log_loss <= best.log_loss and tried[-1].error <= best.error
+            best = tried[-1] if better else best
     library, of_best = _with(candidates[best.pace][0], best), left_out[best.pace]
     at_once, variance = _at_once(library, N_DURATIONS), _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
