@@ -22,12 +22,15 @@ from benchmarks.reading import reading
 from benchmarks.recognition import unknown_tasks
 from benchmarks.soak import soak
 from benchmarks.training import training
+from benchmarks.transfer import transfer
 from benchmarks.warping import warping
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.share import share_path
 
 TRAINING = "bags/toolbox/train"
 HELD_OUT = "bags/toolbox/test"
+FEW_TRANSFERS = 18
+"""Each kind of disturbance with each object; `python -m benchmarks.transfer` does more."""
 
 
 def everything(minutes: float, soak_minutes: float) -> Iterator[str | Result]:
@@ -59,6 +62,8 @@ def everything(minutes: float, soak_minutes: float) -> Iterator[str | Result]:
     yield from kinematics()
     yield "Clear of boxes and of the arm itself"
     yield from clearance(library)
+    yield "Handing over"
+    yield from transfer(FEW_TRANSFERS)
     yield "Warping"
     yield from warping()
     yield "Pouring"

@@ -123,10 +123,10 @@ class _Run:
         self.disturb: Callable[[float, float], NDArray[np.float64]] | None = None
         self.lurker: CompliantHand | None = None
         self.wet: float | None = None
-        self._offer_m = offer_m
         self._weight_n = cell.thing.mass_kg * GRAVITY_M_S2
-        self._above = cell.posture(STAND_M + LIFT_M, cell.home)
-        self._offer = cell.posture(offer_m, self._above)
+        self._lift = cell.way(cell.home, STAND_M + LIFT_M)
+        self._way = cell.way(self._lift[-1], offer_m)
+        self._offer_m = cell.model.forward_kinematics(self._way[-1])[:3, 3]
         self._left_s = self._rested_s = np.inf
         cell.arm.before_step.insert(0, self._act)
 
@@ -136,18 +136,18 @@ class _Run:
         robot.request = Request.HOLD
         self._until(lambda: robot.holding is Holding.CARRYING)
         self._wait(0.2)
-        self._go(self._above, LIFT_S)
+        self._go(self._lift, LIFT_S)
         self._left_s = self.cell.arm.time_s
         robot.request = Request.GIVE
-        self._go(self._offer, self._way_s)
+        self._go(self._way, self._way_s)
         self._rested_s = self.cell.arm.time_s
         if self.wet is not None:
             self._wait(AFTER_S)
             return
         self._until(lambda: robot.holding in (Holding.EMPTY, Holding.RETURNING))
         if robot.holding is Holding.RETURNING:
-            self._go(self._above, BACK_S)
-            self._go(self.cell.home, LIFT_S)
+            self._go(self._way[::-1], BACK_S)
+            self._go(self._lift[::-1], LIFT_S)
             self._wait(0.2)
             robot.request = Request.PUT_DOWN
             self._until(lambda: robot.holding is Holding.EMPTY)
@@ -156,8 +156,8 @@ class _Run:
     def receive(self, hand: CompliantHand, manner: Manner) -> None:
         """Wait with open fingers, take what the person brings, and carry it off."""
         cell, robot = self.cell, self.robot
-        robot.move(self._offer, 0.0)
-        cell.arm.reset(self._offer)
+        robot.move(self._way[[-1, -1]], 0.0)
+        cell.arm.reset(self._way[-1])
         lever = HELD_SHARE * cell.thing.half_edges_m[2] + cell.thing.grasp_m
         to_m = self._offer_m + [lever, 0.0, 0.0] + manner.miss_m
         from_m = to_m + REST_M
@@ -171,7 +171,7 @@ class _Run:
         robot.request = Request.TAKE
         self._until(lambda: robot.holding is Holding.CARRYING)
         robot.request = Request.HOLD
-        self._go(self._above, self._way_s)
+        self._go(self._way[::-1], self._way_s)
         self._wait(AFTER_S)
 
     def outcome(self, trial: TransferTrial, weight_n: float) -> TransferOutcome:
@@ -223,8 +223,8 @@ class _Run:
             holds_n = 2.0 * carrying_grip(self._weight_n)
             cell.set_friction(self.wet * self._weight_n / holds_n)
 
-    def _go(self, to: NDArray[np.float64], length_s: float) -> None:
-        self.robot.move(to, length_s)
+    def _go(self, way: NDArray[np.float64], length_s: float) -> None:
+        self.robot.move(way, length_s)
         self._until(lambda: not self.robot.moving)
 
     def _wait(self, length_s: float) -> None:

@@ -137,6 +137,11 @@ SOURCES = {
         )
         for name, more in EXPERIMENTS.items()
     },
+    "transfer": Source(
+        f"python -m benchmarks.transfer --trials 42 --json {OUT / 'transfer.json'}",
+        OUT / "transfer.json",
+        _benchmarks,
+    ),
     "speed": Source(
         f"python -m benchmarks --json {OUT / 'speed.json'}", OUT / "speed.json", _benchmarks
     ),

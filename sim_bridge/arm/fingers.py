@@ -5,12 +5,12 @@ from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import parse_xml
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.arm.robots import Robot
+from sim_bridge.arm.urdf import add_inertial, add_joint, text_of
 from sim_bridge.physics import pybullet
 
 GRIP_LINK = "grip"
@@ -108,16 +108,16 @@ def _add(text: str, tip: str) -> str:
     """A URDF with the gripper fixed to a link, pointing along its z."""
     root = parse_xml(text)
     palm = _link(root, "grip_palm", PALM_M, (0.0, 0.0, 0.5 * PALM_M[2]), PALM_KG)
-    _joint(root, "grip_palm_joint", "fixed", tip, palm, (0.0, 0.0, 0.0))
+    add_joint(root, "grip_palm_joint", "fixed", tip, palm, (0.0, 0.0, 0.0))
     for name, side in zip(FINGERS, (1.0, -1.0), strict=True):
         centre = (0.0, 0.5 * side * FINGER_M[1], 0.5 * FINGER_M[2])
         finger = _link(root, f"{name}_link", FINGER_M, centre, FINGER_KG)
-        joint = _joint(root, name, "prismatic", palm, finger, (0.0, 0.0, PALM_M[2]))
+        joint = add_joint(root, name, "prismatic", palm, finger, (0.0, 0.0, PALM_M[2]))
         ET.SubElement(joint, "axis", xyz=f"0 {side} 0")
         limit = {"lower": "0", "upper": str(OPENING_M), "effort": "100", "velocity": "0.2"}
         ET.SubElement(joint, "limit", limit)
     grip = _link(root, GRIP_LINK, None, (0.0, 0.0, 0.0), 0.0)
-    _joint(root, "grip_joint", "fixed", palm, grip, (0.0, 0.0, PALM_M[2] + FINGER_M[2] - PAD_M))
+    add_joint(root, "grip_joint", "fixed", palm, grip, (0.0, 0.0, PALM_M[2] + FINGER_M[2] - PAD_M))
     return ET.tostring(root, encoding="unicode")
 
 
@@ -129,29 +129,10 @@ def _link(
     mass_kg: float,
 ) -> str:
     link = ET.SubElement(root, "link", name=name)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(centre_m), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=repr(mass_kg))
-    squares: NDArray[np.float64] = np.square(size_m if size_m else (0.0, 0.0, 0.0))
-    moments = mass_kg / 12.0 * (squares.sum() - squares)
-    values = dict(zip(("ixx", "iyy", "izz"), map(repr, moments.tolist()), strict=True))
-    ET.SubElement(inertial, "inertia", {**values, "ixy": "0", "ixz": "0", "iyz": "0"})
+    squares = np.square(size_m or (0.0, 0.0, 0.0))
+    add_inertial(link, mass_kg, centre_m, mass_kg / 12.0 * (squares.sum() - squares))
     for kind in ("visual", "collision") if size_m else ():
         shape = ET.SubElement(link, kind)
-        ET.SubElement(shape, "origin", xyz=_text(centre_m), rpy="0 0 0")
-        ET.SubElement(ET.SubElement(shape, "geometry"), "box", size=_text(size_m or ()))
+        ET.SubElement(shape, "origin", xyz=text_of(centre_m), rpy="0 0 0")
+        ET.SubElement(ET.SubElement(shape, "geometry"), "box", size=text_of(size_m or ()))
     return name
-
-
-def _joint(
-    root: ET.Element, name: str, kind: str, parent: str, child: str, at_m: tuple[float, ...]
-) -> ET.Element:
-    joint = ET.SubElement(root, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_text(at_m), rpy="0 0 0")
-    return joint
-
-
-def _text(values: tuple[float, ...]) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -86,32 +86,34 @@ def lwr_urdf(*, world: bool = False) -> str:
     robot = ET.Element("robot", name="lwr")
     if world:
         ET.SubElement(robot, "link", name=WORLD_LINK)
-        _add_fixed_joint(robot, "lwr_base_joint", WORLD_LINK, BASE_LINK, (0.0, 0.0, 0.0))
+        add_joint(robot, "lwr_base_joint", "fixed", WORLD_LINK, BASE_LINK, (0.0, 0.0, 0.0))
     base = ET.SubElement(robot, "link", name=BASE_LINK)
-    _add_inertial(base, BASE_MASS_KG, (0.0, 0.0, 0.055), np.full(3, 0.004))
+    add_inertial(base, BASE_MASS_KG, (0.0, 0.0, 0.055), np.full(3, 0.004))
     _add_shapes(base, BASE_SHAPES)
     for i, name in enumerate(LINK_NAMES):
         link = ET.SubElement(robot, "link", name=name)
         body = LINK_BODIES[i]
-        _add_inertial(link, body.mass, body.centre, link_inertia(i, ROTOR_INERTIA_KG_M2[i]))
+        add_inertial(link, body.mass, body.centre, link_inertia(i, ROTOR_INERTIA_KG_M2[i]))
         shapes = LINK_SHAPES[i] + (HAND_SHAPES if i == N_JOINTS - 1 else ())
         _add_shapes(link, shapes)
         _add_joint(robot, i)
     # Without an inertial, PyBullet would give the frame a mass of 1 kg.
-    _add_inertial(ET.SubElement(robot, "link", name=HAND_LINK), 0.0, (0.0,) * 3, np.zeros(3))
+    add_inertial(ET.SubElement(robot, "link", name=HAND_LINK), 0.0, (0.0,) * 3, np.zeros(3))
     tip = (0.0, 0.0, DH.d_m[-1])
-    _add_fixed_joint(robot, "lwr_hand_joint", LINK_NAMES[-1], HAND_LINK, tip)
+    add_joint(robot, "lwr_hand_joint", "fixed", LINK_NAMES[-1], HAND_LINK, tip)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
 
-def _add_fixed_joint(
-    robot: ET.Element, name: str, parent: str, child: str, xyz: tuple[float, float, float]
-) -> None:
-    joint = ET.SubElement(robot, "joint", name=name, type="fixed")
+def add_joint(
+    robot: ET.Element, name: str, kind: str, parent: str, child: str, xyz: tuple[float, ...]
+) -> ET.Element:
+    """Add a joint of a kind, whose child has the axes of its parent and is at xyz in it [m]."""
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_text(xyz), rpy="0 0 0")
+    ET.SubElement(joint, "origin", xyz=text_of(xyz), rpy="0 0 0")
+    return joint
 
 
 def _add_joint(robot: ET.Element, i: int) -> None:
@@ -120,7 +122,7 @@ def _add_joint(robot: ET.Element, i: int) -> None:
     ET.SubElement(joint, "child", link=LINK_NAMES[i])
     offset = (0.0, 0.0, DH.d_m[i - 1] if i else 0.0)
     turn = (DH.alpha_rad[i - 1] if i else 0.0, 0.0, 0.0)
-    ET.SubElement(joint, "origin", xyz=_text(offset), rpy=_text(turn))
+    ET.SubElement(joint, "origin", xyz=text_of(offset), rpy=text_of(turn))
     ET.SubElement(joint, "axis", xyz="0 0 1")
     ET.SubElement(
         joint,
@@ -133,11 +135,12 @@ def _add_joint(robot: ET.Element, i: int) -> None:
     ET.SubElement(joint, "dynamics", damping="0", friction="0")
 
 
-def _add_inertial(
+def add_inertial(
     link: ET.Element, mass: float, centre: tuple[float, ...], moments: NDArray[np.float64]
 ) -> None:
+    """Add mass [kg], its centre [m] and its moments of inertia (3,) [kg m^2] along the axes."""
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=text_of(centre), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(float(mass)))
     names = ("ixx", "iyy", "izz")
     values = {name: repr(float(value)) for name, value in zip(names, moments, strict=True)}
@@ -148,13 +151,14 @@ def _add_shapes(link: ET.Element, shapes: tuple[LinkShape, ...]) -> None:
     for shape in shapes:
         for kind in ("visual", "collision") if shape.collides else ("visual",):
             element = ET.SubElement(link, kind)
-            ET.SubElement(element, "origin", xyz=_text(shape.xyz), rpy=_text(shape.rpy))
+            ET.SubElement(element, "origin", xyz=text_of(shape.xyz), rpy=text_of(shape.rpy))
             geometry = ET.SubElement(element, "geometry")
             ET.SubElement(geometry, shape.kind, shape.size)
             if kind == "visual":
                 material = ET.SubElement(element, "material", name=shape.colour_name)
-                ET.SubElement(material, "color", rgba=_text(shape.rgba))
+                ET.SubElement(material, "color", rgba=text_of(shape.rgba))
 
 
-def _text(values: tuple[float, ...]) -> str:
+def text_of(values: tuple[float, ...]) -> str:
+    """Numbers as a URDF has them."""
     return " ".join(repr(float(value)) for value in values)

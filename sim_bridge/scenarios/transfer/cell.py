@@ -30,7 +30,9 @@ LEVEL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 STAND_M = (0.02, 0.02, 0.01)
 """Half edges of the stand below an object [m]. Convention: narrower than the objects."""
 WAY_POINTS = 10
-"""Points of a straight way along which a posture is sought. Convention: 3 cm apart."""
+"""Points of a straight way of the grip. Convention: 3 cm apart."""
+JUMP_RAD = 0.6
+"""Joints that turn by more between two of them change their branch [rad]. Measured: 0.41 if not."""
 
 
 class TransferObject(NamedTuple):
@@ -97,17 +99,30 @@ class TransferCell:
             client.setCollisionFilterPair(self.arm.body, self.stand, link, -1, 0)
         self.arm.before_step.append(self._act)
 
-    def posture(
-        self, grip_m: NDArray[np.float64], near: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
-        """Joint angles (n,) with the level hand's grip at a place (3,), or nearest to it.
+    def posture(self, grip_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joint angles (n,) with the level hand's grip at a place (3,), or nearest to it."""
+        return self._nearest(grip_m, None)
 
-        Given a posture, on its branch: along a straight way from there.
+    def way(self, begin: NDArray[np.float64], to_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joint angles (k, n) that bring the level hand's grip straight from a posture to (3,).
+
+        It stops where the arm would have to change its branch.
         """
-        begin_m = grip_m if near is None else self.model.forward_kinematics(near)[:3, 3]
-        poses = np.tile(np.eye(4), (WAY_POINTS, 1, 1))
-        poses[:, :3, :3], poses[:, :3, 3] = LEVEL, np.linspace(begin_m, grip_m, WAY_POINTS)
-        return self.model.follow(poses, near, near).positions[-1]
+        begin_m = self.model.forward_kinematics(begin)[:3, 3]
+        way = [begin]
+        for place_m in np.linspace(begin_m, to_m, WAY_POINTS)[1:]:
+            q = self._nearest(place_m, way[-1])
+            if np.abs(q - way[-1]).max() > JUMP_RAD:
+                break
+            way.append(q)
+        return np.array([*way, way[-1]] if len(way) == 1 else way)
+
+    def _nearest(
+        self, grip_m: NDArray[np.float64], seed: NDArray[np.float64] | None
+    ) -> NDArray[np.float64]:
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = LEVEL, grip_m
+        return self.model.nearest(pose, seed, seed).q
 
     def set_friction(self, friction: float) -> None:
         """Change the friction of the object."""

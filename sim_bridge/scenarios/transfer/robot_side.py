@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from intent_recognition.transfer import (
     PATIENCE_S,
@@ -86,7 +87,7 @@ class RobotSide:
         self._estimator = LoadEstimator(cell.model)
         self.request = Request.NOTHING
         self.samples: list[TransferSample] = []
-        self._ways = [(0.0, 0.0, cell.home, cell.home)]
+        self.move(np.array([cell.home, cell.home]), 0.0)
         self._payload_n = 0.0
         cell.arm.before_step.append(self._step)
 
@@ -98,19 +99,20 @@ class RobotSide:
     @property
     def moving(self) -> bool:
         """Whether it is under way."""
-        start_s, length_s, _, _ = self._ways[-1]
-        return self._cell.arm.time_s < start_s + length_s
+        return self._cell.arm.time_s < self._start_s + self._length_s
 
-    def move(self, to: NDArray[np.float64], length_s: float) -> None:
-        """Go to a posture (n,) by minimum jerk, from the one it was to go to before."""
-        self._ways.append((self._cell.arm.time_s, length_s, self._ways[-1][3], to))
+    def move(self, way: NDArray[np.float64], length_s: float) -> None:
+        """Go along postures (k, n), beginning and ending at rest, by minimum jerk."""
+        self._start_s, self._length_s = self._cell.arm.time_s, max(length_s, TIME_STEP_S)
+        self._way = CubicSpline(np.linspace(0.0, 1.0, len(way)), way)
 
     def _step(self, arm: SimulatedArm) -> None:
-        start_s, length_s, a, b = self._ways[-1]
-        tau = min((arm.time_s - start_s) / max(length_s, TIME_STEP_S), 1.0)
-        rate = 30.0 * tau**2 * (1.0 - tau) ** 2 / max(length_s, TIME_STEP_S)
-        bend = 60.0 * tau * (1.0 - 3.0 * tau + 2.0 * tau**2) / max(length_s, TIME_STEP_S) ** 2
-        arm.set_reference(a + progress(tau) * (b - a), rate * (b - a), bend * (b - a))
+        tau = min((arm.time_s - self._start_s) / self._length_s, 1.0)
+        rate = 30.0 * tau**2 * (1.0 - tau) ** 2 / self._length_s
+        bend = 60.0 * tau * (1.0 - 3.0 * tau + 2.0 * tau**2) / self._length_s**2
+        s = progress(tau)
+        slope, curve = self._way(s, 1), self._way(s, 2)
+        arm.set_reference(self._way(s), slope * rate, slope * bend + curve * rate**2)
         if arm.n_steps % SAMPLE_STEPS == 0:
             self._sample(arm)
 

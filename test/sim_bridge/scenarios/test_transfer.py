@@ -4,7 +4,13 @@
 import numpy as np
 import pytest
 
-from benchmarks.transfer_trials import DISTURBANCES, TransferTrial, run_trial
+from benchmarks.transfer import plan, results
+from benchmarks.transfer_trials import (
+    DISTURBANCES,
+    TransferOutcome,
+    TransferTrial,
+    run_trial,
+)
 from intent_recognition.transfer import Holding
 from sim_bridge.scenarios.transfer import OBJECTS
 
@@ -19,6 +25,24 @@ def test_a_plate_is_given_by_load_and_each_run_is_the_same():
     again = run_trial(TransferTrial("give", "plate", "lwr", 1))
     assert [s.time_s for s in again.samples] == [s.time_s for s in outcome.samples]
     np.testing.assert_array_equal(again.samples[-1].object_m, outcome.samples[-1].object_m)
+
+
+def test_fewer_trials_are_the_first_of_many():
+    few, many = plan(30), plan(200)
+    assert all(few[name] == many[name][: len(few[name])] for name in many)
+    assert {trial.thing for trial in few["transfers"]} == set(OBJECTS)
+    assert {trial.kind for trial in few["disturbances"]} == set(DISTURBANCES)
+
+
+@pytest.mark.parametrize("bad", ["", "transfers", "disturbances", "wet"])
+def test_one_bad_trial_falls_short(bad):
+    good = TransferOutcome(True, False, 9.0, 0.1, 0.03, Holding.EMPTY, [])
+    outcomes = {name: [good] * len(chosen) for name, chosen in plan(30).items()}
+    if bad:
+        outcomes[bad][3] = good._replace(success=False, peak_n=16.0, release_s=0.4, slip_s=np.inf)
+    short = {one.name.split()[0] for one in results(outcomes) if one.verdict != "ok"}
+    named = {"transfers": {"transfers:", "robot"}, "disturbances": {"bumps,"}, "wet": {"wet"}}
+    assert short - {"released"} == named.get(bad, set())
 
 
 @pytest.mark.slow
