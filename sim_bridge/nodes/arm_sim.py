@@ -27,10 +27,7 @@ from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, SENSOR, STA
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.registry import ANSWERS
 from sim_bridge.arm import (
-    NO_ANSWER_S,
     TIME_STEP_S,
-    Edge,
-    LockStep,
     Pacer,
     RejectedTrajectoryError,
     Robot,
@@ -42,6 +39,7 @@ from sim_bridge.arm import (
     TrajectoryFollower,
     find_robot,
 )
+from sim_bridge.nodes.clock_answers import ClockAnswers
 from sim_bridge.nodes.pouring_scene import POURING, PouringScene, make_scene
 from sim_bridge.scenarios.toolbox import HOME
 
@@ -57,11 +55,8 @@ BURST = 8
 """Joint states sent at once when catching up: fewer than their queue holds (`qos.STATE`)."""
 LARGEST_PUSH_N = 500.0
 """Stronger pushes are rejected [N]. Convention."""
-LEFT_S = 0.2
-"""Time without an answer after which a node may have left the graph [s]. Convention."""
 WORLD_FRAME = "world"
 CONTROLLERS = ("low_gain", "stochastic_feedback")
-DOUBLES: Any = Parameter.Type.DOUBLE_ARRAY
 
 
 class ArmSim(Node):
@@ -106,8 +101,7 @@ class ArmSim(Node):
             self.get_parameter("use_sim_time").value and not self._publishes_clock
         )
         self._pacer: Pacer | None = None
-        self._lock_step = LockStep(self._answering)
-        self._waits_since_s: float | None = None
+        self._answers = ClockAnswers(self, self._answering, self.diagnostics)
         self._person = False
         if self._answering:
             self.create_subscription(JointState, ANSWERS, self._on_answer, FEEDBACK)
@@ -244,7 +238,7 @@ class ArmSim(Node):
             return
         zero_ns = 0 if self._publishes_clock else self._zero_ns(self._pacer, now_s)
         for _ in range(n_due):
-            if self._waits():
+            if self._answers.wait():
                 return
             self.arm.step()
             n = self.arm.n_steps
@@ -254,38 +248,12 @@ class ArmSim(Node):
                 self._publish(zero_ns + self._elapsed_ns(self._pacer))
 
     def _on_answer(self, message: JointState) -> None:
-        node = message.header.frame_id
-        if node in self._answering:
-            counts = dict(zip(message.name, map(int, message.position), strict=True))
-            self._lock_step.hear(node, counts)
-            if not self._person and counts.get("mocap/wrist/pose"):
-                self._person = True
-                self.arm.begin_noise(np.random.default_rng(self._seed))
-            if self._waits_since_s is not None and not self._lock_step.missing():
-                self._tick()
-
-    def _waits(self) -> bool:
-        """Whether time stands still until a node has answered; one that does not is named."""
-        missing = self._lock_step.missing() if self._answering else None
-        if missing is None:
-            self._waits_since_s = None
-            return False
-        now_s = time.monotonic()
-        since_s = self._waits_since_s = self._waits_since_s or now_s
-        gone = self._gone(missing) if now_s - since_s >= LEFT_S else ""
-        late = missing.taker or missing.sender
-        if not gone and now_s - since_s < NO_ANSWER_S:
-            return True
-        if not gone:
-            self.diagnostics.reject("no_answer", f"{late} has not answered for {NO_ANSWER_S:g} s")
-        self._lock_step.leave(gone or late)
-        self._waits_since_s = None
-        return False
-
-    def _gone(self, edge: Edge) -> str:
-        """Which end of an edge has left the graph; empty for neither."""
-        there = {"", *self.get_node_names()}
-        return next((name for name in (edge.sender, edge.taker) if name not in there), "")
+        counts = self._answers.hear(message)
+        if not self._person and counts.get("mocap/wrist/pose"):
+            self._person = True
+            self.arm.begin_noise(np.random.default_rng(self._seed))
+        if self._answers.all_came():
+            self._tick()
 
     def _zero_ns(self, pacer: Pacer, now_s: float) -> int:
         """The ROS time at which the physics' time zero was, were it paced without a gap [ns]."""
@@ -309,8 +277,8 @@ class ArmSim(Node):
         if self._clock_out is not None:
             self._clock_out.publish(ClockMessage(clock=stamp))
         self._states.publish(message)
-        self._lock_step.note("/clock")
-        self._lock_step.note("joint_states")
+        self._answers.note("/clock")
+        self._answers.note("joint_states")
         self.diagnostics.tick("joint_states")
         if not self.arm.gravity_compensation:
             error = float(np.abs(self.arm.reference.q - state.q).max())
@@ -318,7 +286,7 @@ class ArmSim(Node):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         self.diagnostics.tick("joint_trajectory")
-        self._lock_step.note("joint_trajectory")
+        self._answers.note("joint_trajectory")
         if self.arm.gravity_compensation:
             self.diagnostics.reject("gravity_compensation", "joint_trajectory while guided")
             return

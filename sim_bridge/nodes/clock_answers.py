@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated clock waits for those who must answer, and goes on without who does not."""
+
+import time
+from collections.abc import Sequence
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from intent_recognition.nodes.diagnostics import Diagnostics
+from sim_bridge.arm import NO_ANSWER_S, Edge, LockStep
+
+LEFT_S = 0.2
+"""Time without an answer after which a node may have left the graph [s]. Convention."""
+
+
+class ClockAnswers:
+    """What the nodes that the clock waits for have processed; see `LockStep`.
+
+    Args:
+        node: of the clock.
+        answering: names of the nodes; none: time never waits.
+        diagnostics: of the node; counts those that do not answer.
+    """
+
+    def __init__(self, node: Node, answering: Sequence[str], diagnostics: Diagnostics) -> None:
+        self._node, self._answering, self._diagnostics = node, answering, diagnostics
+        self._lock_step = LockStep(answering)
+        self._since_s: float | None = None
+
+    def note(self, topic: str) -> None:
+        """Count a message of the clock's own node."""
+        self._lock_step.note(topic)
+
+    def hear(self, message: JointState) -> dict[str, int]:
+        """Take an answer; how many messages of each topic its node has taken and sent.
+
+        Empty from a node that nobody waits for.
+        """
+        node = message.header.frame_id
+        if node not in self._answering:
+            return {}
+        counts = dict(zip(message.name, map(int, message.position), strict=True))
+        self._lock_step.hear(node, counts)
+        return counts
+
+    def all_came(self) -> bool:
+        """Whether time has stood still, and what it waited for has come."""
+        return self._since_s is not None and not self._lock_step.missing()
+
+    def wait(self) -> bool:
+        """Whether time stands still until a node has answered; one that does not is named."""
+        missing = self._lock_step.missing() if self._answering else None
+        if missing is None:
+            self._since_s = None
+            return False
+        now_s = time.monotonic()
+        since_s = self._since_s = self._since_s or now_s
+        gone = self._gone(missing) if now_s - since_s >= LEFT_S else ""
+        late = missing.taker or missing.sender
+        if not gone and now_s - since_s < NO_ANSWER_S:
+            return True
+        if not gone:
+            self._diagnostics.reject("no_answer", f"{late} has not answered for {NO_ANSWER_S:g} s")
+        self._lock_step.leave(gone or late)
+        self._since_s = None
+        return False
+
+    def _gone(self, edge: Edge) -> str:
+        """Which end of an edge has left the graph; empty for neither."""
+        there = {"", *self._node.get_node_names()}
+        return next((name for name in (edge.sender, edge.taker) if name not in there), "")
