@@ -65,6 +65,8 @@ def _recordings(folder: Path, words: set[str]) -> list[Path]:
             (folder / target / bag.name).symlink_to(bag)
     (folder / "sessions").mkdir()
     (folder / "sessions" / "monday").symlink_to(ROOT / "bags" / "sessions" / "session_00")
+    (folder / "bags" / "sessions").symlink_to(ROOT / "bags" / "sessions")
+    (folder / "box.yaml").write_text("steps: [{step: plate_handover}]\n", encoding="utf-8")
     (folder / "src").mkdir()
     (folder / "src" / "intent_recognition").symlink_to(folder)
     for name in ("assembly", "pouring"):
