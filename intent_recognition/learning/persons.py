@@ -23,9 +23,9 @@ from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.statistics import TaskStatistics, summarize
 from intent_recognition.promp import Scatter, shared_covariance
 
-MIN_FREEDOM = 4
-"""Degrees of freedom between people from which on B is estimated: three people with two tasks, or
-five with one. With fewer the target would be inflated (`promp.structured_target`)."""
+MIN_FREEDOM = 3
+"""Degrees of freedom between people from which on B is estimated: two people with three tasks, or
+four with one. Convention: with fewer the target would be inflated by far (`structured_target`)."""
 
 
 class Grouped(NamedTuple):

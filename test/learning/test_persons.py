@@ -87,7 +87,7 @@ def test_people_who_do_not_differ_hardly_count(rng):
 
 
 def test_groups_that_say_nothing_of_people_change_nothing(rng):
-    two_people = [of_people(rng, np.zeros((2, SIZE)), 5, 0.2)] * 3
+    two_people = [of_people(rng, np.zeros((2, SIZE)), 5, 0.2)] * 2
     one_person = [of_people(rng, np.zeros((1, SIZE)), 5, 0.2)]
     each_another = [of_people(rng, np.zeros((5, SIZE)), 1, 0.2)]
     somebody_s = [[*one_person[0], example("x", "", np.zeros(SIZE))]]
