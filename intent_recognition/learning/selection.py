@@ -9,7 +9,7 @@ of the controlled agent's Q DOFs under a normal error of fitted variance, Q / 2 
 error).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -121,22 +121,20 @@ def choose(
     }
     if not all(left_out.values()):
         return Choice(Hyperparameters(), None, (Hyperparameters(),))
-    tried = list[Hyperparameters]()
 
-    def best_of(some: Iterable[Hyperparameters]) -> Hyperparameters:
-        for one in some:
-            library, tasks = candidates[one.pace]
-            log_loss, error = validate(_with(library, one), left_out[one.pace], tasks)
-            score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
-            tried.append(one._replace(log_loss=log_loss, error=error, score=score))
-        return min(tried, key=lambda one: one.score)
+    def scored(one: Hyperparameters) -> Hyperparameters:
+        library, tasks = candidates[one.pace]
+        log_loss, error = validate(_with(library, one), left_out[one.pace], tasks)
+        score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
+        return one._replace(log_loss=log_loss, error=error, score=score)
 
-    best = best_of(Hyperparameters(pace, scale) for pace in candidates for scale in NOISE_SCALES)
+    tried = [scored(Hyperparameters(pace, scale)) for pace in candidates for scale in NOISE_SCALES]
+    best = min(tried, key=lambda one: one.score)
     if len(candidates[best.pace][0].phase_deviation.grid) > 1:
-        whole = best._replace(deviation_evidence=DEVIATION_EVIDENCE[1])
-        if best_of([whole]) is tried[-1]:
-            better = tried[-1].log_loss <= best.log_loss and tried[-1].error <= best.error
-            best = tried[-1] if better else best
+        whole = scored(best._replace(deviation_evidence=DEVIATION_EVIDENCE[1]))
+        tried.append(whole)
+        if whole.log_loss <= best.log_loss and whole.error <= best.error:
+            best = whole
     library, of_best = _with(candidates[best.pace][0], best), left_out[best.pace]
     at_once, variance = _at_once(library, N_DURATIONS), _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
