@@ -23,7 +23,7 @@ from intent_recognition.activation import (
 )
 from intent_recognition.composing import (
     Moment,
-    Progress,
+    SequenceProgress,
     Step,
     ViaPoint,
     advance,
@@ -102,7 +102,7 @@ class Fuzz:
         self.has_velocity = rng.random() < 0.6
         self.last_q = start
         self.held = None
-        self.progress, self.follows_sequence = Progress(), rng.random() < 0.5
+        self.progress, self.follows_sequence = SequenceProgress(), rng.random() < 0.5
         self.modes = set()
 
     def reference(self, time_ns):
@@ -183,7 +183,7 @@ class Fuzz:
                 )
         elif kind == "clock" and rng.random() < 0.3:
             self.rest, self.commands = self.arm()[0], []
-            self.push, self.held, self.progress = np.zeros(7), None, Progress()
+            self.push, self.held, self.progress = np.zeros(7), None, SequenceProgress()
             self.now_ns -= int(rng.uniform(1e9, 1e11))
             self.onset_ns = self.now_ns
             assert self.activation.step(self.now_ns) is None

@@ -2,7 +2,7 @@
 """An experiment for tests of the command."""
 
 from experiments.results import ExperimentResult, Finding
-from intent_recognition.report.html import Text
+from intent_recognition.report.html import Paragraph
 
 
 def run(settings):
@@ -13,6 +13,6 @@ def run(settings):
     finding = Finding("error [cm]", "3", f"{value:.3f}", True)
     other = Finding("of another kind", "", "7", None, "The paper says nothing of it.")
     return ExperimentResult(
-        "A stub", "Nobody, Fig. 0", "Does it run?", (finding, other), (Text("Here."),), (),
+        "A stub", "Nobody, Fig. 0", "Does it run?", (finding, other), (Paragraph("Here."),), (),
         {"value": value, "quick": settings.quick},
     )  # fmt: skip

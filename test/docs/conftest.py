@@ -34,6 +34,7 @@ def bench(tmp_path_factory) -> Path:
     _takes(folder)
     (folder / "config").symlink_to(ROOT / "config")
     shutil.copy(ROOT / "config" / "dofs.yaml", folder / "my_dofs.yaml")
+    shutil.copy(ROOT / "config" / "dofs.yaml", folder / "panda_dofs.yaml")
     shutil.copy(ROOT / "config" / "real_arm.yaml", folder / "my_params.yaml")
     shutil.copy(ROOT / "config" / "scenes" / "toolbox.yaml", folder / "my_cell.yaml")
     model = folder / "learned_first.npz"
