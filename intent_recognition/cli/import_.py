@@ -82,6 +82,9 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.write(text)
         else:
             check_output("--output", args.output)
+            if args.output.exists() and args.output.read_bytes() != text.encode():
+                cure = "Choose another, or delete it."
+                raise ResourceBusyError.about("--output", "a new file", args.output, cure)
             args.output.parent.mkdir(parents=True, exist_ok=True)
             args.output.write_text(text, encoding="utf-8")
             make_console().print(f"wrote {args.output}")

@@ -127,7 +127,15 @@ def read_assemblies(text: str) -> tuple[Assembly, ...]:
 
 
 def begun_with(assemblies: Sequence[Assembly], task: str) -> tuple[Assembly, ...]:
-    """The same, cut before each time that a task is done: what assemblies begin with."""
+    """The same, cut before each time that a task is done: what assemblies begin with.
+
+    Raises:
+        ArgumentError: none holds the task.
+    """
+    tasks = {one.task for assembly in assemblies for one in assembly}
+    if task not in tasks:
+        cure = "Name a task that was recorded."
+        raise ArgumentError.about("first", f"one of {sorted(tasks)}", repr(task), cure)
     out: list[list[DoneTask]] = []
     for assembly in assemblies:
         for k, one in enumerate(assembly):

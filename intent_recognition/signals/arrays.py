@@ -34,12 +34,12 @@ def as_stamp_ns(argument: str, time_s: float) -> int:
         ArgumentError: it is no finite number of seconds.
     """
     try:
-        known = abs(time_s) < LATEST_S  # False also for NaN
+        known = np.ndim(time_s) == 0 and abs(time_s) < LATEST_S  # False also for NaN
     except TypeError:
         known = False
     if not known:
         expected = f"seconds, a finite number below {LATEST_S:g}"
-        cure = "Pass the time of measurement; divide nanoseconds by 1e9."
+        cure = "Pass the time of one measurement; divide nanoseconds by 1e9."
         raise ArgumentError.about(argument, expected, repr(time_s), cure)
     return round(time_s * 1e9)
 

@@ -108,3 +108,8 @@ def test_other_texts_are_no_sessions(text):
 def test_a_session_is_cut_where_assemblies_begin():
     cut = begun_with(read_assemblies("[b, a, b, c, a, c]"), "a")
     assert [[one.task for one in part] for part in cut] == [["b"], ["a", "b", "c"], ["a", "c"]]
+
+
+def test_a_task_that_no_session_holds_begins_none():
+    with pytest.raises(ArgumentError, match="first: expected one of \\['a', 'b'\\], got 'c'"):
+        begun_with(read_assemblies("[b, a]"), "c")

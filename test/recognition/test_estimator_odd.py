@@ -6,6 +6,7 @@ import pytest
 from online_stream import episodes, feed, going_back, learned, movement, shifted
 from simulation import START_NS, make_library
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import IntentEstimator
@@ -88,6 +89,13 @@ def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
 )
 def test_unusable_observations_are_told_by_reason(library, observation, reason):
     assert IntentEstimator(library).reason_to_reject(observation) == reason
+
+
+@pytest.mark.parametrize("stamp_s", [np.arange(3.0), "now", None, np.nan, [1.0]])
+def test_a_stamp_is_one_number(rng, stamp_s):
+    estimator = IntentEstimator(make_library(rng))
+    with pytest.raises(ArgumentError, match="stamp_s: expected seconds"):
+        estimator.observe(stamp_s, np.zeros(2))
 
 
 def test_stamps_must_increase_within_a_signal_but_not_between_signals(rng):

@@ -289,6 +289,10 @@ def test_a_map_is_suggested_and_asked_for(values, tmp_path, capsys):
     written = tmp_path / "new" / "map.yaml"
     assert main(["import", str(source), "--suggest", "--output", str(written)]) == 0
     assert "wrote" in capsys.readouterr().out and written.read_text(encoding="utf-8") == text
+    written.write_text("corrected by hand", encoding="utf-8")
+    assert main(["import", str(source), "--suggest", "--output", str(written)]) == 1
+    assert "expected a new file" in capsys.readouterr().err
+    assert written.read_text(encoding="utf-8") == "corrected by hand"
 
 
 def test_bags_of_other_storages_get_labels_and_are_cut(tmp_path):
