@@ -2,7 +2,7 @@
 """The library that follows from statistics and hyperparameters: no recording is needed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TypedDict
 
 import numpy as np
@@ -22,7 +22,6 @@ from intent_recognition.learning.statistics import (
 )
 from intent_recognition.promp import (
     ContextModel,
-    PhaseDeviation,
     TaskLibrary,
     observed_block,
     shrunk_covariance,
@@ -86,7 +85,7 @@ def library_from_statistics(
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
         none_prior=settings.none_prior,
         duration_evidence=settings.duration_evidence or chosen.duration_evidence,
-        phase_deviation=deviation_of(preprocessing, chosen),
+        phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         evidence_freedom=EVIDENCE_FREEDOM,
         onset=preprocessing.onset,
         provenance={
@@ -95,12 +94,6 @@ def library_from_statistics(
             "chosen": chosen._asdict(),
         },
     )
-
-
-def deviation_of(preprocessing: Preprocessing, chosen: Hyperparameters) -> PhaseDeviation:
-    """The prior of the phase deviation."""
-    prior = preprocessing.timing.phase_deviation(chosen.pace)
-    return replace(prior, evidence=chosen.deviation_evidence)
 
 
 def learned_from(

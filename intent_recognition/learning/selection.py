@@ -35,7 +35,6 @@ from intent_recognition.learning.held_out import (
 )
 from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
-from intent_recognition.learning.timing import DEVIATION_EVIDENCE
 from intent_recognition.promp import (
     ResidualCoupling,
     Scatter,
@@ -70,7 +69,6 @@ class Hyperparameters(NamedTuple):
     Attributes:
         pace: one of `PACES`.
         noise_scale: factor of the observed DOFs' noise variance.
-        deviation_evidence: exponent of the evidence in the posterior of the phase deviation.
         duration_evidence: exponent of the evidence in the posterior of the duration.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
@@ -79,7 +77,6 @@ class Hyperparameters(NamedTuple):
 
     pace: str = "own"
     noise_scale: float = 4.0
-    deviation_evidence: float = DEVIATION_EVIDENCE[0]
     duration_evidence: float = EXPONENTS[0]
     log_loss: float = float("nan")
     error: float = float("nan")
@@ -124,28 +121,19 @@ def choose(
 
     def scored(one: Hyperparameters) -> Hyperparameters:
         library, tasks = candidates[one.pace]
-        log_loss, error = validate(_with(library, one), left_out[one.pace], tasks)
+        scaled = replace(library, noise_scale=one.noise_scale)
+        log_loss, error = validate(scaled, left_out[one.pace], tasks)
         score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
         return one._replace(log_loss=log_loss, error=error, score=score)
 
     tried = [scored(Hyperparameters(pace, scale)) for pace in candidates for scale in NOISE_SCALES]
     best = min(tried, key=lambda one: one.score)
-    if len(candidates[best.pace][0].phase_deviation.grid) > 1:
-        whole = scored(best._replace(deviation_evidence=DEVIATION_EVIDENCE[1]))
-        tried.append(whole)
-        if whole.log_loss <= best.log_loss and whole.error <= best.error:
-            best = whole
-    library, of_best = _with(candidates[best.pace][0], best), left_out[best.pace]
-    at_once, variance = _at_once(library, N_DURATIONS), _variance(library, of_best)
+    library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
+    at_once, of_best = _at_once(library, N_DURATIONS), left_out[best.pace]
+    variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
     tried[tried.index(best)] = best = best._replace(duration_evidence=exponent)
     return Choice(best, coupling if np.any(coupling.gain) else None, tuple(tried))
-
-
-def _with(library: TaskLibrary, chosen: Hyperparameters) -> TaskLibrary:
-    """The library of a pace with other hyperparameters."""
-    deviation = replace(library.phase_deviation, evidence=chosen.deviation_evidence)
-    return replace(library, noise_scale=chosen.noise_scale, phase_deviation=deviation)
 
 
 def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> NDArray[np.float64]:

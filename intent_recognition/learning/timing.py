@@ -26,9 +26,8 @@ DEFAULT_DEVIATION_STD = 0.03
 Convention."""
 DEVIATION_CORRELATION = 0.4
 """Correlation length of the phase deviation, in phase (docs/prediction.md)."""
-DEVIATION_EVIDENCE = (0.15, 1.0)
-"""Exponents of the evidence on the phase deviation that are tried, the default first
-(docs/decisions/one_filter.md)."""
+DEVIATION_EVIDENCE = 0.15
+"""Exponent of the evidence on the phase deviation, in (0, 1] (docs/decisions/one_filter.md)."""
 ALIGNED_FLOOR = 0.04
 """Smallest scale of the phase deviation of aligned primitives, a share of the duration
 (docs/decisions/one_filter.md)."""
@@ -73,7 +72,7 @@ class Timing:
         aligned = pace == "aligned"
         share, floor = (1.0, ALIGNED_FLOOR) if aligned else (STEADY_SHARE, STEADY_FLOOR)
         scale = np.maximum(share * self.deviation_std, floor)
-        return PhaseDeviation(scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE[0], pace != "own")
+        return PhaseDeviation(scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE, pace != "own")
 
     def warps(self, recordings: Sequence[Demonstration]) -> list[Warp]:
         """From reference phase to the recorded phase of each; the identity without a template."""

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from intent_recognition.errors import TrainingError, check_type, describe
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import (
-    deviation_of,
     learned_from,
     library_from_statistics,
     statistics_of,
@@ -212,7 +211,7 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
     library = replace(
         trained.library,
         basis=preprocessing.basis_of(chosen.aligned),
-        phase_deviation=deviation_of(preprocessing, chosen),
+        phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         duration_evidence=preprocessing.settings.duration_evidence or chosen.duration_evidence,
         coupling=coupling,
         **learned_from(trained.tasks, preprocessing, chosen),

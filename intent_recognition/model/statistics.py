@@ -142,7 +142,6 @@ def _hyperparameters(chosen: Mapping) -> Hyperparameters:
         TypeError: one is of another type, or too many.
     """
     chosen = dict(chosen)
-    chosen.setdefault("deviation_evidence", Hyperparameters().deviation_evidence)
     if "aligned" in chosen:  # of a model that was written before there were four paces
         chosen["pace"] = "aligned" if chosen.pop("aligned") else "own"
         chosen.setdefault("duration_evidence", Hyperparameters().duration_evidence)
