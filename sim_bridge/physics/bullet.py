@@ -37,6 +37,9 @@ def _flush() -> None:
     ctypes.CDLL(None).fflush(None)
 
 
+CONTACT_BREAKING_M = 0.02
+"""Distance at which a contact ends [m]. PyBullet's default."""
+
 with _silent(STDOUT, STDERR):
     pybullet = optional("pybullet")
     from pybullet_utils.bullet_client import BulletClient
@@ -48,7 +51,10 @@ def start_world(*, headless: bool = True) -> BulletClient:
     Why there is no window is on stderr, and the process ends: so does PyBullet.
     """
     with _silent(STDOUT):
-        return BulletClient(pybullet.DIRECT if headless else pybullet.GUI)
+        client = BulletClient(pybullet.DIRECT if headless else pybullet.GUI)
+    # PyBullet has one threshold for all worlds of a process: that of the balls would stay.
+    client.setPhysicsEngineParameter(contactBreakingThreshold=CONTACT_BREAKING_M)
+    return client
 
 
 def end_world(client: BulletClient) -> None:

@@ -12,6 +12,7 @@ from benchmarks.transfer_trials import (
     run_trial,
 )
 from intent_recognition.transfer import Holding
+from sim_bridge.physics import end_world, start_world
 from sim_bridge.scenarios.transfer import OBJECTS
 
 LARGEST_N, RELEASE_S, NOTICED_S = 15.0, 0.3, 0.05
@@ -69,12 +70,14 @@ def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, 
 
 
 @pytest.mark.slow
-def test_a_wet_bottle_is_gripped_before_it_is_lost():
-    """Contacts are chaotic: another rounding of the same trial may end otherwise."""
-    seeds = (101, 103, 104, 105)
-    outcomes = [run_trial(TransferTrial("slippery", "bottle", "lwr", seed)) for seed in seeds]
-    assert sum(outcome.success for outcome in outcomes) >= 3
-    assert all(outcome.slip_s <= NOTICED_S for outcome in outcomes)
+def test_a_wet_bottle_is_gripped_before_it_is_lost_also_after_another_world():
+    """PyBullet has one threshold of contacts for all worlds of a process."""
+    other = start_world()
+    other.setPhysicsEngineParameter(contactBreakingThreshold=0.001)
+    end_world(other)
+    outcome = run_trial(TransferTrial("slippery", "bottle", "lwr", 103))
+    assert outcome.success
+    assert outcome.slip_s <= NOTICED_S
 
 
 @pytest.mark.parametrize("thing", OBJECTS)
