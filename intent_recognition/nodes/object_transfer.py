@@ -32,6 +32,7 @@ from intent_recognition.transfer import (
     Situation,
     TransferMachine,
     TransferOutput,
+    way_to,
 )
 
 TRANSFER, HOLDING, WRENCH = "intent/transfer", "intent/holding", "wrench"
@@ -95,6 +96,7 @@ class ObjectTransfer(Node):
             chosen = [rows[name] for name in arm.joint_names]
             q, velocity = (np.array(a)[chosen] for a in (message.position, message.velocity))
             torque = np.array(message.effort)[chosen] if message.effort else np.zeros(len(q))
+            half = [message.position[rows[name]] for name in self._fingers if name in rows]
         except (KeyError, IndexError):
             self._diagnostics.reject("bad_joint_states", f"not all of {', '.join(arm.joint_names)}")
             return None
@@ -107,7 +109,6 @@ class ObjectTransfer(Node):
         if measured is None and not message.effort:
             self._diagnostics.reject("no_effort", "neither efforts in joint_states nor a wrench")
             return None
-        half = [message.position[rows[name]] for name in self._fingers if name in rows]
         near, toward, speed = self._look(at_ns, pose[:3, 3])
         return Situation(
             at_ns * 1e-9,
@@ -147,11 +148,8 @@ class ObjectTransfer(Node):
         if self._person is None or abs(at_ns - self._person[0]) > FRESH_S * 1e9:
             return None, None, 0.0
         _, at_m, speed = self._person
-        away = at_m - hand_m
-        level = np.array([away[0], away[1], 0.0])
-        size = float(np.linalg.norm(level))
-        toward = level / size if size > 0.0 else None
-        return bool(np.linalg.norm(away) < self._near_m), toward, speed
+        distance_m, toward = way_to(at_m, hand_m)
+        return distance_m < self._near_m, toward, speed
 
     def _on_task(self, message: String) -> None:
         self._task = message.data

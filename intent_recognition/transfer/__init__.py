@@ -17,6 +17,7 @@ from intent_recognition.transfer.sharing import (
     carrying_grip,
     load_share,
     offering_grip,
+    way_to,
 )
 
 __all__ = [
@@ -33,4 +34,5 @@ __all__ = [
     "carrying_grip",
     "load_share",
     "offering_grip",
+    "way_to",
 ]

@@ -50,3 +50,16 @@ def carrying_grip(load_n: float) -> float:
 def offering_grip(share: float, weight_n: float) -> float:
     """Grip force [N] while the person has taken over a share of the weight [N]: linear in it."""
     return LEAST_N + (carrying_grip(weight_n) - LEAST_N) * (1.0 - share)
+
+
+def way_to(
+    person_m: NDArray[np.float64], hand_m: NDArray[np.float64]
+) -> tuple[float, NDArray[np.float64] | None]:
+    """Distance [m] from the robot's hand (3,) to the person's (3,), and `toward` of `load_share`.
+
+    It is None where the person's hand is straight above or below.
+    """
+    away = person_m - hand_m
+    level = np.array([away[0], away[1], 0.0])
+    size = float(np.linalg.norm(level))
+    return float(np.linalg.norm(away)), level / size if size > 0.0 else None

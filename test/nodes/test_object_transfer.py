@@ -149,3 +149,11 @@ def test_messages_without_what_is_needed_are_counted(harness):
     before = counts.rejected("not_finite")
     cell.tell("wrench", wrench, lambda: counts.rejected("not_finite") > before)
     assert tuple(cell.out[-1].name) == NAMES
+
+
+def test_joint_states_without_a_position_of_the_fingers_are_refused(harness):
+    cell = Cell(harness, fingers=["finger"])
+    message = JointState(name=[*ROBOT.joint_names, "finger"])
+    message.position, message.velocity = ROBOT.ready.tolist(), [0.0] * 7
+    counts = cell.node._diagnostics
+    cell.tell("joint_states", message, lambda: counts.rejected("bad_joint_states") == 1)

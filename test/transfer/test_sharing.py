@@ -10,6 +10,7 @@ from intent_recognition.transfer import (
     carrying_grip,
     load_share,
     offering_grip,
+    way_to,
 )
 
 AHEAD = np.array([1.0, 0.0, 0.0])
@@ -51,3 +52,10 @@ def test_the_grip_falls_linearly_with_the_share_and_holds_what_it_carries():
     for load_n in (0.0, 1.0, 8.0):
         assert 2.0 * friction * carrying_grip(load_n) >= 1.5 * load_n
     assert carrying_grip(1e3) == MOST_N
+
+
+def test_the_way_to_the_person_is_horizontal_and_none_straight_up():
+    distance_m, toward = way_to(np.array([3.0, 4.0, 12.0]), np.zeros(3))
+    assert distance_m == pytest.approx(13.0)
+    np.testing.assert_allclose(toward, [0.6, 0.8, 0.0])
+    assert way_to(np.array([1.0, 1.0, 2.0]), np.ones(3)) == (1.0, None)

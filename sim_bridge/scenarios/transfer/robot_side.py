@@ -19,6 +19,7 @@ from intent_recognition.transfer import (
     Situation,
     TransferMachine,
     TransferOutput,
+    way_to,
 )
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import TIME_STEP_S, SimulatedArm
@@ -153,10 +154,8 @@ class RobotSide:
         if person is None:
             return False, None, 0.0
         seen = person.position_m + TRACKED_STD_M * self._rng.standard_normal(3)
-        away = seen - self._cell.model.forward_kinematics(q)[:3, 3]
-        level = np.array([away[0], away[1], 0.0])
-        speed = float(np.linalg.norm(person.velocity_m_s))
-        return bool(np.linalg.norm(away) < NEAR_M), level / np.linalg.norm(level), speed
+        distance_m, toward = way_to(seen, self._cell.model.forward_kinematics(q)[:3, 3])
+        return distance_m < NEAR_M, toward, float(np.linalg.norm(person.velocity_m_s))
 
     def _compensate(self, arm: SimulatedArm, output: TransferOutput) -> None:
         """Carry the weight that the person has not taken over."""
