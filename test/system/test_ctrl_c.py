@@ -42,6 +42,7 @@ def wait_for(process, what, said):
         if LOADED.get(what, what) in text:
             return
         assert time.monotonic() < end_s, f"never {what}: {said.read_text()}"
+    pytest.fail(f"ended before {what}: {said.read_text()}")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
