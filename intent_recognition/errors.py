@@ -2,6 +2,7 @@
 """One exception family; messages name the argument, what was expected, what came and the cure."""
 
 import importlib
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 from intent_recognition.extras import installing
@@ -153,3 +154,9 @@ def printable(text: str) -> str:
     a\x1b[2Jb
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def first_of(names: Sequence[str], most: int = 5) -> str:
+    """Names in words, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -177,6 +177,9 @@ def test_things_are_shown_on_one_line(library):
         "<TaskLibrary: left (4 demonstrations), right (4 demonstrations);"
         f" 3 observed and 2 controlled DOFs, {library.basis.n_basis} basis functions each>"
     )
+    labels = tuple(f"task_{k}" for k in range(7))
+    many = replace(library, labels=labels, n_demonstrations=(4,) * 7)
+    assert "task_4 (4 demonstrations) and 2 more; 3 observed" in repr(many)
     assert repr(ir.IntentEstimator(library)) == "<IntentEstimator of left, right: at rest>"
     model = Model(library, dofs_of_arrays(library))
     assert repr(model) == "<Model of left, right: observes human, controls robot>"

@@ -239,7 +239,13 @@ def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> NDArray[np
 
 
 def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) -> int:
-    """Print what came of it; 1 if more than half was not recognised."""
+    """Print what came of it; 1 if more than half was not recognised, or nothing was played out.
+
+    A page is closed when whoever watches it has seen enough.
+    """
+    if not shown:
+        write_json(args.json, [])
+        return int(not args.dashboard)
     table = boxed_table(
         "what the arm did", "recording", "labelled", "acted on", ">after [s]", ">hand off by [cm]"
     )
@@ -251,8 +257,6 @@ def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) 
     if args.json != PRINTED:
         console.print(table)
     write_json(args.json, [one._asdict() for one in shown])
-    if not shown:
-        return 1
     right = sum(bool(one.task) and one.task == one.label for one in shown)
     off = [one.off_cm for one in shown if np.isfinite(one.off_cm)]
     told = f", hand off by {np.mean(off):.1f} cm on average" if off else ""

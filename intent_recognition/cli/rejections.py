@@ -1,34 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of the recordings could not be used, as lines on the console."""
 
+import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from rich.console import Console
 
 from intent_recognition.cli.console import say
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, first_of
 from intent_recognition.model import Frames, FromBags, mixed_frames
 from intent_recognition.signals import Demonstration, Rejection, stream_doubts
 
 MOST_KINDS = 3
 """Kinds of reasons that a message tells when nothing could be read. Convention."""
+FEWEST_ALIKE = 3
+"""Recordings with reasons that differ in numbers alone, from which one line tells of all.
+Convention."""
+MOST_NAMES = 10
+"""Names in such a line. Convention."""
 
 
 def print_left_out(
     console: Console, left_out: Sequence[object], n_left_out: int | None = None
 ) -> None:
-    """Print what could not be used and why, a line for each.
+    """Print what could not be used and why, a line for each or for all that are alike.
 
     Args:
         console: console to print to.
         left_out: rejections, or sentences.
         n_left_out: number of all, if those listed are only the first of very many.
     """
-    lines = [f"left out {item}" for item in left_out]
-    if n_left_out is not None and n_left_out > len(lines):
-        lines.append(f"left out {n_left_out - len(lines)} more")
+    lines = [f"left out {line}" for line in _folded(left_out)]
+    if n_left_out is not None and n_left_out > len(left_out):
+        lines.append(f"left out {n_left_out - len(left_out)} more")
     _print_lines(console, lines)
 
 
@@ -41,12 +48,13 @@ def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure
         left_out: all that was found instead.
         cure: what helps against reasons that say none themselves.
     """
-    alike: dict[tuple[str, str], list[Rejection]] = {}
+    alike: dict[str, list[Rejection]] = {}
     for one in left_out:
-        alike.setdefault((one.topic, one.reason), []).append(one)
+        alike.setdefault(_without_numbers(f"{one.topic}: {one.reason}"), []).append(one)
     kinds, hidden = list(alike.values())[:MOST_KINDS], list(alike.values())[MOST_KINDS:]
     lines = [
-        f"{replace(kind[0], cure='')}" + (f", and {len(kind) - 1} alike" if kind[1:] else "")
+        str(replace(kind[0], cure="")).removesuffix(".")
+        + (f", and {len(kind) - 1} alike" if kind[1:] else "")
         for kind in kinds
     ]
     if more := sum(map(len, hidden)):
@@ -55,14 +63,37 @@ def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure
     return BagError.about(argument, expected, "; ".join(lines) or "none", " ".join(cures))
 
 
+def _without_numbers(text: str) -> str:
+    return re.sub(r"\d[\d.e+]*", "0", text)
+
+
 def print_doubtful(console: Console, doubtful: Sequence[object]) -> None:
-    """Print what was used but may be wrong, a line for each."""
-    _print_lines(console, [f"doubtful {item}" for item in doubtful])
+    """Print what was used but may be wrong, a line for each or for all that are alike."""
+    _print_lines(console, [f"doubtful {line}" for line in _folded(doubtful)])
 
 
 def print_mixed_frames(console: Console, frames: Frames) -> None:
     """Print which topics were recorded in several frames, a line for each."""
     _print_lines(console, mixed_frames(frames))
+
+
+def _folded(items: Sequence[object]) -> Iterator[str]:
+    """A line for each item, or for all whose reasons differ in numbers alone."""
+    kinds: dict[tuple[str, int], dict[str, str]] = {}
+    for item in items:
+        name = item.path if isinstance(item, Rejection) else str(item).partition(": ")[0]
+        reason = str(item)[len(name) :]
+        pattern, k = _without_numbers(reason), 0
+        while name in kinds.setdefault((pattern, k), {}):
+            k += 1
+        kinds[pattern, k][name] = reason
+    for kind in kinds.values():
+        (first, reason), *others = kind.items()
+        if len(kind) < FEWEST_ALIKE:
+            yield from (f"{name}{own}" for name, own in kind.items())
+            continue
+        names = [first, *(Path(name).name for name, _ in others)]
+        yield f"{first_of(names, MOST_NAMES)}{reason}"
 
 
 def _print_lines(console: Console, lines: Sequence[str]) -> None:

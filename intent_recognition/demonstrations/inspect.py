@@ -178,7 +178,7 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
             messages, _ = _decoded(reader, info)
             if messages and messages[0].message.name:
                 names = tuple(messages[0].message.name)
-                arms.append(DofEntry(topic, info.type, joints=names))
+                arms.append(DofEntry(topic, info.type, joints=names, unit="rad"))
     if not arms:
         bodies, arms = bodies[:1], bodies[1:]
     return DofSpec(tuple(bodies), tuple(arms)) if bodies and arms else None

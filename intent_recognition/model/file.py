@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofEntry, DofSpec, reference_of
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import DofError, IntentError, ModelError, check_type
+from intent_recognition.errors import DofError, IntentError, ModelError, check_type, first_of
 from intent_recognition.learning import Trained
 from intent_recognition.model.array_dofs import dofs_of_arrays
 from intent_recognition.model.arrays import (
@@ -87,7 +87,7 @@ class Model:
             ", ".join(dict.fromkeys(entry.topic for entry in side)) or "nothing"
             for side in (self.dofs.observed, self.dofs.controlled)
         )
-        return f"<Model of {', '.join(self.labels)}: observes {human}, controls {robot}>"
+        return f"<Model of {first_of(self.labels)}: observes {human}, controls {robot}>"
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starting, spinning and ending a node."""
 
+import difflib
 import faulthandler
 import gc
 import os
@@ -29,6 +30,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
 from intent_recognition.errors import ArgumentError, IntentError, one_line
+from intent_recognition.nodes.parameter_sources import COMMAND_LINE, parameter_sources
 
 SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""
@@ -44,6 +46,8 @@ LEFT_OVER_S = 1.0
 """How long after such a jump messages from before may still arrive [s]. Convention."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
+QOS = "qos_overrides"
+"""Parameters that begin so are declared with each topic."""
 SomeNode = TypeVar("SomeNode", bound=Node)
 _START_ERRORS = (
     IntentError,
@@ -65,7 +69,8 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
 
     Args:
         make_node: builds the node; called once, after `rclpy.init`.
-        args: command line with `--ros-args ...`; None takes the process's own.
+        args: command line with `--ros-args ...`; None takes the process's own. A parameter that
+            the node has not is an error: rclpy passes over it.
 
     Returns:
         The exit code: 1 with one line in the log, and no traceback, if the node could not start
@@ -81,6 +86,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
             signal_handler_options=SignalHandlerOptions.NO,
         )
         node = make_node()
+        check_given(node, sys.argv if args is None else args)
         settle()
         node.get_logger().info("ready")
         _spin(node, signals)
@@ -99,6 +105,20 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         _close(node)
         signals.restore(ending=args is None)
     return int(getattr(node, "exit_code", 0) or 0)
+
+
+def check_given(node: Node, arguments: Sequence[str]) -> None:
+    """Refuse parameters of a command line that a node has not declared.
+
+    Raises:
+        ArgumentError: there is one.
+    """
+    known = node.get_parameters_by_prefix("")
+    for name, source in parameter_sources(arguments, node.get_fully_qualified_name()).items():
+        if source == COMMAND_LINE and name not in known and name.partition(".")[0] != QOS:
+            near = difflib.get_close_matches(name, known, 1)
+            cure = f"Did you mean {near[0]}?" if near else f"They are {', '.join(sorted(known))}."
+            raise ArgumentError.about("-p", "a parameter of the node", name, cure)
 
 
 def settle() -> None:

@@ -11,6 +11,7 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from intent_recognition.errors import first_of
 from intent_recognition.gaussian import Gaussian, Regression, regression
 from intent_recognition.plots import Figure, by_unit, draw_bands, name_lines, new_panels
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -133,7 +134,7 @@ class TaskLibrary:
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""
         counts = zip(self.labels, self.n_demonstrations, strict=True)
-        tasks = ", ".join(f"{label} ({n} demonstrations)" for label, n in counts)
+        tasks = first_of([f"{label} ({n} demonstrations)" for label, n in counts])
         return (
             f"<TaskLibrary: {tasks}; {self.n_observed} observed and {self.n_controlled} controlled"
             f" DOFs, {self.basis.n_basis} basis functions each>"

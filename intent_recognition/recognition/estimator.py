@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, check_type
+from intent_recognition.errors import ArgumentError, ShapeError, check_type, first_of
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
 from intent_recognition.promp import (
     NONE,
@@ -117,7 +117,7 @@ class IntentEstimator:
     def __repr__(self) -> str:
         """What it can recognise, and whether a movement is under way."""
         state = "at rest" if self._movement is None else "following a movement"
-        return f"<IntentEstimator of {', '.join(self.library.labels)}: {state}>"
+        return f"<IntentEstimator of {first_of(self.library.labels)}: {state}>"
 
     def observe(
         self,

@@ -141,8 +141,8 @@ class Demonstration:
         made = cls(name, "", task, (observed,), robots, start_ns, end_ns, context=known)
         if defect := stream_defect(made):
             raise ArgumentError(f"{name}: {defect}")
-        for doubt in recording_doubts(made):
-            warnings.warn(f"{name}: {doubt}", stacklevel=2)
+        for doubt in recording_doubts(made, brief=True):
+            warnings.warn(doubt, stacklevel=2)  # Python tells the same text of one line once
         return made
 
     def __repr__(self) -> str:

@@ -79,14 +79,19 @@ def common_span(recorded: Recorded) -> tuple[int, int]:
     return max([recorded.start_ns, *first]), min([recorded.end_ns, *last])
 
 
-def recording_doubts(recorded: Recorded) -> list[str]:
-    """What gives reason to doubt a recording that can be used, each with the likely cause."""
+def recording_doubts(recorded: Recorded, *, brief: bool = False) -> list[str]:
+    """What gives reason to doubt a recording that can be used, each with the likely cause.
+
+    Args:
+        recorded: the recording.
+        brief: of units, say what is the same for all recordings that have them.
+    """
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
     return [
         *(clock or _in_part(recorded)),
         *_sparse(recorded),
         *_found_late(recorded),
-        *(reason for is_certain, reason in _misfits(recorded) if not is_certain),
+        *(reason for is_certain, reason in _misfits(recorded, brief) if not is_certain),
         *_resting(recorded),
         *_wrapped(recorded),
     ]
@@ -101,7 +106,7 @@ def _wrapped(recorded: Recorded) -> Iterator[str]:
         )
 
 
-def _misfits(recorded: Recorded) -> Iterator[tuple[bool, str]]:
+def _misfits(recorded: Recorded, brief: bool = False) -> Iterator[tuple[bool, str]]:
     """Of signals that are hardly in their unit, whether that is certain, and why."""
     signals = (*recorded.observed, *recorded.controlled)
     for late in filter(None, map(time_misfit, signals)):
@@ -110,7 +115,8 @@ def _misfits(recorded: Recorded) -> Iterator[tuple[bool, str]]:
     of_arms = recorded.known or (None,) * len(recorded.controlled)
     for signal, known in zip(signals, (*[None] * len(recorded.observed), *of_arms), strict=True):
         if (found := misfit(signal, known)) is not None:
-            yield found.certain, found.reason
+            short = brief and found.likely
+            yield found.certain, f"{in_words(signal)}: {short}" if short else found.reason
 
 
 def _missing(recorded: Recorded) -> str:

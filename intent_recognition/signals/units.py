@@ -5,7 +5,7 @@ Constants in metres and radians hold for these two alone. Newtons, pixels and al
 by how far the demonstrations go in them, so that nothing depends on how large their unit is.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +55,9 @@ USUAL_PERIODS_S = 1e-3, 0.5
 unit at most explains other steps."""
 FEWEST_STEPS = 4
 """Samples from which the step is taken. Convention: as many as weights are fitted to."""
+FEWEST_M = 0.3
+"""Distance from the origin of its frame that a body may have [m]: where two units leave it farther,
+the larger factor is named alone. Convention."""
 FAR_SHARE = 0.1
 """How far outside what was learned numbers of another unit are, in learned extents and parts of the
 factor between the units. Convention: 100 extents for millimetres, 6 for degrees; a reach that
@@ -82,11 +85,13 @@ class Misfit(NamedTuple):
         reason: a sentence with the names of the DOFs, and the likely unit.
         factor: by which the numbers are too large; NaN where no usual unit explains them.
         certain: whether no movement can look like this.
+        likely: the last sentence of the reason, which is the same for all recordings of a kind.
     """
 
     reason: str
     factor: float
     certain: bool
+    likely: str = ""
 
 
 class Size(NamedTuple):
@@ -134,13 +139,15 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     too_wide = extent > known.widest
     if not (too_wide or turned or extent > WIDEST[unit] or speed > FASTEST[unit]):
         return None
-    reason = f"{in_words(signal)} moves over {extent:.3g} {unit} at up to {speed:.3g} {unit}/s"
+    reason = f"{in_words(signal)} moves over {extent:.3g} {unit}"
+    reason += f" at up to {speed:.3g} {unit}/s" if speed > 0.0 else ""  # few samples say none
     reason += f" and is at {farthest:.3g} {unit}" if turned else ""
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
     name, factor = _nearest_usual(unit, extent)
     certain = unit == "m"  # a joint without limits may turn as far, a toy's as fast
-    text = f"{reason}: the unit cannot be {NAMES[unit]}. {_taken(unit, name, factor)}"
-    return Misfit(text, factor, certain)
+    likely = _taken(unit, {name: factor})
+    text = f"{reason}: the unit cannot be {NAMES[unit]}. {likely}"
+    return Misfit(text, factor, certain, likely)
 
 
 def time_misfit(signal: Signal) -> Misfit | None:
@@ -175,15 +182,18 @@ def learned_misfit(
     excess = np.maximum(lower - values, values - upper)
     farthest = int(np.argmax(excess))
     far = excess[farthest] / max(float(np.max(upper - lower)), 1e-9)
-    for name, factor in OFTEN_TAKEN.get(unit, {}).items():
-        own = values / factor
-        if far > FAR_SHARE * factor and np.all((own >= lower) & (own <= upper)):
-            reason = (
-                f"{names[farthest]} is at {values[farthest]:.3g} {unit}, and was learned between"
-                f" {lower[farthest]:.3g} and {upper[farthest]:.3g} {unit}"
-            )
-            return Misfit(f"{reason}. {_taken(unit, name, factor)}", factor, certain=True)
-    return None
+    likely = {
+        name: factor
+        for name, factor in OFTEN_TAKEN.get(unit, {}).items()
+        if np.all((values / factor >= lower) & (values / factor <= upper))
+    }
+    if not likely or far <= FAR_SHARE * min(likely.values()):
+        return None
+    reason = (
+        f"{names[farthest]} is at {values[farthest]:.3g} {unit}, and was learned between"
+        f" {lower[farthest]:.3g} and {upper[farthest]:.3g} {unit}"
+    )
+    return Misfit(f"{reason}. {_taken(unit, likely)}", next(iter(likely.values())), certain=True)
 
 
 def place_misfit(position_m: NDArray[np.float64]) -> Misfit | None:
@@ -192,7 +202,10 @@ def place_misfit(position_m: NDArray[np.float64]) -> Misfit | None:
     if distance <= WIDEST["m"]:
         return None
     name, factor = _nearest_usual("m", distance)
-    reason = f"is {distance:.3g} m from the origin of its frame. {_taken('m', name, factor)}"
+    likely = {name: factor}
+    if distance / max(OFTEN_TAKEN["m"].values()) < FEWEST_M:  # one place says no more
+        likely = OFTEN_TAKEN["m"]
+    reason = f"is {distance:.3g} m from the origin of its frame. {_taken('m', likely)}"
     return Misfit(reason, factor, certain=False)
 
 
@@ -225,8 +238,9 @@ def _outside(signal: Signal, known: Known) -> Misfit | None:
     far = np.any(excess > known.upper - known.lower)
     for name, factor in OFTEN_TAKEN[unit].items() if far else ():
         own = values / factor
-        if np.all(np.maximum(known.lower - own, own - known.upper) <= OUTSIDE_RAD / factor):
-            return Misfit(f"{where}. {_taken(unit, name, factor)}", factor, certain=True)
+        fits = np.all(np.maximum(known.lower - own, own - known.upper) <= OUTSIDE_RAD)
+        if fits or excess.max() > WIDEST[unit]:
+            return Misfit(f"{where}. {_taken(unit, {name: factor})}", factor, certain=True)
     cause = "another arm than the URDF's, or whole turns that were counted"
     return Misfit(f"{where}. Likely {cause}.", np.nan, certain=False)
 
@@ -256,11 +270,12 @@ def differing_unit(one: Size, usual: Size) -> Misfit | None:
             if np.abs(ratio - sign * np.log(factor)).max() < np.log(SAME_SCALE):
                 reason = (
                     f"is in numbers {np.exp(ratio[1]):.3g} times as large as in the other"
-                    f" recordings. {_taken(one.unit, name, factor)[:-1]}, {where}."
+                    f" recordings. {_taken(one.unit, {name: factor})[:-1]}, {where}."
                 )
                 return Misfit(reason, factor if sign > 0.0 else 1.0 / factor, certain=False)
     return None
 
 
-def _taken(unit: str, name: str, factor: float) -> str:
-    return f"Likely {name} for {NAMES[unit]} (a factor of {factor:.4g}): record {NAMES[unit]}."
+def _taken(unit: str, likely: Mapping[str, float]) -> str:
+    taken, factors = " or ".join(likely), " or ".join(f"{one:.4g}" for one in likely.values())
+    return f"Likely {taken} for {NAMES[unit]} (a factor of {factors}): record {NAMES[unit]}."

@@ -4,10 +4,13 @@
 import json
 import subprocess
 import sys
+from argparse import Namespace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from intent_recognition.cli import demo_recordings
 from intent_recognition.cli.main import main
 from intent_recognition.tables import suggest_map
 
@@ -83,6 +86,12 @@ def test_what_does_not_fit_is_said_before_anything_starts(learned, options, said
     given = ["--model", str(model), "--recordings", str(held_out), "--output", str(tmp_path / "o")]
     assert main(["demo", "--headless", *given, *options]) != 0
     assert said in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("page", [True, False])
+def test_a_page_that_is_closed_in_the_first_recording_is_no_failure(page):
+    args = Namespace(json=None, dashboard=page)
+    assert demo_recordings._report(args, [], Console()) == int(not page)
 
 
 def test_recordings_need_a_model(tmp_path, capsys):

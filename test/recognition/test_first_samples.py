@@ -92,3 +92,9 @@ def test_a_body_far_from_the_origin_is_doubted():
     assert place_misfit(np.array([3.0, -4.0, 1.0])) is None
     assert place_misfit(1000.0 * AT_M).factor == 1000.0
     assert place_misfit(100.0 * AT_M).factor == 100.0
+
+
+def test_near_the_origin_a_place_may_be_in_either_unit():
+    """80 mm are 80 "metres"; so are 0.8 m in centimetres."""
+    assert "Likely millimetres or centimetres" in place_misfit(np.array([80.0, 0.0, 0.0])).reason
+    assert "Likely millimetres for" in place_misfit(np.array([800.0, 0.0, 0.0])).reason
