@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals import Signal
 
 MIN_SAMPLES = 4
@@ -46,13 +46,11 @@ def even_trajectory(
     for signal in signals:
         part = signal.between(start_ns, end_ns)
         if end_ns <= start_ns or not part.stamps_ns.size:
-            raise ArgumentError(
-                describe(
-                    ", ".join(signal.names),
-                    f"samples between {start_ns} and {end_ns} ns",
-                    "none",
-                    "Leave the demonstration out.",
-                )
+            raise ArgumentError.about(
+                ", ".join(signal.names),
+                f"samples between {start_ns} and {end_ns} ns",
+                "none",
+                "Leave the demonstration out.",
             )
         recorded = (part.stamps_ns - np.int64(start_ns)) / float(end_ns - start_ns)
         columns += [np.interp(phase, recorded, column) for column in part.values.T]
@@ -79,23 +77,19 @@ def resample(
     shapes = [values.shape for values in arrays]
     good = shapes and all(len(s) == 2 and s[0] >= MIN_SAMPLES and s[1] >= 1 for s in shapes)
     if not good or len({s[1] for s in shapes}) > 1:
-        raise ShapeError(
-            describe(
-                "trajectories",
-                f"arrays (T, D) of at least {MIN_SAMPLES} samples and the same DOFs",
-                ", ".join(map(str, dict.fromkeys(shapes))) or "none",
-                "Resample each demonstration over its phase.",
-            )
+        raise ShapeError.about(
+            "trajectories",
+            f"arrays (T, D) of at least {MIN_SAMPLES} samples and the same DOFs",
+            ", ".join(map(str, dict.fromkeys(shapes))) or "none",
+            "Resample each demonstration over its phase.",
         )
     for number, values in enumerate(arrays):
         if not np.all(np.isfinite(values)):
-            raise ArgumentError(
-                describe(
-                    f"trajectories[{number}]",
-                    "finite numbers",
-                    "NaN or infinity",
-                    "Bridge its gaps, or leave the demonstration out.",
-                )
+            raise ArgumentError.about(
+                f"trajectories[{number}]",
+                "finite numbers",
+                "NaN or infinity",
+                "Bridge its gaps, or leave the demonstration out.",
             )
     return np.stack([_smoother(len(values), n_grid, smoothing) @ values for values in arrays])
 
@@ -155,24 +149,22 @@ def choose_reference(
     """
     if isinstance(reference, str):
         if reference not in ("mean", "medoid"):
-            raise ArgumentError(
-                describe("reference", "'mean' or 'medoid'", repr(reference), "Use 'mean'.")
+            raise ArgumentError.about(
+                "reference", "'mean' or 'medoid'", repr(reference), "Use 'mean'."
             )
         reference = medoid(samples)
     if isinstance(reference, (int, np.integer)):
         if not 0 <= reference < len(samples):
-            raise ArgumentError(
-                describe("reference", f"0 to {len(samples) - 1}", reference, "Pick one of them.")
+            raise ArgumentError.about(
+                "reference", f"0 to {len(samples) - 1}", reference, "Pick one of them."
             )
         return samples[reference], int(reference)
     values = resample([reference], samples.shape[1], smoothing)[0]
     if values.shape != samples.shape[1:]:
-        raise ShapeError(
-            describe(
-                "reference",
-                f"shape (T, {samples.shape[2]})",
-                np.shape(reference),
-                "Give it the DOFs of the trajectories.",
-            )
+        raise ShapeError.about(
+            "reference",
+            f"shape (T, {samples.shape[2]})",
+            np.shape(reference),
+            "Give it the DOFs of the trajectories.",
         )
     return values, None

@@ -31,7 +31,7 @@ from intent_recognition.alignment.reference import (
 )
 from intent_recognition.alignment.search import search
 from intent_recognition.alignment.warp import MAX_LOG_RATE, Warp, slope_basis
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 
 ROUGH_ITERATIONS = 4
 """Steps of the descent that estimates the scales only. Convention: scales need no converged warps.
@@ -75,14 +75,14 @@ class AlignmentSettings:
         for name in ("rate_std", "rate_correlation", "end_std", "n_independent", "smoothing"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
-                raise ArgumentError(
-                    describe(name, "a positive number", value, "Start from the default.")
+                raise ArgumentError.about(
+                    name, "a positive number", value, "Start from the default."
                 )
         for name, least in (("n_basis", 3), ("n_grid", 33), ("n_iterations", 1), ("n_means", 1)):
             value = getattr(self, name)
             if value < least:
-                raise ArgumentError(
-                    describe(name, f"at least {least}", value, "Start from the default.")
+                raise ArgumentError.about(
+                    name, f"at least {least}", value, "Start from the default."
                 )
 
     @property
@@ -175,13 +175,11 @@ def align_to(
     settings = settings or AlignmentSettings()
     samples = resample(trajectories, settings.n_grid, settings.smoothing)
     if template.values.shape != samples.shape[1:]:
-        raise ShapeError(
-            describe(
-                "template.values",
-                f"shape {samples.shape[1:]}",
-                template.values.shape,
-                "Use the settings and DOFs it was made with.",
-            )
+        raise ShapeError.about(
+            "template.values",
+            f"shape {samples.shape[1:]}",
+            template.values.shape,
+            "Use the settings and DOFs it was made with.",
         )
     return _warps(_fit(samples, template, settings, settings.n_iterations), settings)
 

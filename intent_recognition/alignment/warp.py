@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import NormalizedRBFBasis
 
 MAX_LOG_RATE = 6.0
@@ -61,22 +61,18 @@ class Warp:
     def __post_init__(self) -> None:
         log_rate = np.array(self.log_rate, dtype=np.float64)
         if log_rate.ndim != 1 or log_rate.size < 1:
-            raise ShapeError(
-                describe(
-                    "log_rate",
-                    "shape (G - 1,), at least (1,)",
-                    log_rate.shape,
-                    "Pass one warp's rates.",
-                )
+            raise ShapeError.about(
+                "log_rate",
+                "shape (G - 1,), at least (1,)",
+                log_rate.shape,
+                "Pass one warp's rates.",
             )
         if not (np.isfinite(self.shift) and np.all(np.abs(log_rate) <= MAX_LOG_RATE)):
-            raise ArgumentError(
-                describe(
-                    "shift, log_rate",
-                    f"finite numbers, log rates within +-{MAX_LOG_RATE:g}",
-                    f"{self.shift}, {np.min(log_rate)} to {np.max(log_rate)}",
-                    "Align with a smaller rate_std.",
-                )
+            raise ArgumentError.about(
+                "shift, log_rate",
+                f"finite numbers, log rates within +-{MAX_LOG_RATE:g}",
+                f"{self.shift}, {np.min(log_rate)} to {np.max(log_rate)}",
+                "Align with a smaller rate_std.",
             )
         log_rate.setflags(write=False)
         steps = np.cumsum(np.exp(log_rate)) / log_rate.size

@@ -23,7 +23,7 @@ from intent_recognition.cli.output import (
     console_beside,
     write_json,
 )
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.share import source_tree
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     if not are_here():
         what = "the source tree, in which the experiments lie beside the package"
         cure = "Clone the repository, install it with `pip install -e .[all]`, and run this there."
-        raise IntentError(describe("intent experiments", what, "an installed package", cure))
+        raise IntentError.about("intent experiments", what, "an installed package", cure)
     from experiments.catalogue import EXPERIMENTS, chosen
     from experiments.runs import run_all
     from experiments.settings import Settings

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.composing.via_points import HAND, ViaPoint
-from intent_recognition.errors import ArgumentError, IntentError, KinematicsError, describe
+from intent_recognition.errors import ArgumentError, IntentError, KinematicsError
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm
 from intent_recognition.promp import (
@@ -59,9 +59,7 @@ def check_via_points(
             if not distance <= LARGEST_DISTANCE:
                 expected = f"at most {LARGEST_DISTANCE:g} standard deviations"
                 expected += f" from what {library.labels[task]} does at that phase"
-                raise ArgumentError(
-                    describe(f"via point {name}", expected, f"{distance:.1f}", cure)
-                )
+                raise ArgumentError.about(f"via point {name}", expected, f"{distance:.1f}", cure)
 
 
 def bend_all(
@@ -147,7 +145,7 @@ def control_point(
         phase = (point.time_s or 0.0) / duration_s
         if phase > 1.0:
             expected = f"a time of at most {duration_s:.2f} s, as {library.labels[task]} takes"
-            raise ArgumentError(describe(label, expected, f"{point.time_s:g} s", "Name a phase."))
+            raise ArgumentError.about(label, expected, f"{point.time_s:g} s", "Name a phase.")
     covariance = np.diag(np.square(np.maximum(point.std, EXACT)))
     if point.of_hand:
         goal = np.array(point.values[HAND])
@@ -159,9 +157,7 @@ def control_point(
     values = np.array([value for (value,) in point.values.values()])
     if missing := sorted(set(point.values) - set(names)):
         cure = "`intent inspect` of the model names them; hand: [x, y, z] is for the hand."
-        raise ArgumentError(
-            describe(label, f"DOFs of {', '.join(names)}", ", ".join(missing), cure)
-        )
+        raise ArgumentError.about(label, f"DOFs of {', '.join(names)}", ", ".join(missing), cure)
     columns = [names.index(name) for name in point.values]
     _check_limits(label, tuple(point.values), values, arm)
     return ControlPoint(phase, np.eye(len(names))[columns], values, covariance)
@@ -183,8 +179,8 @@ def _tasks(library: TaskLibrary, point: ViaPoint) -> list[int]:
         return list(range(library.n_tasks))
     if point.task not in library.labels:
         expected = f"a task of {', '.join(library.labels)}"
-        raise ArgumentError(
-            describe(f"via point {point.name}", expected, point.task, "Teach it, or name another.")
+        raise ArgumentError.about(
+            f"via point {point.name}", expected, point.task, "Teach it, or name another."
         )
     return [library.labels.index(point.task)]
 
@@ -202,7 +198,7 @@ def _at_hand(
     if arm is None or not set(arm.joint_names) <= set(names):
         known = "no robot_description" if arm is None else f"one of {', '.join(arm.joint_names)}"
         cure = "Start the arm, or give its joints as dofs."
-        raise ArgumentError(describe(label, "a description of the arm", known, cure))
+        raise ArgumentError.about(label, "a description of the arm", known, cure)
     columns = [names.index(name) for name in arm.joint_names]
     posture = joints.mean.copy()
     for _ in range(_N_STEPS):
@@ -220,7 +216,7 @@ def _at_hand(
     if change >= _CONVERGED_RAD or missed_m > HAND_MISSED_M + 3.0 * np.sqrt(np.trace(covariance)):
         cure = "Bring it nearer to where the hand passes."
         got = f"one of which {missed_m:.3f} m are left"
-        raise KinematicsError(describe(label, "a place that the hand can reach", got, cure))
+        raise KinematicsError.about(label, "a place that the hand can reach", got, cure)
     _check_limits(label, arm.joint_names, posture[columns], arm)
     return ControlPoint(phase, jacobian, values, covariance)
 
@@ -237,6 +233,6 @@ def _check_limits(
         k = known.index(name)
         if not limits.lower[k] <= value <= limits.upper[k]:
             expected = f"{name} from {limits.lower[k]:.3f} to {limits.upper[k]:.3f}"
-            raise ArgumentError(
-                describe(label, expected, f"{value:.3f}", "Stay within the joint's limits.")
+            raise ArgumentError.about(
+                label, expected, f"{value:.3f}", "Stay within the joint's limits."
             )

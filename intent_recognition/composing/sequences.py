@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.untrusted import UntrustedError, load_yaml
 
 RECOGNISED = "recognised"
@@ -271,4 +271,4 @@ def _number(place: str, value: Any, least: float = 0.0) -> float:
 
 def _refuse(argument: str, expected: str, got: object) -> NoReturn:
     cure = "docs/combining.md describes sequences."
-    raise ArgumentError(describe(argument, expected, got, cure))
+    raise ArgumentError.about(argument, expected, got, cure)

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.untrusted import UntrustedError, load_yaml
 
 HAND = "hand"
@@ -153,4 +153,4 @@ def _number(place: str, value: Any) -> float:
 
 def _refuse(argument: str, expected: str, got: object) -> NoReturn:
     cure = "docs/combining.md describes them."
-    raise ArgumentError(describe(argument, expected, got, cure))
+    raise ArgumentError.about(argument, expected, got, cure)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.signals import Demonstration
 
 Fold = tuple[list[int], list[int]]
@@ -39,7 +39,7 @@ def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]
         return _by_group(recordings, argument)
     if name == "temporal" and (not colon or _share(argument) is not None):
         return [_by_name(recordings, _share(argument) or TRAINED_SHARE)]
-    raise ArgumentError(describe("protocol", PROTOCOLS, protocol, "Choose one of these."))
+    raise ArgumentError.about("protocol", PROTOCOLS, protocol, "Choose one of these.")
 
 
 def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
@@ -55,8 +55,8 @@ def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
 
 def _by_index(n: int, k: int) -> list[Fold]:
     if n < 2 or k > n:
-        raise ArgumentError(
-            describe("protocol", f"at least {max(k, 2)} recordings", n, "Record more, or lower K.")
+        raise ArgumentError.about(
+            "protocol", f"at least {max(k, 2)} recordings", n, "Record more, or lower K."
         )
     return [_fold(n, range(f, n, k)) for f in range(k)]
 
@@ -67,23 +67,19 @@ def _by_group(recordings: Sequence[Demonstration], key: str) -> list[Fold]:
     for index, recorded in enumerate(recordings):
         if key not in recorded.metadata:
             has = ", ".join(sorted(recorded.metadata)) or "none"
-            raise ArgumentError(
-                describe(
-                    f"protocol logo:{key}",
-                    f"the key {key!r} in custom_data of every recording",
-                    f"the keys {has} in {recorded.name}",
-                    "Choose a key that all have, or add it to metadata.yaml.",
-                )
+            raise ArgumentError.about(
+                f"protocol logo:{key}",
+                f"the key {key!r} in custom_data of every recording",
+                f"the keys {has} in {recorded.name}",
+                "Choose a key that all have, or add it to metadata.yaml.",
             )
         groups[recorded.metadata[key]].append(index)
     if len(groups) < 2:
-        raise ArgumentError(
-            describe(
-                f"protocol logo:{key}",
-                "at least two groups",
-                ", ".join(groups) or "no recording",
-                "Choose a key that tells recordings apart.",
-            )
+        raise ArgumentError.about(
+            f"protocol logo:{key}",
+            "at least two groups",
+            ", ".join(groups) or "no recording",
+            "Choose a key that tells recordings apart.",
         )
     return [_fold(len(recordings), groups[value]) for value in sorted(groups)]
 
@@ -98,8 +94,8 @@ def _by_name(recordings: Sequence[Demonstration], share: float) -> Fold:
         if len(own) > 1:
             test += own[min(max(round(share * len(own)), 1), len(own) - 1) :]
     if not test:
-        raise ArgumentError(
-            describe("protocol", "two recordings of a task", len(recordings), "Record more.")
+        raise ArgumentError.about(
+            "protocol", "two recordings of a task", len(recordings), "Record more."
         )
     return _fold(len(recordings), sorted(test))
 

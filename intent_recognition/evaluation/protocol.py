@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import score_online, where_both_were_recorded
 from intent_recognition.evaluation.reactive import HORIZONS_S, REACTIVE_NAMES, NearestWindows
@@ -85,7 +85,7 @@ def evaluate(
     if not folds:
         reasons = "; ".join(map(str, [*left_out.values()][:3])) or "none"
         expected, cure = "recordings to train and to test on", "See docs/recognition.md."
-        raise ArgumentError(describe("demonstrations", expected, reasons, cure))
+        raise ArgumentError.about("demonstrations", expected, reasons, cure)
     doubts = stream_doubts([*map(correlate_speeds, usable)])
     angles = angle_references(usable)
     usable = [in_turns(recorded, angles) for recorded in usable]

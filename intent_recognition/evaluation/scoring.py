@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import IntentError, describe
+from intent_recognition.errors import IntentError
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
 from intent_recognition.evaluation.reactive import NearestWindows, ReactiveCase, moments
@@ -99,7 +99,7 @@ def score_demonstration(
     """
     duration, test = test.duration_s, in_turns(test, angle_starts(library))
     if duration <= 0:
-        raise IntentError(describe(test.name, "a positive duration", duration, "Leave it out."))
+        raise IntentError.about(test.name, "a positive duration", duration, "Leave it out.")
     times = TRUTH_PHASES * duration
     truth = sample(test.controlled, test.start_ns, times)
     learned, library = library, in_context(library, test)

@@ -17,7 +17,7 @@ from intent_recognition.demonstrations import (
     read_whole,
     stamp_of,
 )
-from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.errors import ResourceBusyError
 from intent_recognition.evaluation.replaying import estimates
 from intent_recognition.model import Model
 from intent_recognition.promp import NONE
@@ -150,7 +150,7 @@ def _check_free(paths: Sequence[Path]) -> None:
     for path in paths:
         if path.exists():
             cure = "Choose another folder."
-            raise ResourceBusyError(describe("output", "no bag of that name", path, cure))
+            raise ResourceBusyError.about("output", "no bag of that name", path, cure)
 
 
 def _labels(custom_data: Mapping[str, str], session: str, segment: Segment) -> dict[str, str]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import fmean, median, stdev
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 CM_PER_M = 100.0
 """Centimetres in a metre."""
@@ -125,7 +125,7 @@ class InteractionRecord:
 
     def _refuse(self, name: str, expected: str, got: object) -> None:
         cure = "Leave out what was not measured."
-        raise ArgumentError(describe(f"interaction {self.index}: {name}", expected, got, cure))
+        raise ArgumentError.about(f"interaction {self.index}: {name}", expected, got, cure)
 
 
 @dataclass(frozen=True)

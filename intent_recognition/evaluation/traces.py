@@ -7,7 +7,7 @@ from typing import Any, TypedDict, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 
 
 class Trace(TypedDict, total=False):
@@ -75,4 +75,4 @@ def usable(trace: Trace) -> Trace:
 
 def _refuse(trace: Trace, key: str, expected: str, got: object) -> None:
     place = f"trace {trace.get('index')}: {key}"
-    raise ShapeError(describe(place, expected, got, "Cut both to the same observations."))
+    raise ShapeError.about(place, expected, got, "Cut both to the same observations.")

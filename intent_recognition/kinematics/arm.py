@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe, optional
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, optional
 from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
 from intent_recognition.kinematics.links import Links
@@ -190,13 +190,11 @@ class Arm:
         """
         found = self.nearest(target, seed, rest)
         if found.error > REACHED:
-            raise KinematicsError(
-                describe(
-                    "target",
-                    f"a pose that {self.tip} can reach within the joint limits",
-                    f"one of which {found.distance_m:.4f} m and {found.angle_rad:.4f} rad are left",
-                    "Bring it nearer, or turn it.",
-                )
+            raise KinematicsError.about(
+                "target",
+                f"a pose that {self.tip} can reach within the joint limits",
+                f"one of which {found.distance_m:.4f} m and {found.angle_rad:.4f} rad are left",
+                "Bring it nearer, or turn it.",
             )
         return found.q
 
@@ -233,7 +231,7 @@ class Arm:
         array = np.asarray(targets, dtype=np.float64)
         if len(array.shape) not in (2, 3) or len(array) == 0:
             expected = "poses (T, 4, 4) or positions (T, 3)"
-            raise ShapeError(describe("targets", expected, array.shape, "Give at least one."))
+            raise ShapeError.about("targets", expected, array.shape, "Give at least one.")
         goals = [checked_target(target) for target in array]
         return follow(self._search, goals, self._start(seed), self._start(rest, "rest"))
 
@@ -243,14 +241,14 @@ class Arm:
     def _one(self, q: ArrayLike, argument: str) -> NDArray[np.float64]:
         vector = self._vector(q, argument)
         if vector.ndim != 1:
-            raise ShapeError(describe(argument, f"({self.n_joints},)", vector.shape, "Give one."))
+            raise ShapeError.about(argument, f"({self.n_joints},)", vector.shape, "Give one.")
         return vector
 
     def _vector(self, q: ArrayLike, argument: str) -> NDArray[np.float64]:
         array = np.asarray(q, dtype=np.float64)
         if array.ndim == 0 or array.shape[-1] != self.n_joints or not np.all(np.isfinite(array)):
             expected = f"(..., {self.n_joints}), finite: {', '.join(self.joint_names)}"
-            raise ShapeError(describe(argument, expected, array.shape, "Give one value per joint."))
+            raise ShapeError.about(argument, expected, array.shape, "Give one value per joint.")
         return array
 
     def _build(self, chain: UrdfChain) -> None:
@@ -260,7 +258,7 @@ class Arm:
             full = pin.buildModelFromXML(chain.xml)
         except Exception as error:  # what urdfdom finds wrong is a plain C++ exception
             cure = "Check it with check_urdf."
-            raise ArgumentError(describe("robot", "a URDF", str(error), cure)) from error
+            raise ArgumentError.about("robot", "a URDF", str(error), cure) from error
         self._reduced = ReducedModel.of(pin, full, chain.names, chain.mimics)
         self._model, self._data = self._reduced.model, self._reduced.model.createData()
         self._tip_frame = self._model.getFrameId(LINK + chain.tip)
@@ -301,11 +299,11 @@ def checked_target(target: ArrayLike) -> PoseTarget:
     array = np.asarray(target, dtype=np.float64)
     if array.shape not in ((4, 4), (3,)) or not np.all(np.isfinite(array)):
         expected = "a pose (4, 4) or a position (3,), finite"
-        raise ShapeError(describe("target", expected, array.shape, "Give one of them."))
+        raise ShapeError.about("target", expected, array.shape, "Give one of them.")
     if array.ndim == 1:
         return PoseTarget(array, None)
     rotation = array[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
         cure = "Orthonormalise it, for instance by scipy's Rotation."
-        raise ShapeError(describe("target", "a rotation in rows 0-2", rotation.tolist(), cure))
+        raise ShapeError.about("target", "a rotation in rows 0-2", rotation.tolist(), cure)
     return PoseTarget(array[:3, 3], rotation)

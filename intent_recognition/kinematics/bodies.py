@@ -59,7 +59,7 @@ def parse_boxes(texts: Sequence[str]) -> tuple[Box, ...]:
     boxes = tuple(_parse_box(text) for text in texts if text)
     names = [box.name for box in boxes]
     if len(set(names)) != len(names):
-        raise ArgumentError(describe("boxes", "different names", names, "Rename one."))
+        raise ArgumentError.about("boxes", "different names", names, "Rename one.")
     return boxes
 
 
@@ -77,7 +77,7 @@ def _parse_box(text: str) -> Box:
         or abs(np.linalg.norm(turned) - 1.0) > 1e-3
     ):
         expected = "'name x y z length width height [qx qy qz qw]', sizes above 0, unit quaternion"
-        raise ArgumentError(describe("boxes", expected, text, "In metres."))
+        raise ArgumentError.about("boxes", expected, text, "In metres.")
     return Box(name, tuple(numbers[:3]), tuple(numbers[3:6]), tuple(turned))
 
 
@@ -127,7 +127,7 @@ class Bodies:
         clearance_m: float,
     ) -> None:
         if not clearance_m > 0.0:
-            raise ArgumentError(describe("clearance", "above 0 m", clearance_m, "Try 0.02."))
+            raise ArgumentError.about("clearance", "above 0 m", clearance_m, "Try 0.02.")
         self._pin = pin = optional("pinocchio")
         self._coal = optional("coal")
         self.clearance_m, self.boxes = float(clearance_m), tuple(boxes)
@@ -272,7 +272,7 @@ class Bodies:
         if missing or not names:
             known = ", ".join(list(full.names)[1:])
             cure = "Describe the arm that is commanded."
-            raise ArgumentError(describe("robot", f"the joints {names}", known, cure))
+            raise ArgumentError.about("robot", f"the joints {names}", known, cure)
         self._model = ReducedModel.of(pin, full, names, mimics, shapes)
         self._geometry = self._model.geometry
         for shape in self._geometry.geometryObjects:
@@ -371,5 +371,5 @@ class Bodies:
         n = self._model.drive.shape[1]
         if q.ndim != 2 or q.shape[1] != n or not np.all(np.isfinite(q)):
             cure = "One row per sample."
-            raise ShapeError(describe("positions", f"(T, {n}), finite", q.shape, cure))
+            raise ShapeError.about("positions", f"(T, {n}), finite", q.shape, cure)
         return q

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 
 
 class Chain(NamedTuple):
@@ -42,7 +42,7 @@ def tip_positions(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float
     values = np.asarray(values, dtype=np.float64)
     if values.ndim != 2 or values.shape[1] != len(chain.origins):
         cure = "Give one column per joint of the chain."
-        raise ShapeError(describe("values", f"(T, {len(chain.origins)})", values.shape, cure))
+        raise ShapeError.about("values", f"(T, {len(chain.origins)})", values.shape, cure)
     tips = np.zeros((len(values), 3))
     for joint in reversed(range(len(chain.origins))):
         moved = Rotation.from_rotvec(values[:, joint, None] * chain.turns[joint]).apply(tips)

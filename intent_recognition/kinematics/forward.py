@@ -7,7 +7,7 @@ Frames are the Denavit-Hartenberg frames of `lwr.DH`; frame 0 is the arm's base,
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics.lwr import DH, N_JOINTS
 
 _COS_ALPHA = np.round(np.cos(DH.alpha_rad))  # all angles are multiples of 90 degrees: exact
@@ -18,8 +18,8 @@ def joint_vector(q: ArrayLike, argument: str = "q") -> NDArray[np.float64]:
     """Return q as float64 of shape (..., 7), or raise ShapeError."""
     array = np.asarray(q, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != N_JOINTS:
-        raise ShapeError(
-            describe(argument, "shape (..., 7)", array.shape, "Give seven joint angles in rad.")
+        raise ShapeError.about(
+            argument, "shape (..., 7)", array.shape, "Give seven joint angles in rad."
         )
     return array
 

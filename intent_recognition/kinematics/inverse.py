@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import KinematicsError, ShapeError, describe
+from intent_recognition.errors import KinematicsError, ShapeError
 from intent_recognition.kinematics.forward import joint_vector
 from intent_recognition.kinematics.limits import JointLimits, within_position_limits
 from intent_recognition.kinematics.lwr import (
@@ -125,13 +125,11 @@ def inverse_kinematics(
         if distance < best:
             best, nearest = distance, q
     if nearest is None:
-        raise KinematicsError(
-            describe(
-                "pose",
-                "a pose with a solution inside the joint limits",
-                f"none at {target[:3, 3].round(3).tolist()} m",
-                "Turn the hand or bring it nearer to the middle of the workspace.",
-            )
+        raise KinematicsError.about(
+            "pose",
+            "a pose with a solution inside the joint limits",
+            f"none at {target[:3, 3].round(3).tolist()} m",
+            "Turn the hand or bring it nearer to the middle of the workspace.",
         )
     return nearest
 
@@ -273,13 +271,11 @@ def _elbow_angle(wrist: NDArray[np.float64]) -> float:
     cosine = (distance**2 - UPPER_ARM_M**2 - FOREARM_M**2) / (2.0 * UPPER_ARM_M * FOREARM_M)
     if not -1.0 <= cosine <= 1.0 + 1e-9:
         nearest = abs(UPPER_ARM_M - FOREARM_M)
-        raise KinematicsError(
-            describe(
-                "pose",
-                f"a wrist {nearest:.3f} to {_REACH_M:.3f} m from the shoulder",
-                f"{distance:.4f} m, {max(distance - _REACH_M, nearest - distance):.4f} m too much",
-                "Bring the hand back into the workspace.",
-            )
+        raise KinematicsError.about(
+            "pose",
+            f"a wrist {nearest:.3f} to {_REACH_M:.3f} m from the shoulder",
+            f"{distance:.4f} m, {max(distance - _REACH_M, nearest - distance):.4f} m too much",
+            "Bring the hand back into the workspace.",
         )
     return float(np.arccos(min(cosine, 1.0)))
 
@@ -325,10 +321,10 @@ def checked_pose(pose: ArrayLike) -> NDArray[np.float64]:
     matrix = np.asarray(pose, dtype=np.float64)
     if matrix.shape != (4, 4):
         cure = "Give one homogeneous transform."
-        raise ShapeError(describe("pose", "shape (4, 4)", matrix.shape, cure))
+        raise ShapeError.about("pose", "shape (4, 4)", matrix.shape, cure)
     if not np.all(np.isfinite(matrix)):
         cure = "Check the transform's source."
-        raise KinematicsError(describe("pose", "finite values", matrix, cure))
+        raise KinematicsError.about("pose", "finite values", matrix, cure)
     return matrix
 
 

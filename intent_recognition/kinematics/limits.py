@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
 
 POSITION_TOLERANCE_RAD = 1e-9
 """A joint outside its position limits by at most this is inside [rad]. Convention: rounding.
@@ -39,27 +39,22 @@ class JointLimits:
         for name in ("lower", "upper", "velocity", "acceleration", "torque"):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.ndim != 1 or array.shape != np.shape(self.lower):
-                raise ShapeError(
-                    describe(
-                        name,
-                        f"shape {np.shape(self.lower)}",
-                        array.shape,
-                        "Give one value per joint.",
-                    )
+                raise ShapeError.about(
+                    name, f"shape {np.shape(self.lower)}", array.shape, "Give one value per joint."
                 )
             if not np.all(np.isfinite(array)):
-                raise ArgumentError(
-                    describe(name, "finite values", array, "Use a large number for no limit.")
+                raise ArgumentError.about(
+                    name, "finite values", array, "Use a large number for no limit."
                 )
             if name not in ("lower", "upper") and np.any(array <= 0.0):
-                raise ArgumentError(
-                    describe(name, "positive values", array, "Limits are symmetric magnitudes.")
+                raise ArgumentError.about(
+                    name, "positive values", array, "Limits are symmetric magnitudes."
                 )
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if np.any(self.lower >= self.upper):
-            raise ArgumentError(
-                describe("lower", f"values below upper {self.upper}", self.lower, "Swap them.")
+            raise ArgumentError.about(
+                "lower", f"values below upper {self.upper}", self.lower, "Swap them."
             )
 
     @property
@@ -89,17 +84,15 @@ def check_position(
     """Raise KinematicsError naming the worst joint of q (..., n) [rad] outside its limits."""
     excess = position_violation(q, limits)
     if not np.all(np.isfinite(excess)):
-        raise KinematicsError(describe(argument, "finite values", q, "Check where it came from."))
+        raise KinematicsError.about(argument, "finite values", q, "Check where it came from.")
     if not np.any(excess > POSITION_TOLERANCE_RAD):
         return
     index = np.unravel_index(np.argmax(excess), excess.shape)
     joint = int(index[-1])
     name = names[joint] if names is not None else f"joint {joint}"
-    raise KinematicsError(
-        describe(
-            argument,
-            f"{name} in [{limits.lower[joint]:.4f}, {limits.upper[joint]:.4f}] rad",
-            f"{np.asarray(q)[index]:.4f} rad",
-            "Clamp the position or choose another solution.",
-        )
+    raise KinematicsError.about(
+        argument,
+        f"{name} in [{limits.lower[joint]:.4f}, {limits.upper[joint]:.4f}] rad",
+        f"{np.asarray(q)[index]:.4f} rad",
+        "Clamp the position or choose another solution.",
     )

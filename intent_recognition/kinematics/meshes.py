@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe, optional
+from intent_recognition.errors import ArgumentError, optional
 from intent_recognition.kinematics.urdf_tree import LARGEST
 from intent_recognition.untrusted import MOST_MESH, UntrustedError, check_regular
 
@@ -47,7 +47,7 @@ def check_meshes(meshes: Iterable[ET.Element]) -> None:
             continue
         if wrong:
             cure = "Export it again."
-            raise ArgumentError(describe("robot", f"a mesh {name}", wrong, cure))
+            raise ArgumentError.about("robot", f"a mesh {name}", wrong, cure)
 
 
 def _find(name: str) -> Path | None:

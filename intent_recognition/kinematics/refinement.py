@@ -8,7 +8,7 @@ least squares methods", eq. 11.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import KinematicsError, describe
+from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.forward import hand_position, jacobian, joint_vector
 from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
@@ -38,7 +38,7 @@ def reach_position(
     target = np.array(position_m, dtype=np.float64)
     if not np.all(np.isfinite(target)):
         cure = "Check the input for NaN."
-        raise KinematicsError(describe("position_m", "finite numbers", target, cure))
+        raise KinematicsError.about("position_m", "finite numbers", target, cure)
     q = np.clip(joint_vector(seed, "seed"), limits.lower, limits.upper)
     for _ in range(_N_STEPS):
         error = target - hand_position(q)
@@ -52,12 +52,10 @@ def reach_position(
         q = np.clip(q + step, limits.lower, limits.upper)
     distance = float(np.linalg.norm(target - hand_position(q)))
     if distance > _LARGEST_ERROR_M:
-        raise KinematicsError(
-            describe(
-                "position_m",
-                "a position within reach and joint limits",
-                f"one still {distance:.4f} m away after {_N_STEPS} steps",
-                "Start from a nearer seed or bring the position nearer.",
-            )
+        raise KinematicsError.about(
+            "position_m",
+            "a position within reach and joint limits",
+            f"one still {distance:.4f} m away after {_N_STEPS} steps",
+            "Start from a nearer seed or bring the position nearer.",
         )
     return q

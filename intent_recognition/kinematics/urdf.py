@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
 from intent_recognition.kinematics.urdf_tree import ASSUMED, end_of, parse_urdf, separate_names
@@ -118,7 +118,7 @@ def read_chain(
     links = [link.get("name", "") for link in root.findall("link")]
     for argument, name in (("base", base), ("tip", tip)):
         if name is not None and name not in links:
-            raise ArgumentError(describe(argument, f"a link of {_few(links)}", name, "Name one."))
+            raise ArgumentError.about(argument, f"a link of {_few(links)}", name, "Name one.")
     base = base if base is not None else _root_link(links, above)
     mimics = {mimic.joint: mimic for mimic in _mimics(joints)}
     by_name = {joint.get("name", ""): joint for joint in joints}
@@ -133,16 +133,16 @@ def read_chain(
         kind, name = joint.get("type", ""), joint.get("name", "")
         if kind not in (*MOVING, "fixed"):
             expected = "revolute, continuous, prismatic or fixed joints"
-            raise ArgumentError(describe(name, expected, kind, "Choose base and tip beyond it."))
+            raise ArgumentError.about(name, expected, kind, "Choose base and tip beyond it.")
         master = mimics[name].master if name in mimics else name
         if kind in MOVING and master not in names:
             names.append(master)
     if not names:
         cure = "Choose a tip beyond the first moving joint."
-        raise ArgumentError(describe("tip", f"a link that joints move against {base}", tip, cure))
+        raise ArgumentError.about("tip", f"a link that joints move against {base}", tip, cure)
     missing = [name for name in names if name not in by_name]
     if missing:
-        raise ArgumentError(describe("mimic", "a joint of the URDF", missing[0], "Correct it."))
+        raise ArgumentError.about("mimic", "a joint of the URDF", missing[0], "Correct it.")
     moved = [by_name[name] for name in names]
     limits = _limits(moved, acceleration_rad_s2)
     limits = _with_mimics(limits, names, by_name, [mimics[m] for m in _names(way) if m in mimics])
@@ -164,7 +164,7 @@ def _few(names: list[str]) -> str:
 def _root_link(links: list[str], above: Mapping[str, ET.Element]) -> str:
     roots = [link for link in links if link not in above]
     if len(roots) != 1:
-        raise ArgumentError(describe("base", "one root link", _few(roots), "Name the base."))
+        raise ArgumentError.about("base", "one root link", _few(roots), "Name the base.")
     return roots[0]
 
 
@@ -174,7 +174,7 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
     while link != base:
         if link not in above or len(way) > len(above):
             cure = "Name a tip that hangs on the base."
-            raise ArgumentError(describe("tip", f"a link below {base}", tip, cure))
+            raise ArgumentError.about("tip", f"a link below {base}", tip, cure)
         way.insert(0, above[link])
         link = end_of(above[link], "parent")
     return way
@@ -208,7 +208,7 @@ def _number(
         cure = (
             f'Write it into the URDF: <limit lower="" upper="" velocity="" effort=""/> of {name}.'
         )
-        raise ArgumentError(describe(name, f"a finite {attribute}", text or "none", cure))
+        raise ArgumentError.about(name, f"a finite {attribute}", text or "none", cure)
     return value
 
 

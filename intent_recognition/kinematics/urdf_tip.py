@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.urdf_tree import end_of
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -106,7 +106,7 @@ def _walk(
             inside = passed | below[link].moving
             tips = " or ".join(_walk(end, at, below, masters, inside) for end in ends)
             cure = "Name one (--tip)."
-            raise ArgumentError(describe("tip", f"{tips}, as there are several arms", "none", cure))
+            raise ArgumentError.about("tip", f"{tips}, as there are several arms", "none", cure)
         if not most:
             ways = _at_the_end(parts)
             held = [joints[k].get("type") not in MOVING for k in ways]

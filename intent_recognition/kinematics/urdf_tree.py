@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe, one_line, optional
+from intent_recognition.errors import ArgumentError, one_line, optional
 from intent_recognition.untrusted import MOST_TEXT, UntrustedError, load_xml, read_text
 
 MOST_LINKS = 1000
@@ -61,7 +61,7 @@ def read_urdf(source: str | Path) -> str:
     except (OSError, ValueError) as error:
         cure = "Give the path of a URDF, or its text."
         got = error if isinstance(error, OSError) else f"{source}: {error}"
-        raise ArgumentError(describe("robot", "a URDF", got, cure)) from error
+        raise ArgumentError.about("robot", "a URDF", got, cure) from error
 
 
 def _expanded(path: Path) -> str:
@@ -71,7 +71,7 @@ def _expanded(path: Path) -> str:
         return str(xacro.process_file(str(path)).toxml())
     except Exception as error:  # also what the file's own expressions raise
         cure = "Expand it yourself, with its arguments: xacro FILE name:=value > robot.urdf."
-        raise ArgumentError(describe("robot", "a xacro file", one_line(error), cure)) from error
+        raise ArgumentError.about("robot", "a xacro file", one_line(error), cure) from error
 
 
 def parse_xml(text: str) -> ET.Element:
@@ -84,7 +84,7 @@ def parse_xml(text: str) -> ET.Element:
         return load_xml(text)
     except UntrustedError as error:
         cure = "Expand a xacro file first: xacro FILE > robot.urdf."
-        raise ArgumentError(describe("robot", "a URDF", error, cure)) from error
+        raise ArgumentError.about("robot", "a URDF", error, cure) from error
 
 
 def parse_urdf(source: str | Path) -> ET.Element:
@@ -100,7 +100,7 @@ def parse_urdf(source: str | Path) -> ET.Element:
     links, joints = root.findall("link"), root.findall("joint")
     if root.tag != "robot" or not links:
         got = f"<{root.tag}>" if root.tag != "robot" else "no link"
-        raise ArgumentError(describe("robot", "a URDF: <robot> with links", got, "Check the file."))
+        raise ArgumentError.about("robot", "a URDF: <robot> with links", got, "Check the file.")
     joints = [joint for joint in joints if joint.get("type")]
     moving = sum(joint.get("type") != "fixed" for joint in joints)
     if len(links) > MOST_LINKS:
@@ -128,9 +128,7 @@ def end_of(joint: ET.Element, end: str) -> str:
     element = joint.find(end)
     name = None if element is None else element.get("link")
     if name is None:
-        raise ArgumentError(
-            describe(joint.get("name", "joint"), f"a {end} link", "none", "Add it.")
-        )
+        raise ArgumentError.about(joint.get("name", "joint"), f"a {end} link", "none", "Add it.")
     return name
 
 
@@ -211,4 +209,4 @@ def _check_numbers(part: ET.Element, element: ET.Element, attribute: str, count:
 
 
 def _refuse(argument: str, expected: str, got: object) -> NoReturn:
-    raise ArgumentError(describe(argument, expected, got, "Check it with check_urdf."))
+    raise ArgumentError.about(argument, expected, got, "Check it with check_urdf.")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import IntentError, ModelError, describe
+from intent_recognition.errors import IntentError, ModelError
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, read_arrays
 from intent_recognition.warping import AnnotatedObject, Grasp
@@ -49,7 +49,7 @@ def load_object(path: str | Path) -> AnnotatedObject:
     try:
         arrays = read_arrays(Path(path))
     except (OSError, UntrustedError) as error:
-        raise ModelError(describe(str(path), "an annotated object", error, CURE)) from error
+        raise ModelError.about(str(path), "an annotated object", error, CURE) from error
     version = arrays.get("format_version")
     if (
         version is None
@@ -58,14 +58,14 @@ def load_object(path: str | Path) -> AnnotatedObject:
         or version not in KNOWN_VERSIONS
     ):
         place = f"{path}: format_version"
-        raise ModelError(describe(place, f"one of {KNOWN_VERSIONS}", version, CURE))
+        raise ModelError.about(place, f"one of {KNOWN_VERSIONS}", version, CURE)
     missing = {"name", "points", "normals", "labels"} - arrays.keys()
     if missing:
-        raise ModelError(describe(str(path), "all arrays", f"no {sorted(missing)}", CURE))
+        raise ModelError.about(str(path), "all arrays", f"no {sorted(missing)}", CURE)
     numbers = arrays.keys() & {"points", "normals", "labels", "grasp", "grasp_width_m"}
     if others := sorted(name for name in numbers if arrays[name].dtype.kind not in "fiu"):
         got = f"{others[0]} of {arrays[others[0]].dtype}"
-        raise ModelError(describe(str(path), "arrays of real numbers", got, CURE))
+        raise ModelError.about(str(path), "arrays of real numbers", got, CURE)
     try:
         grasp = None
         if "grasp" in arrays:
@@ -90,4 +90,4 @@ def find_object(name: str | Path) -> Path:
         return shipped
     names = ", ".join(sorted(path.stem for path in folder.glob("*.npz")))
     expected = f"a file, or one of {names}"
-    raise ModelError(describe(str(name), expected, "neither", "See docs/warping.md."))
+    raise ModelError.about(str(name), expected, "neither", "See docs/warping.md.")

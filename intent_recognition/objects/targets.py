@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, IntentError, describe, optional
+from intent_recognition.errors import ArgumentError, IntentError, optional
 from intent_recognition.untrusted import MOST_MESH, check_regular
 from intent_recognition.warping import ObjectCloud, with_estimated_normals
 
@@ -79,12 +79,12 @@ def load_target(
 
     place = str(path)
     if not Path(path).is_file():
-        raise ArgumentError(describe(place, NEEDED, "no file", "Check the path."))
+        raise ArgumentError.about(place, NEEDED, "no file", "Check the path.")
     if (suffix := Path(path).suffix.lower()) not in SUFFIXES:
-        raise ArgumentError(describe(place, NEEDED, suffix or "neither", "Export it as one."))
+        raise ArgumentError.about(place, NEEDED, suffix or "neither", "Export it as one.")
     if Path(path).stat().st_size > MOST_MESH:
         got = f"a file of more than {MOST_MESH} bytes"
-        raise ArgumentError(describe(place, NEEDED, got, "Export fewer triangles."))
+        raise ArgumentError.about(place, NEEDED, got, "Export fewer triangles.")
     try:
         # Files may lack material values; trimesh computes with the gaps.
         with np.errstate(invalid="ignore"):
@@ -92,7 +92,7 @@ def load_target(
             loaded = trimesh.load(place, resolver=_buffers(place), skip_materials=True)
     except Exception as error:  # every reader of trimesh has errors of its own
         got = f"{type(error).__name__}: {error}"
-        raise ArgumentError(describe(place, NEEDED, got, "Export it again.")) from error
+        raise ArgumentError.about(place, NEEDED, got, "Export it again.") from error
     try:
         if isinstance(loaded, trimesh.PointCloud):
             return Target(_cloud(loaded, n_points, scale, viewpoint, seed), None)
@@ -101,7 +101,7 @@ def load_target(
         raise type(error)(f"{place}: {error}") from error
     except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
         got = f"one that cannot be used: {error}"
-        raise ArgumentError(describe(place, NEEDED, got, "Export it again.")) from error
+        raise ArgumentError.about(place, NEEDED, got, "Export it again.") from error
 
 
 def _buffers(place: str) -> "trimesh.resolvers.FilePathResolver":
@@ -136,7 +136,7 @@ def mesh_target(
 
     vertices, faces = np.array(mesh.vertices, dtype=float) * scale, np.array(mesh.faces)
     if not len(faces):
-        raise ArgumentError(describe("mesh", "triangles", "none", "Export the mesh again."))
+        raise ArgumentError.about("mesh", "triangles", "none", "Export the mesh again.")
     used = vertices[np.unique(faces)]
     _check_size("vertices", used)
     solid = trimesh.Trimesh(vertices, faces, process=False)
@@ -144,14 +144,14 @@ def mesh_target(
     with np.errstate(invalid="ignore"):
         solid.merge_vertices(merge_tex=True, merge_norm=True)
     if not solid.area > 0.0:
-        raise ArgumentError(describe("mesh", "an area above 0", solid.area, "Export it again."))
+        raise ArgumentError.about("mesh", "an area above 0", solid.area, "Export it again.")
     _wind(solid)
     share = _hull_share(solid)
     is_sheet = share > MOSTLY_SOLID and _is_sheet(solid)
     if share > MOSTLY_SOLID and not is_sheet:
         got = f"a body that fills {100.0 * share:.0f} % of its convex hull"
         cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
-        raise ArgumentError(describe("mesh", "a container with an open top", got, cure))
+        raise ArgumentError.about("mesh", "a container with an open top", got, cure)
     if is_sheet:  # its wall has two sides and no thickness
         both = np.concatenate([solid.faces, solid.faces[:, ::-1]])
         solid = trimesh.Trimesh(solid.vertices, both, process=False)
@@ -176,7 +176,7 @@ def _wind(solid: "trimesh.Trimesh") -> None:
         if not solid.is_winding_consistent:
             cure = "Make its normals consistent in a mesh editor, all outward."
             got = "some that cannot be turned so"
-            raise ArgumentError(describe("mesh", "triangles wound to one side", got, cure))
+            raise ArgumentError.about("mesh", "triangles wound to one side", got, cure)
     if solid.is_watertight and solid.body_count > 1:
         trimesh.repair.fix_inversion(solid, multibody=True)
     elif solid.volume < 0.0:
@@ -217,11 +217,11 @@ def _check_size(argument: str, points: NDArray[np.float64]) -> None:
     bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
     if bad.any():
         got = f"{np.count_nonzero(bad)} with NaN or infinity, or beyond {LARGEST_M:g} m"
-        raise ArgumentError(describe(argument, "finite ones", got, "Repair the file."))
+        raise ArgumentError.about(argument, "finite ones", got, "Repair the file.")
     extent_m = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
     if extent_m < LEAST_M:
         expected = f"an object of {LEAST_M:g} m or more"
-        raise ArgumentError(describe(argument, expected, f"{extent_m:g} m", "Check the scale."))
+        raise ArgumentError.about(argument, expected, f"{extent_m:g} m", "Check the scale.")
 
 
 def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
@@ -232,7 +232,7 @@ def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
         loaded = loaded.to_mesh() if loaded.geometry else trimesh.Trimesh()
     if not isinstance(loaded, trimesh.Trimesh):
         got = f"a {type(loaded).__name__}"
-        raise ArgumentError(describe(place, NEEDED, got, "Export triangles or points."))
+        raise ArgumentError.about(place, NEEDED, got, "Export triangles or points.")
     return loaded
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 NARROW = 0.05
 """Width, in spacings, below which exponents are shifted before `exp`.
@@ -37,13 +37,11 @@ class NormalizedRBFBasis:
         """Check the arguments."""
         whole = isinstance(self.n_basis, int | np.integer)
         if not whole or self.n_basis < 3 or not self.width > 0:
-            raise ArgumentError(
-                describe(
-                    "n_basis, width",
-                    "3 basis functions or more, a whole number, of positive width",
-                    f"{self.n_basis} of width {self.width}",
-                    "Try 20 of width 1.5.",
-                )
+            raise ArgumentError.about(
+                "n_basis, width",
+                "3 basis functions or more, a whole number, of positive width",
+                f"{self.n_basis} of width {self.width}",
+                "Try 20 of width 1.5.",
             )
 
     @cached_property

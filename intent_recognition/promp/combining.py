@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import (
     condition,
     product,
@@ -87,18 +87,18 @@ def via_point(
     index = _index(primitive, dofs)
     if not 0.0 <= time_s <= primitive.duration_s:
         expected = f"a time from 0 to {primitive.duration_s:g} s"
-        raise ArgumentError(describe("time_s", expected, time_s, "Give a time of the movement."))
+        raise ArgumentError.about("time_s", expected, time_s, "Give a time of the movement.")
     point = as_numbers("values", values)
     wish = np.zeros(index.size) if covariance is None else as_numbers("covariance", covariance)
     if point.shape != index.shape or wish.shape not in (index.shape, 2 * index.shape):
         expected = f"values ({index.size},) and a covariance ({index.size}, {index.size})"
         got = f"{point.shape} and {wish.shape}"
-        raise ShapeError(describe("values, covariance", expected, got, "Give one for each DOF."))
+        raise ShapeError.about("values, covariance", expected, got, "Give one for each DOF.")
     wish = np.array(np.diag(wish) if wish.ndim == 1 else wish, dtype=np.float64)
     wanted = ~np.isinf(np.diag(wish))
     cure = "Name only the DOFs that shall pass there as `dofs`."
     if not (np.all(np.isfinite(point[wanted])) and np.all(np.isfinite(wish[wanted][:, wanted]))):
-        raise ArgumentError(describe("values", "finite numbers", "NaN or infinity", cure))
+        raise ArgumentError.about("values", "finite numbers", "NaN or infinity", cure)
     if not wanted.any():
         return primitive
     rows = index[wanted]
@@ -181,10 +181,10 @@ def blend(
     """
     if len({(one.n_observed, one.n_dofs) for one in primitives}) != 1:
         got = [(one.n_observed, one.n_dofs) for one in primitives]
-        raise ArgumentError(describe("primitives", "the same DOFs", got, "Learn them together."))
+        raise ArgumentError.about("primitives", "the same DOFs", got, "Learn them together.")
     times = np.asarray(times_s, dtype=np.float64)
     if times.ndim != 1 or times.size < 2 or not np.all(np.diff(times) > 0.0):
-        raise ArgumentError(describe("times_s", "increasing times (T,)", times, "Sort them."))
+        raise ArgumentError.about("times_s", "increasing times (T,)", times, "Sort them.")
     shares = _activations(activations, (times.size, len(primitives)))
     if rates is None:
         edge: Literal[1, 2] = 2 if times.size > 2 else 1
@@ -193,7 +193,7 @@ def blend(
         slopes = np.asarray(rates, dtype=np.float64)
     if slopes.shape != shares.shape:
         expected = f"shape {shares.shape}"
-        raise ShapeError(describe("rates", expected, slopes.shape, "One for each activation."))
+        raise ShapeError.about("rates", expected, slopes.shape, "One for each activation.")
     starts = [0.0] * len(primitives) if starts_s is None else starts_s
     index = _index(primitives[0], dofs)
     precision, precision_rate = np.zeros((2, times.size, index.size, index.size))
@@ -233,7 +233,7 @@ def smooth_switch(
         ArgumentError: the change has no length.
     """
     if not over_s > 0.0:
-        raise ArgumentError(describe("over_s", "a time above zero", over_s, "Give a longer one."))
+        raise ArgumentError.about("over_s", "a time above zero", over_s, "Give a longer one.")
     share = (np.asarray(times_s, dtype=np.float64) - at_s) / over_s + 0.5
     share = np.clip(share, 0.0, 1.0)
     second = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
@@ -269,7 +269,7 @@ def _index(primitive: InteractionProMP, dofs: Sequence[int] | None) -> NDArray[n
     index = np.array(range(primitive.n_observed, primitive.n_dofs) if dofs is None else dofs, int)
     if not index.size or index.min() < 0 or index.max() >= primitive.n_dofs:
         expected = f"numbers from 0 to {primitive.n_dofs - 1}"
-        raise ArgumentError(describe("dofs", expected, dofs, "Observed DOFs come first."))
+        raise ArgumentError.about("dofs", expected, dofs, "Observed DOFs come first.")
     return index
 
 
@@ -277,13 +277,13 @@ def _activations(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float6
     found = as_numbers("activations", values)
     if found.shape != shape:
         cure = "Give one for each primitive, at each time where they change."
-        raise ShapeError(describe("activations", f"shape {shape}", found.shape, cure))
+        raise ShapeError.about("activations", f"shape {shape}", found.shape, cure)
     if not np.all(np.isfinite(found)) or np.any(found < 0.0) or np.any(found.sum(axis=-1) == 0.0):
         expected = "finite numbers from 0 on, one above 0 at each time"
         wrong = found[~np.isfinite(found) | (found < 0.0)]
         got = wrong[0] if wrong.size else "0 for all primitives at one time"
         cure = "Let the activations say which primitive counts at each time."
-        raise ArgumentError(describe("activations", expected, got, cure))
+        raise ArgumentError.about("activations", expected, got, cure)
     return found
 
 
@@ -296,4 +296,4 @@ def _check_same(primitives: Sequence[InteractionProMP]) -> None:
     ):
         got = [(one.basis, one.n_observed, one.n_dofs) for one in primitives]
         cure = "Learn them with the same DOFs and settings."
-        raise ArgumentError(describe("primitives", "the same basis and DOFs", got, cure))
+        raise ArgumentError.about("primitives", "the same basis and DOFs", got, cure)

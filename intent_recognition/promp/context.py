@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
 
 CONTEXT_STRENGTH = 0.1
@@ -104,8 +104,8 @@ def as_context(context: ArrayLike, names: Sequence[str]) -> NDArray[np.float64]:
     if values.shape != (len(names),):
         expected = f"shape ({len(names)},): {', '.join(names) or 'no context was learned'}"
         cure = "Pass NaN for what is not known."
-        raise ShapeError(describe("context", expected, f"shape {values.shape}", cure))
+        raise ShapeError.about("context", expected, f"shape {values.shape}", cure)
     if np.any(np.isinf(values)):
         cure = "Pass NaN for what is not known."
-        raise ArgumentError(describe("context", "finite numbers or NaN", values, cure))
+        raise ArgumentError.about("context", "finite numbers or NaN", values, cure)
     return values

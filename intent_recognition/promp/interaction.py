@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import Gaussian, condition, marginal
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.trajectory import Trajectory, check_points, rollout
@@ -89,7 +89,7 @@ class InteractionProMP:
         index = list(range(self.n_observed) if dofs is None else dofs)
         if not index or not all(dof in range(self.n_dofs) for dof in index):
             expected, cure = f"numbers from 0 to {self.n_dofs - 1}", "Observed DOFs come first."
-            raise ArgumentError(describe("dofs", expected, index, cure))
+            raise ArgumentError.about("dofs", expected, index, cure)
         noise = np.diag(self.noise_variance[index])
         if covariance is not None:
             noise = noise + _finite("covariance", covariance, noise.shape)
@@ -97,7 +97,7 @@ class InteractionProMP:
         shape = (*phases.shape, len(index))
         if phases.ndim > 1:
             cure = "Pass one phase per sample."
-            raise ShapeError(describe("phase", "a number or shape (T,)", phases.shape, cure))
+            raise ShapeError.about("phase", "a number or shape (T,)", phases.shape, cure)
         observed = _finite("values", values, shape)
         posterior, log_evidence = condition(
             self.weights,
@@ -132,8 +132,8 @@ def _finite(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray
     array = as_numbers(argument, values)
     if array.shape != shape:
         cure = "Pass one row per sample and one column per DOF."
-        raise ShapeError(describe(argument, f"shape {shape}", array.shape, cure))
+        raise ShapeError.about(argument, f"shape {shape}", array.shape, cure)
     if not np.all(np.isfinite(array)):
         cure = "Leave out samples that were not measured, and name the measured DOFs as `dofs`."
-        raise ArgumentError(describe(argument, "finite numbers", "NaN or infinity", cure))
+        raise ArgumentError.about(argument, "finite numbers", "NaN or infinity", cure)
     return array

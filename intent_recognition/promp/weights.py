@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.signals import MIN_SAMPLES
 
@@ -48,15 +48,13 @@ def fit_weights(
         ArgumentError: `ridge` is not positive.
     """
     if not ridge > 0:
-        raise ArgumentError(describe("ridge", "a positive number", ridge, "Try 1e-4."))
+        raise ArgumentError.about("ridge", "a positive number", ridge, "Try 1e-4.")
     if len(phase) < MIN_SAMPLES:
-        raise TrainingError(
-            describe(
-                "demonstration",
-                f"at least {MIN_SAMPLES} samples of every DOF",
-                len(phase),
-                "Record it again, or leave it out.",
-            )
+        raise TrainingError.about(
+            "demonstration",
+            f"at least {MIN_SAMPLES} samples of every DOF",
+            len(phase),
+            "Record it again, or leave it out.",
         )
     design = basis.design_matrix(phase)
     curvature = np.diff(np.eye(basis.n_basis), 2, axis=0)

@@ -12,7 +12,7 @@ from itertools import chain, repeat
 from pathlib import Path
 from typing import Literal
 
-from intent_recognition.errors import ArgumentError, ResourceBusyError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ResourceBusyError, ShapeError
 from intent_recognition.report.stylesheet import STYLESHEET
 
 MEDIA_TYPES = ("image/svg+xml", "image/png")
@@ -67,8 +67,8 @@ class TableBlock:
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 expected = f"{len(self.columns)} cells, one per column"
-                raise ShapeError(
-                    describe(f"row {number}", expected, len(row), "Use None for an empty cell.")
+                raise ShapeError.about(
+                    f"row {number}", expected, len(row), "Use None for an empty cell."
                 )
 
     @classmethod
@@ -114,11 +114,9 @@ class Figure:
         """Check the media type, and that there is an image."""
         if self.media_type not in MEDIA_TYPES:
             cure = "Render the figure as one of these."
-            raise ArgumentError(
-                describe("media_type", " or ".join(MEDIA_TYPES), self.media_type, cure)
-            )
+            raise ArgumentError.about("media_type", " or ".join(MEDIA_TYPES), self.media_type, cure)
         if not self.data:
-            raise ArgumentError(describe("data", "an image", "no bytes", "Leave the figure out."))
+            raise ArgumentError.about("data", "an image", "no bytes", "Leave the figure out.")
 
 
 @dataclass(frozen=True)
@@ -209,8 +207,8 @@ def write_page(path: str | Path, page: ReportPage) -> Path:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(render(page), encoding="utf-8")
     except OSError as error:
-        raise ResourceBusyError(
-            describe(f"report {target}", "a file that can be written", error, "Choose another.")
+        raise ResourceBusyError.about(
+            f"report {target}", "a file that can be written", error, "Choose another."
         ) from error
     return target
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.clipping import surface_volume
 from intent_recognition.warping.rim import Rim
 
@@ -81,10 +81,10 @@ def fit_cavity(points: NDArray[np.float64], normals: NDArray[np.float64], rim: R
     if lid.mean() > MAX_LID_SHARE:
         cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
         got = f"{100.0 * lid.mean():.1f} % of the points inside the rim, in its plane"
-        raise ArgumentError(describe("points", "a container with an open top", got, cure))
+        raise ArgumentError.about("points", "a container with an open top", got, cure)
     if inside.sum() < MIN_IN_BIN * 5:
         cure = "Scan the object from above, so that its inside is seen."
-        raise ArgumentError(describe("points", "some inside", int(inside.sum()), cure))
+        raise ArgumentError.about("points", "some inside", int(inside.sum()), cure)
     floor = inside & (facing[:, 0] > 0.6) & (radius < 0.4 * rim.radius_m)
     floor_m = float(np.median(depth[floor])) if floor.sum() >= MIN_ON_FLOOR else None
     base_seen = below.mean() > 0.01
@@ -93,7 +93,7 @@ def fit_cavity(points: NDArray[np.float64], normals: NDArray[np.float64], rim: R
     if profile[-1, 1] < MIN_DEPTH * rim.depth_m:
         cure = "It may be closed on top, or scanned upside down."
         got = f"{1e3 * profile[-1, 1]:.1f} mm of {1e3 * rim.depth_m:.1f} mm"
-        raise ArgumentError(describe("points", "a cavity below the rim", got, cure))
+        raise ArgumentError.about("points", "a cavity below the rim", got, cure)
     vertices, faces = _surface(profile, rim)
     return Cavity(vertices, faces, profile, height)
 

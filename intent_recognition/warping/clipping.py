@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 
 def surface_volume(vertices: NDArray[np.float64], faces: NDArray[np.float64]) -> float:
@@ -74,14 +74,12 @@ def half_volume_angle(
         return _below(triangles, volumes, normal) - half
 
     if not half > 0.0 or surplus(0.0) <= 0.0 or surplus(np.pi) >= 0.0:
-        raise ArgumentError(
-            describe(
-                "vertices, lip",
-                "a closed inner surface below its lip",
-                f"{2.0 * half * 1e6:.3g} ml, of which {(surplus(0.0) + half) * 1e6:.3g} ml are "
-                "below the lip",
-                "Wind the faces outward and take a lip point on the opening.",
-            )
+        raise ArgumentError.about(
+            "vertices, lip",
+            "a closed inner surface below its lip",
+            f"{2.0 * half * 1e6:.3g} ml, of which {(surplus(0.0) + half) * 1e6:.3g} ml are "
+            "below the lip",
+            "Wind the faces outward and take a lip point on the opening.",
         )
     return float(brentq(surplus, 0.0, np.pi, xtol=1e-6))
 

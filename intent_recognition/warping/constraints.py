@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic
 from intent_recognition.warping.parameters import PouringParameters
 
@@ -247,7 +247,7 @@ def _offsets(state: FillingState) -> NDArray[np.float64]:
     offset = np.asarray(state.offset_m, dtype=float)
     if offset.ndim != 2 or offset.shape[1] != 3:
         cure = "One row per state: along, across, up."
-        raise ShapeError(describe("offset_m", "shape (n, 3)", offset.shape, cure))
+        raise ShapeError.about("offset_m", "shape (n, 3)", offset.shape, cure)
     return offset
 
 

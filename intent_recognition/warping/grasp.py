@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 
 LARGEST_M = 1e6
 """Largest coordinate of a point or a pose [m]. Convention: beyond any map."""
@@ -38,18 +38,18 @@ class Grasp:
         """Check the values; take a copy of the pose that cannot be written to."""
         pose = np.array(self.pose, dtype=float)
         if pose.shape != (4, 4):
-            raise ShapeError(describe("pose", "shape (4, 4)", pose.shape, "Give a 4x4 matrix."))
+            raise ShapeError.about("pose", "shape (4, 4)", pose.shape, "Give a 4x4 matrix.")
         turn = pose[:3, :3]
         rigid = np.all(np.abs(pose) <= LARGEST_M) and np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0])
         if not rigid or np.abs(turn.T @ turn - np.eye(3)).max() > MAX_SKEW:
             cure = "Give orthonormal axes as columns, and the last row 0, 0, 0, 1."
-            raise ArgumentError(describe("pose", "a rigid motion", pose.tolist(), cure))
+            raise ArgumentError.about("pose", "a rigid motion", pose.tolist(), cure)
         if np.linalg.det(turn) < 0.0:
             cure = "Let x be the cross product of y and z."
-            raise ArgumentError(describe("pose", "right-handed axes", "left-handed ones", cure))
+            raise ArgumentError.about("pose", "right-handed axes", "left-handed ones", cure)
         if not (np.isfinite(self.width_m) and self.width_m > 0.0):
             cure = "Give the distance of the two contacts in metres."
-            raise ArgumentError(describe("width_m", "a number above 0", self.width_m, cure))
+            raise ArgumentError.about("width_m", "a number above 0", self.width_m, cure)
         pose.setflags(write=False)
         object.__setattr__(self, "pose", pose)
         object.__setattr__(self, "width_m", float(self.width_m))

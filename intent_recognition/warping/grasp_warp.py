@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.mapping import agreeing_neighbours
 from intent_recognition.warping.object_model import AnnotatedObject
@@ -78,7 +78,7 @@ def contact_rows(
     if least < MIN_POINTS:
         cure = "Move its pose to the wall, y across it, or annotate more points there."
         expected = f"at least {MIN_POINTS} points of the object under each pad"
-        raise ArgumentError(describe("grasp", expected, least, cure))
+        raise ArgumentError.about("grasp", expected, least, cure)
     return sides[0], sides[1]
 
 
@@ -109,7 +109,7 @@ def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
         rows = rows[kept[rows]]
         if len(rows) < MIN_POINTS:
             cure = "Annotate a grasp of the wall."
-            raise ArgumentError(describe("grasp", "a target with a handle", "one without", cure))
+            raise ArgumentError.about("grasp", "a target with a handle", "one without", cure)
         near = agreeing_neighbours(aligned[rows], aligned_normals[rows], seen, seen_normals)[:, 0]
         start = (rows, aligned[rows], aligned_normals[rows])
         reach = SEEN_RADII * frame.radius_m
@@ -157,7 +157,7 @@ def _annotated(source: ObjectModel) -> Grasp:
     grasp = source.annotated.grasp
     if grasp is None:
         cure = "Annotate one; docs/warping.md says how."
-        raise ArgumentError(describe("grasp", "an annotated one", "none in the source", cure))
+        raise ArgumentError.about("grasp", "an annotated one", "none in the source", cure)
     return grasp
 
 
@@ -203,7 +203,7 @@ def _contacts(
     if np.linalg.norm(along) < MIN_FACING:
         cure = "Grasp this object by hand."
         got = "a wall across the approach"
-        raise ArgumentError(describe("grasp", "a wall along the approach", got, cure))
+        raise ArgumentError.about("grasp", "a wall along the approach", got, cure)
     along /= np.linalg.norm(along)
     ends = [some.mean(0) for some in points]
     axes = np.column_stack([np.cross(closing, along), closing, along])

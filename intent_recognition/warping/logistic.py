@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import expit
 
-from intent_recognition.errors import ArgumentError, ShapeError, TrainingError, describe
+from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class LogisticModel:
         if features.ndim != 2 or features.shape[1] != len(self.weights):
             cure = "Compute the features in the way they were computed for learning."
             expected = f"shape (n, {len(self.weights)})"
-            raise ShapeError(describe("features", expected, features.shape, cure))
+            raise ShapeError.about("features", expected, features.shape, cure)
         return self.bias + (features - self.offset) @ (self.weights / self.scale)
 
     def probability(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -103,7 +103,7 @@ def fit_logistic(
             return LogisticModel(float(beta[0]), beta[1:], offset, scale)
     got = f"a step of {np.abs(step).max():.3g} after {max_iterations}"
     cure = "Raise ridge or max_iterations."
-    raise TrainingError(describe("labels", "converging weights", got, cure))
+    raise TrainingError.about("labels", "converging weights", got, cure)
 
 
 def _checked(
@@ -116,25 +116,25 @@ def _checked(
     features, labels = np.asarray(features, dtype=float), np.asarray(labels, dtype=float)
     if features.ndim != 2 or not len(features):
         cure = "Pass one row of features per sample."
-        raise ShapeError(describe("features", "shape (n, d) with n > 0", features.shape, cure))
+        raise ShapeError.about("features", "shape (n, d) with n > 0", features.shape, cure)
     weights = np.ones(len(features)) if sample_weights is None else np.asarray(sample_weights)
     for name, vector in (("labels", labels), ("sample_weights", weights)):
         if vector.shape != (len(features),):
             cure = "Pass one per row of features."
-            raise ShapeError(describe(name, f"shape ({len(features)},)", vector.shape, cure))
+            raise ShapeError.about(name, f"shape ({len(features)},)", vector.shape, cure)
     if not np.isfinite(features).all():
         bad = f"{np.count_nonzero(~np.isfinite(features))} others"
-        raise ArgumentError(describe("features", "finite values", bad, "Leave those samples out."))
+        raise ArgumentError.about("features", "finite values", bad, "Leave those samples out.")
     if not np.isin(labels, (0.0, 1.0)).all():
         others = np.setdiff1d(labels, (0.0, 1.0))[:3]
-        raise ArgumentError(describe("labels", "0 or 1", others, "Fit one model per label."))
+        raise ArgumentError.about("labels", "0 or 1", others, "Fit one model per label.")
     if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
         cure = "Leave samples of no use out or weigh them 0."
-        raise ArgumentError(describe("sample_weights", "values >= 0", weights.min(), cure))
+        raise ArgumentError.about("sample_weights", "values >= 0", weights.min(), cure)
     if not (np.isfinite(ridge) and ridge > 0.0):
         cure = "A small one, 1e-6, is nearly none."
-        raise ArgumentError(describe("ridge", "a value above 0", ridge, cure))
+        raise ArgumentError.about("ridge", "a value above 0", ridge, cure)
     if not 0.0 < weights @ labels < weights.sum():
         got = f"{np.count_nonzero(labels)} of {len(labels)} with label 1"
-        raise TrainingError(describe("labels", "both 0 and 1", got, "Add samples of the other."))
+        raise TrainingError.about("labels", "both 0 and 1", got, "Add samples of the other.")
     return features, labels, weights.astype(float)

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 LOOKS = (4, 16)
 """Numbers of neighbours looked at until k of them agree."""
@@ -38,7 +38,7 @@ def agreeing_neighbours(
     """
     m = len(candidates)
     if not 1 <= k <= m:
-        raise ArgumentError(describe("k", f"1 to {m}", k, "Use 1, as in the paper."))
+        raise ArgumentError.about("k", f"1 to {m}", k, "Use 1, as in the paper.")
     tree = cKDTree(candidates)
     found = np.empty((len(points), k), dtype=int)
     missing = np.arange(len(points))

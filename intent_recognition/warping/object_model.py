@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.warping.grasp import LARGEST_M, Grasp
 
 MIN_POINTS = 100
@@ -53,14 +53,14 @@ class ObjectCloud:
         normals = np.array(self.normals, dtype=float)
         if normals.shape != points.shape:
             cure = "Give one outward normal per point, or use `with_estimated_normals`."
-            raise ShapeError(describe("normals", f"shape {points.shape}", normals.shape, cure))
+            raise ShapeError.about("normals", f"shape {points.shape}", normals.shape, cure)
         fits = np.all(np.abs(normals) <= LONGEST_NORMAL, axis=1)
         length = np.linalg.norm(np.where(fits[:, None], normals, 0.0), axis=1)
         bad = length <= 1e-9
         if bad.any():
             cure = "Leave those points out, or use `with_estimated_normals`."
-            raise ArgumentError(
-                describe("normals", "finite ones, not 0", f"{bad.sum()} others of {len(bad)}", cure)
+            raise ArgumentError.about(
+                "normals", "finite ones, not 0", f"{bad.sum()} others of {len(bad)}", cure
             )
         normals /= length[:, None]
         for name, array in (("points", points), ("normals", normals)):
@@ -94,11 +94,11 @@ class AnnotatedObject(ObjectCloud):
         labels = np.array(self.labels)
         if labels.shape != (len(self.points),):
             cure = "Give one label per point."
-            raise ShapeError(describe("labels", f"({len(self.points)},)", labels.shape, cure))
+            raise ShapeError.about("labels", f"({len(self.points)},)", labels.shape, cure)
         if not np.isin(labels, list(Part)).all():
             cure = "Use CONTAINER 0, RIM 1 and HANDLE 2."
             got = np.setdiff1d(labels, list(Part))[:3]
-            raise ArgumentError(describe("labels", "values of Part", got, cure))
+            raise ArgumentError.about("labels", "values of Part", got, cure)
         labels = labels.astype(int)
         labels.setflags(write=False)
         object.__setattr__(self, "labels", labels)
@@ -113,15 +113,15 @@ def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     points = np.array(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise ShapeError(describe("points", "shape (n, 3)", points.shape, "One row per point."))
+        raise ShapeError.about("points", "shape (n, 3)", points.shape, "One row per point.")
     if len(points) < MIN_POINTS:
         cure = "Scan the object closer or from more sides."
-        raise ArgumentError(describe("points", f"at least {MIN_POINTS}", len(points), cure))
+        raise ArgumentError.about("points", f"at least {MIN_POINTS}", len(points), cure)
     bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
     if bad.any():
         cure = "Leave pixels without depth out."
         got = f"{np.sum(bad)} of {len(points)} with NaN or beyond {LARGEST_M:g} m"
-        raise ArgumentError(describe("points", "finite coordinates", got, cure))
+        raise ArgumentError.about("points", "finite coordinates", got, cure)
     return points
 
 
@@ -147,13 +147,13 @@ def with_estimated_normals(
     points = checked_points(points)
     if viewpoints is None:
         cure = "Give normals, or where the camera was: without either inside is like outside."
-        raise ArgumentError(describe("viewpoints", "where the camera was", "none", cure))
+        raise ArgumentError.about("viewpoints", "where the camera was", "none", cure)
     eyes = np.asarray(viewpoints, dtype=float)
     if eyes.shape not in ((3,), points.shape):
         cure = "Give one place, or one per point."
-        raise ShapeError(describe("viewpoints", f"(3,) or {points.shape}", eyes.shape, cure))
+        raise ShapeError.about("viewpoints", f"(3,) or {points.shape}", eyes.shape, cure)
     if not np.isfinite(eyes).all():
-        raise ArgumentError(describe("viewpoints", "finite places", eyes, "Leave NaN out."))
+        raise ArgumentError.about("viewpoints", "finite places", eyes, "Leave NaN out.")
     normals = np.empty_like(points)
     groups = [np.arange(len(points))]
     if eyes.ndim == 2:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.warping.cavity import Cavity, fit_cavity
 from intent_recognition.warping.frame import N_LEVELS, ObjectFrame, coarse_frame
 from intent_recognition.warping.mapping import agreeing_neighbours, majority
@@ -60,13 +60,13 @@ class ObjectModel:
         if missing := [part.name for part in parts if not (annotated.labels == part).any()]:
             cure = "Annotate the rim around the opening as RIM and the wall as CONTAINER."
             got = f"no {' and no '.join(missing)}"
-            raise TrainingError(describe("labels", "points of CONTAINER and RIM", got, cure))
+            raise TrainingError.about("labels", "points of CONTAINER and RIM", got, cure)
         container, rim = (annotated.points[annotated.labels == part].mean(0) for part in parts)
         apart_m = float(np.linalg.norm(rim - container))
         if apart_m < LEAST_APART_M:
             cure = "Annotate the rim around the opening as RIM, in metres."
             expected = f"at least {LEAST_APART_M:g} m from the wall's middle to the rim's"
-            raise TrainingError(describe("points", expected, f"{apart_m:g} m", cure))
+            raise TrainingError.about("points", expected, f"{apart_m:g} m", cure)
         up = (rim - container) / apart_m
         classifiers = fit_part_classifiers(annotated, up)
         frame = _frame(annotated, classifiers)
@@ -132,14 +132,14 @@ def warp_object(
     """
     if mapping not in ("label", "point"):
         cure = "See docs/warping.md."
-        raise ArgumentError(describe("mapping", "'label' or 'point'", repr(mapping), cure))
+        raise ArgumentError.about("mapping", "'label' or 'point'", repr(mapping), cure)
     check_scan(target.points)
     frame = _frame(target, source.classifiers)
     aside = float(np.linalg.norm(frame.to_local(target.points)[:, 1:].mean(0)))
     if aside > MAX_ASIDE * frame.radius_m:
         cure = "Cut the cloud into objects and warp one at a time."
         got = f"points that lie {aside / frame.radius_m:.1f} radii beside the opening"
-        raise ArgumentError(describe("points", "one container", got, cure))
+        raise ArgumentError.about("points", "one container", got, cure)
     points, normals, kept = aligned_source(source, frame)
     points, normals, labels = points[kept], normals[kept], source.annotated.labels[kept]
     seen, seen_normals = frame.to_local(target.points), target.normals @ frame.axes.T
@@ -171,7 +171,7 @@ def _frame(cloud: ObjectCloud, classifiers: PartClassifiers) -> ObjectFrame:
             return coarse_frame(cloud.points, cloud.normals, opening)
     cure = "It may be closed on top, or no cup or bowl at all."
     got = "no ring of rim points with a cavity below"
-    raise ArgumentError(describe("points", "a container with an open rim", got, cure))
+    raise ArgumentError.about("points", "a container with an open rim", got, cure)
 
 
 def aligned_source(

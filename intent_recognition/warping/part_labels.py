@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from intent_recognition.errors import TrainingError, describe
+from intent_recognition.errors import TrainingError
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic
 from intent_recognition.warping.object_model import AnnotatedObject, Part
 
@@ -51,7 +51,7 @@ def fit_part_classifiers(source: AnnotatedObject, up: NDArray[np.float64]) -> Pa
     n_rim = int((source.labels == Part.RIM).sum())
     if not 0 < n_rim < len(source.labels):
         cure = "Annotate the rim around the opening as RIM and the wall as CONTAINER."
-        raise TrainingError(describe("labels", "some points on the RIM", n_rim, cure))
+        raise TrainingError.about("labels", "some points on the RIM", n_rim, cure)
     rng = np.random.default_rng(0)
     everything = np.arange(len(source.points))
     count = min(N_POINTS, len(everything))
@@ -131,5 +131,5 @@ def _seen(
     count = min(N_POINTS, int((weight > 0.0).sum()) * 2 // 3)
     if not count:
         cure = "Let normals point outward, also inside the opening."
-        raise TrainingError(describe("normals", "some that a camera above faces", "none", cure))
+        raise TrainingError.about("normals", "some that a camera above faces", "none", cure)
     return rng.choice(len(weight), count, replace=False, p=weight / weight.sum())

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.clipping import shares_left
 from intent_recognition.warping.object_warp import WarpedObject
 
@@ -102,7 +102,7 @@ def amount_to_leave(asked: str | float, fluid_m3: float, second_m3: float) -> fl
     if not 0.0 < poured_m3 <= min(fluid_m3, second_m3):
         expected = f"{EMPTY}, {FULL} or up to {1e6 * min(fluid_m3, second_m3):.0f} millilitres"
         cure = "Pour less than is in the cup, and than the other one holds."
-        raise ArgumentError(describe("pour", expected, repr(asked), cure))
+        raise ArgumentError.about("pour", expected, repr(asked), cure)
     return fluid_m3 - poured_m3
 
 
@@ -121,7 +121,7 @@ def reached(ratios: NDArray[np.float64], tilt_reference_rad: float, shown: Empty
     begin = shown.tilt_leaving(SHOWN_SHARE) / tilt_reference_rad
     if not begin < largest:
         expected, got = f"a tilt ratio above {begin:.2f}, at which it begins", f"{largest:.2f}"
-        raise ArgumentError(describe("pours", expected, got, "Tilt the container further."))
+        raise ArgumentError.about("pours", expected, got, "Tilt the container further.")
     return Reached(begin, largest, largest * tilt_reference_rad - shown.empty_rad)
 
 
@@ -147,7 +147,7 @@ def tilts_to_level(
     """
     if not 0.0 <= left < fluid <= 1.0:
         cure = "Pour something, of what is there."
-        raise ArgumentError(describe("left, fluid", "0 <= left < fluid <= 1", (left, fluid), cure))
+        raise ArgumentError.about("left, fluid", "0 <= left < fluid <= 1", (left, fluid), cure)
     begin, end = cup.tilt_leaving(fluid), cup.empty_rad + far.beyond_rad
     if left >= LEFT_WHEN_EMPTY:
         end = min(end, cup.tilt_leaving(left))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import InteractionProMP, via_point
 from intent_recognition.warping.constraints import References
 from intent_recognition.warping.pour_level import (
@@ -120,7 +120,7 @@ def plan_pour(
     tilted = float(np.arccos(np.clip(cup.up @ UP, -1.0, 1.0)))
     if tilted > LEVEL_RAD:
         got = f"one tilted by {np.degrees(tilted):.0f} degrees"
-        raise ArgumentError(describe("cup", "an upright one", got, "Hold it upright."))
+        raise ArgumentError.about("cup", "an upright one", got, "Hold it upright.")
     own, other = cup.references, second.references
     left = amount_to_leave(asked, fluid * own.volume_m3, other.volume_m3) / own.volume_m3
     primitive = conditioned(skill, cup, second)

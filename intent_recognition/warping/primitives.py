@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ShapeError, TrainingError, describe
+from intent_recognition.errors import ShapeError, TrainingError
 from intent_recognition.gaussian import Gaussian, covariance_root
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, fit_weights
 from intent_recognition.warping.constraints import References
@@ -103,12 +103,12 @@ class WarpedPrimitive:
         if len(paths) < 2 or len(paths) != len(durations_s):
             got = (len(paths), len(durations_s))
             cure = "Record at least two."
-            raise TrainingError(describe("paths, durations_s", "two or more, paired", got, cure))
+            raise TrainingError.about("paths, durations_s", "two or more, paired", got, cure)
         weights = []
         for path in paths:
             if path.ndim != 2 or path.shape[1] != N_WARPED:
                 cure = "Use `to_warped`."
-                raise ShapeError(describe("paths", f"shape (T, {N_WARPED})", path.shape, cure))
+                raise ShapeError.about("paths", f"shape (T, {N_WARPED})", path.shape, cure)
             phase = np.linspace(0.0, 1.0, len(path))
             weights.append(fit_weights(basis, phase, path).weights.ravel())
         mean = np.mean(weights, axis=0)

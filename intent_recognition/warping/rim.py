@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.frame import ObjectFrame
 from intent_recognition.warping.opening import fit_circle, fit_plane
 
@@ -87,7 +87,7 @@ def fit_rim(points: NDArray[np.float64], normals: NDArray[np.float64], frame: Ob
     if len(points) < MIN_RIM_POINTS:
         cure = "Scan the opening from above, with more points."
         got = f"{len(points)} points on the rim"
-        raise ArgumentError(describe("points", f"at least {MIN_RIM_POINTS}", got, cure))
+        raise ArgumentError.about("points", f"at least {MIN_RIM_POINTS}", got, cure)
     points, normals, up = _in_plane(points, normals, frame.axes[0])
     handle = frame.axes[1] - (frame.axes[1] @ up) * up
     handle /= np.linalg.norm(handle)

@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 SMALLEST_M = 0.01
 """Smallest extent of a cup or bowl [m]."""
@@ -39,13 +39,13 @@ def check_scan(points: NDArray[np.float64]) -> None:
     if not SMALLEST_M < extent < LARGEST_M:
         cure = "Give points in metres; millimetres are scaled by 0.001."
         expected = f"a cup or bowl of {SMALLEST_M} to {LARGEST_M} m"
-        raise ArgumentError(describe("points", expected, f"{extent:.3g} m across", cure))
+        raise ArgumentError.about("points", expected, f"{extent:.3g} m across", cure)
     offsets = points - points.mean(0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(offsets.T @ offsets / len(points)), 0.0))
     if spread[0] < FLATTEST * spread[2]:
         cure = "Cut out the object, not the table, and scan it from more sides."
         got = f"one of {1e3 * spread[0]:.2g} by {1e3 * spread[2]:.2g} mm (standard deviations)"
-        raise ArgumentError(describe("points", "a body with a depth", got, cure))
+        raise ArgumentError.about("points", "a body with a depth", got, cure)
     for n_looked_at in N_LOOKED_AT:
         sizes = _pieces(points, n_looked_at)
         if len(sizes) == 1 or sizes[1] <= OTHER_PIECE * sizes[0]:
@@ -53,7 +53,7 @@ def check_scan(points: NDArray[np.float64]) -> None:
     else:
         cure = "Cut the cloud into objects and warp one at a time."
         got = f"{np.count_nonzero(sizes > SUSPECT_PIECE * sizes[0])} pieces apart from one another"
-        raise ArgumentError(describe("points", "one object", got, cure))
+        raise ArgumentError.about("points", "one object", got, cure)
 
 
 def _pieces(points: NDArray[np.float64], n_looked_at: int) -> NDArray[np.integer]:

@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.cavity import Cavity
 from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import WarpedObject
@@ -57,12 +57,12 @@ def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
         lowered = np.tan(start + middle_row / N_DOWN * (0.5 * np.pi - start)) * rim.radius_m
         level = np.clip(0.5 * floor_m + lowered, 0.0, floor_m)
         got = f"a hole about {1e3 * level:.0f} mm below the rim"
-        raise ArgumentError(describe("target", "a closed wall and floor", got, cure))
+        raise ArgumentError.about("target", "a closed wall and floor", got, cure)
     middle = (FLOOR * rim.radius_m) ** 2 * np.pi
     expected = inside.sum() * middle / _area(cavity)
     if (inside & (radius < FLOOR * rim.radius_m)).sum() < MIN_FLOOR_SHARE * expected:
         got = "a hole in the floor"
-        raise ArgumentError(describe("target", "a closed wall and floor", got, cure))
+        raise ArgumentError.about("target", "a closed wall and floor", got, cure)
 
 
 def _holes(cells: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition import __version__
-from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
+from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 from sim_bridge.balls.table import write_trials
 from sim_bridge.balls.trials import (
     COLUMNS,
@@ -58,7 +58,7 @@ def generate(
     if jobs < 1 or seed < 0 or trials < 1:
         got = (jobs, seed, trials)
         expected = "jobs >= 1, seed >= 0, trials >= 1"
-        raise ArgumentError(describe("jobs, seed, trials", expected, got, "Give such numbers."))
+        raise ArgumentError.about("jobs, seed, trials", expected, got, "Give such numbers.")
     origin = _origin(seed, trials)
     parts = _parts_folder(output, origin)
     todo = blocks(seed, trials)
@@ -104,7 +104,7 @@ def write_finished(
     finished = [block for block in todo if block.index < lacking[block.experiment]]
     if {block.experiment for block in finished} != set(COLUMNS):
         cure = "Let the run go on for a while."
-        raise ArgumentError(describe(str(parts), "a block of every object", lacking, cure))
+        raise ArgumentError.about(str(parts), "a block of every object", lacking, cure)
     return _write(output, parts, finished, origin)
 
 
@@ -160,7 +160,7 @@ def _parts_folder(output: Path, origin: dict[str, int]) -> Path:
     if note.is_file() and json.loads(note.read_text(encoding="utf-8")) != origin:
         cure = f"Go on with those settings, or delete {parts}."
         got = note.read_text(encoding="utf-8")
-        raise ResourceBusyError(describe(str(parts), f"work with {origin}", got, cure))
+        raise ResourceBusyError.about(str(parts), f"work with {origin}", got, cure)
     parts.mkdir(parents=True, exist_ok=True)
     note.write_text(json.dumps(origin), encoding="utf-8")
     return parts

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 
 
 @dataclass(frozen=True)
@@ -37,22 +37,18 @@ class Hollow:
         rings, heights = self.rings_m, self.heights_m
         good = rings.ndim == 3 and rings.shape[1] >= 3 and rings.shape[2] == 2
         if not good or heights.shape != rings.shape[:1] or len(heights) < 2:
-            raise ShapeError(
-                describe(
-                    "rings_m, heights_m",
-                    "shapes (S, K, 2) and (S,), S >= 2, K >= 3",
-                    (rings.shape, heights.shape),
-                    "Give one ring of corners per height.",
-                )
+            raise ShapeError.about(
+                "rings_m, heights_m",
+                "shapes (S, K, 2) and (S,), S >= 2, K >= 3",
+                (rings.shape, heights.shape),
+                "Give one ring of corners per height.",
             )
         if np.any(np.diff(heights) <= 0.0) or not np.all(_areas(rings) > 0.0):
-            raise ShapeError(
-                describe(
-                    "rings_m, heights_m",
-                    "ascending heights and counter-clockwise rings",
-                    (heights.tolist(), _areas(rings).tolist()),
-                    "Order the rings from the floor up.",
-                )
+            raise ShapeError.about(
+                "rings_m, heights_m",
+                "ascending heights and counter-clockwise rings",
+                (heights.tolist(), _areas(rings).tolist()),
+                "Order the rings from the floor up.",
             )
 
     @property

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ModelError, describe
+from intent_recognition.errors import ModelError
 from sim_bridge.balls.trials import COLUMNS
 
 TRIALS_FILE = "config/pouring_trials.npz"
@@ -62,14 +62,14 @@ def read_trials(path: Path) -> Trials:
             arrays = {name: stored[name] for name in stored.files}
         origin = json.loads(str(arrays.pop("origin")))
     except (OSError, ValueError, KeyError) as error:
-        raise ModelError(describe(str(path), "a file of trials", error, cure)) from error
+        raise ModelError.about(str(path), "a file of trials", error, cure) from error
     if origin.get("format") != FORMAT:
-        raise ModelError(describe(str(path), f"format {FORMAT}", origin.get("format"), cure))
+        raise ModelError.about(str(path), f"format {FORMAT}", origin.get("format"), cure)
     tables = {}
     for name, columns in COLUMNS.items():
         table = arrays.get(name, np.zeros(0))
         if table.ndim != 2 or table.shape[1] != len(columns) or not np.isfinite(table).all():
             expected = f"finite numbers in {len(columns)} columns"
-            raise ModelError(describe(f"{path}: {name}", expected, table.shape, cure))
+            raise ModelError.about(f"{path}: {name}", expected, table.shape, cure)
         tables[name] = dict(zip(columns, table.T.astype(np.float64), strict=True))
     return Trials(tables, origin)

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.warping import surface_volume
 from sim_bridge.containers.container import Container, Sections
 from sim_bridge.containers.surfaces import at_heights, close_rings, swept_tube
@@ -76,7 +76,7 @@ def make_container(name: str, seed: int = 0) -> Container:
     """
     if name not in SHAPES:
         cure = "Take one of these."
-        raise ArgumentError(describe("container", f"one of {', '.join(SHAPES)}", repr(name), cure))
+        raise ArgumentError.about("container", f"one of {', '.join(SHAPES)}", repr(name), cure)
     rng = np.random.default_rng([seed, CONTAINER_NAMES.index(name)])
     return build_container(name, vary(SHAPES[name], rng))
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.optimize import brentq
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 N_SECTORS = 72
 """Directions in which the crest is looked for. Convention."""
@@ -92,7 +92,7 @@ def measure_mesh(mesh: trimesh.Trimesh) -> MeasuredMesh:
     else:
         cure = "Its top is closed, or it has a hole."
         got = "none that stays inside"
-        raise ArgumentError(describe("mesh", "free space under the rim", got, cure))
+        raise ArgumentError.about("mesh", "free space under the rim", got, cure)
     # Between the lowest point of the crest and its mean there is a disc more.
     rim_cubes = (cubes[:, 2] > lowest - 2.0 * cube_m).sum() / 2.0
     missing = rim_cubes * cube_m**2 * (level - lowest)
@@ -122,7 +122,7 @@ def _crest(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
         count = np.bincount(sector[near], minlength=N_SECTORS)
         if not count.all():
             cure = "Stand the mesh upright, z up."
-            raise ArgumentError(describe("mesh", "a rim all around its top", "gaps", cure))
+            raise ArgumentError.about("mesh", "a rim all around its top", "gaps", cure)
         sums = [np.bincount(sector[near], top[near, axis], N_SECTORS) for axis in range(2)]
         crest = np.column_stack([*(total / count for total in sums), highest])
         middle = middle + _offset(crest[:, :2] - middle)

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def scan(
     points, normals, eyes = (np.concatenate(parts) for parts in zip(*views, strict=True))
     if len(points) < n_points:
         cure = "Take fewer points or a smaller distance."
-        raise ArgumentError(describe("n_points", f"at most {len(points)}", n_points, cure))
+        raise ArgumentError.about("n_points", f"at most {len(points)}", n_points, cure)
     kept = np.sort(rng.choice(len(points), n_points, replace=False))
     points, normals, eyes = points[kept], normals[kept], eyes[kept]
     rays = points - eyes

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.containers.surfaces import at_heights, pieces_between
 
 N_RINGS, N_CORNERS = 9, 32
@@ -99,7 +99,7 @@ def _top(
     if seen.max() < MIN_WALL_SHARE:
         cure = "Stand it upright, z up, and close holes in a mesh editor."
         got = f"one over {100.0 * seen.max():.0f} % of a turn"
-        raise ArgumentError(describe("mesh", "a wall all around its axis", got, cure))
+        raise ArgumentError.about("mesh", "a wall all around its axis", got, cure)
     return float(heights[np.argmax(seen >= MIN_WALL_SHARE)]) - LEVEL_M
 
 
@@ -109,7 +109,7 @@ def _floor(mesh: trimesh.Trimesh, axis: NDArray[np.float64]) -> float:
     points, _, _ = mesh.ray.intersects_location(start, [[0.0, 0.0, -1.0]], multiple_hits=True)
     if not len(points):
         cure = "Close its floor in a mesh editor."
-        raise ArgumentError(describe("mesh", "a floor", "none on its axis", cure))
+        raise ArgumentError.about("mesh", "a floor", "none on its axis", cure)
     return float(points[:, 2].max())
 
 
