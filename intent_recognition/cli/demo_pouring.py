@@ -120,13 +120,6 @@ def _observe(
 ) -> ObservedPour:
     """Start the nodes of the graph "pouring", ask for a pour, wait until it is over.
 
-    Args:
-        args: the options of `intent demo`.
-        skill: file of the learned skill.
-        cup: name of the container in the hand.
-        second: name of the other one.
-        stands_above_m: how far above a lip the balls stand.
-
     Raises:
         IntentError: a node died, the pour was refused, or did not end.
         KeyboardInterrupt: interrupted; all nodes are stopped by then.

@@ -57,12 +57,6 @@ class Session(NamedTuple):
 def run_session(args: argparse.Namespace, model: Path, console: Console, scene: Scene) -> Session:
     """Start the nodes, follow the session, stop the nodes.
 
-    Args:
-        args: the options of `intent demo`.
-        model: model file of the estimator.
-        console: where the progress is shown.
-        scene: what the session is of.
-
     Raises:
         IntentError: a node died, or nothing was received from one.
         KeyboardInterrupt: interrupted; all nodes are stopped by then.

@@ -29,11 +29,7 @@ LONGEST_STEP_S = 1.0
 
 
 class Heartbeats:
-    """For how long nodes that have reported once have been silent.
-
-    Args:
-        clock: seconds, monotonic.
-    """
+    """For how long nodes that have reported once have been silent."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -67,12 +63,6 @@ class NodeWatch:
 
     A callback must not be interrupted halfway: signals are noted, and end what is waited for after
     the callback under way.
-
-    Args:
-        processes: the nodes.
-        executor: of this process.
-        heartbeats: what the nodes say on /diagnostics.
-        interrupts: signals noted.
     """
 
     def __init__(

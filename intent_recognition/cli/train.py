@@ -147,13 +147,6 @@ def train(
 ) -> tuple[Model, TrainingReport]:
     """Read bags and learn; what was left out is printed to the console.
 
-    Args:
-        bags: bags, folders of bags or session bags.
-        dofs_path: DOF file, None for the shipped one.
-        settings: how to learn.
-        console: where to print to.
-        run: where bags are read, see `workers`.
-
     Raises:
         IntentError: nothing can be read or learned.
     """

@@ -86,13 +86,6 @@ def train_unlabelled(
 ) -> tuple[Model, TrainingReport]:
     """Read bags, find the components and learn them as tasks; prints what came of it.
 
-    Args:
-        bags: bags, folders of bags or session bags.
-        dofs_path: DOF file, None for the shipped one.
-        settings: how to learn.
-        wanted: number of components, None to choose it.
-        console: where to print to.
-
     Raises:
         IntentError: nothing can be read or learned.
     """

@@ -121,11 +121,6 @@ def run(args: argparse.Namespace) -> int:
 def change_via_points(node: Any, executor: Any, change: Changed) -> tuple[ViaPoint, ...]:
     """Read the via points of the estimator, and set others where the change makes others of them.
 
-    Args:
-        node: of this process.
-        executor: spins it.
-        change: what is to be in force, of what is.
-
     Raises:
         ResourceBusyError: no estimator answers.
         ArgumentError: it refuses a point; says why.

@@ -94,10 +94,6 @@ def _by_task(asked: Sequence[tuple[str, int, ControlPoint]]) -> dict[int, list[C
 class BentLibrary:
     """Via points, and how libraries pass through them: `through` is for `IntentEstimator.bend`.
 
-    Args:
-        points: what is asked for, checked (`check_via_points`).
-        arm: whose hand and limits are meant; None where that is not known.
-
     Attributes:
         points: the same.
         not_passed: names of those that the last library does not pass: what could be passed through

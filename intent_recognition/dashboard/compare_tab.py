@@ -32,14 +32,7 @@ HEAD = ("model", "acts on", "after", "at the end")
 
 
 class CompareTab:
-    """The fourth tab; the models run in a thread of their own, not on the live topics.
-
-    Args:
-        server: the page.
-        bags: recordings to choose from.
-        models: model files to choose from, asked for anew each time.
-        colours: of the tasks that have one on the page already.
-    """
+    """The fourth tab; the models run in a thread of their own, not on the live topics."""
 
     def __init__(
         self,

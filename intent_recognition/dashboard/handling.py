@@ -86,11 +86,7 @@ class HandlingMoment:
 
 
 class Handling:
-    """Where the bodies of a scene are.
-
-    Args:
-        bodies: of the scene.
-    """
+    """Where the bodies of a scene are."""
 
     def __init__(self, bodies: Sequence[Body]):
         self._followed = {body.name: _Followed(body) for body in bodies}

@@ -61,10 +61,6 @@ class PersonView:
 
     The frames of the bones hang on one another, so that a posture is sent as two rotations, and
     one more where the figure leans.
-
-    Args:
-        server: the page.
-        stance: where the person stands.
     """
 
     def __init__(self, server: viser.ViserServer, stance: Stance):

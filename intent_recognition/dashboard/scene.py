@@ -35,12 +35,6 @@ DARK, GREY = rgb(INK), rgb(NONE_COLOUR)
 class PageScene:
     """Draws a `CellState`; `update` is cheap where nothing has changed.
 
-    Args:
-        server: the page.
-        cell: what stands in the cell.
-        hand_link: link of the arm that is its hand.
-        shadows: whether they are drawn.
-
     Attributes:
         hand_path: task and positions (T, 3) [m] of the path predicted last; None before the first.
     """

@@ -25,13 +25,7 @@ HEAD = ("change", "done", "arrived", "corrected", "good / bad", "spilled")
 
 
 class SkillsTab:
-    """The third tab.
-
-    Args:
-        server: the page.
-        commands: reaches the teacher.
-        do: runs a function in the thread of the graph.
-    """
+    """The third tab."""
 
     def __init__(
         self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]

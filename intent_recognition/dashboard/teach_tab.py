@@ -58,15 +58,7 @@ ARMS = (
 
 
 class TeachTab:
-    """The second tab.
-
-    Args:
-        server: the page.
-        teleoperation: moves the wrist and the arm.
-        session: shows, records and learns.
-        commands: reaches the other nodes.
-        do: runs a function in the thread of the graph.
-    """
+    """The second tab."""
 
     def __init__(
         self,

@@ -18,12 +18,6 @@ from intent_recognition.errors import KinematicsError
 class TeachingSession:
     """Shows demonstrations and has them recorded; everything runs in the graph's thread.
 
-    Args:
-        teleoperation: moves the wrist and the arm.
-        commands: reaches the other nodes.
-        notify: called with whether something went well, and a sentence.
-        rng: source of the variation between demonstrations.
-
     Attributes:
         busy: something is being shown, recorded or learned.
         recording: something is being recorded.

@@ -41,14 +41,7 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class Teleoperation:
-    """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked.
-
-    Args:
-        node: owner of publishers and timer.
-        state: where the arm and the wrist are.
-        body: the tracked body it moves.
-        hand_link: link of the arm that is its hand.
-    """
+    """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked."""
 
     def __init__(
         self,

@@ -19,12 +19,7 @@ MOVED = 1e-4
 
 
 class ThingsView:
-    """Furniture, which never moves, and bodies, which follow `Handling`.
-
-    Args:
-        server: the page.
-        scene: what is there.
-    """
+    """Furniture, which never moves, and bodies, which follow `Handling`."""
 
     def __init__(self, server: viser.ViserServer, scene: CellScene):
         self._bodies = scene.bodies

@@ -25,13 +25,7 @@ NEXT_STEPS = (
 
 
 class WatchTab:
-    """The first tab.
-
-    Args:
-        server: the page.
-        commands: what the buttons do.
-        do: runs a function in the thread of the graph.
-    """
+    """The first tab."""
 
     def __init__(
         self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]

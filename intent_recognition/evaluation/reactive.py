@@ -30,11 +30,7 @@ REACTIVE_NAMES = ("mse", "mse_nearest_windows", "mse_last_pose")
 
 
 class NearestWindows:
-    """The baseline: mean of the controlled agent beside the most similar windows of training.
-
-    Args:
-        training: recordings of all tasks.
-    """
+    """The baseline: mean of the controlled agent beside the most similar windows of training."""
 
     def __init__(self, training: Sequence[Demonstration]):
         intervals = [np.median(np.diff(one.observed[0].stamps_ns)) for one in training]

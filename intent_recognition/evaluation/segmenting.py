@@ -111,9 +111,6 @@ def write_segments(
         segments: in order of time.
         output: folder of the new bags, `<name of the session>_000` and so on.
 
-    Returns:
-        The directories of the bags.
-
     Raises:
         ResourceBusyError: a directory exists already.
     """

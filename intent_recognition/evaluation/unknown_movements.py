@@ -57,12 +57,7 @@ class MovementOutcome(NamedTuple):
 
 
 class DecisionMonitor:
-    """Follows one movement and decides as the activation node does.
-
-    Args:
-        library: the learned tasks.
-        settings: of the decision; the node's defaults when None.
-    """
+    """Follows one movement and decides as the activation node does."""
 
     def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
         self._settings = settings or decision_settings(library)
@@ -140,11 +135,6 @@ def follow_unknown(
     """Every task left out in turn: the decisions of a library of the others about its movements.
 
     Tasks without which nothing can be learned are skipped.
-
-    Args:
-        demonstrations: labelled recordings, used from their start to their end.
-        settings: how to learn.
-        progress: called with the number of demonstrations followed so far.
 
     Raises:
         TrainingError: a library of the others cannot be learned.

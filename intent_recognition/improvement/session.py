@@ -111,14 +111,7 @@ class PracticeSession:
     def keep(
         self, point: NDArray[np.float64], cost: float, bag: str, outcome: Mapping[str, float]
     ) -> Tried:
-        """Keep what came of a point, on the disk.
-
-        Args:
-            point: tried (k,).
-            cost: of it.
-            bag: the rollout, relative to the folder.
-            outcome: by name.
-        """
+        """Keep what came of a point, on the disk."""
         tried = Tried(tuple(point.tolist()), cost, bag, dict(outcome))
         self._write([*self.tried, tried])
         return tried

@@ -52,14 +52,7 @@ def follow(
     seed: NDArray[np.float64],
     rest: NDArray[np.float64],
 ) -> FollowedPath:
-    """The best path found; see `Arm.follow`.
-
-    Args:
-        search: of the arm.
-        targets: T poses.
-        seed: where to begin (n,).
-        rest: what redundant joints are drawn to (n,).
-    """
+    """The best path found; see `Arm.follow`."""
     first = search.solve(targets[0], seed, rest)
     best = _follow_from(search, targets, first, rest, len(targets) + 1)
     assert best is not None  # no path misses as many

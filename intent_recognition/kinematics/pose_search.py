@@ -73,14 +73,7 @@ class Solution(NamedTuple):
 
 
 class PoseSearch:
-    """The search of one arm.
-
-    Args:
-        chain: its forward kinematics.
-        lower: position limits (n,) [rad].
-        upper: likewise.
-        continuous: joints without limits (n,).
-    """
+    """The search of one arm."""
 
     def __init__(
         self,
@@ -95,13 +88,7 @@ class PoseSearch:
     def solve(
         self, target: PoseTarget, seed: NDArray[np.float64], rest: NDArray[np.float64]
     ) -> Solution:
-        """The best posture found; its self-motion at rest where the target was reached.
-
-        Args:
-            target: what to reach.
-            seed: where to begin (n,).
-            rest: what redundant joints are drawn to (n,).
-        """
+        """The best posture found; its self-motion at rest where the target was reached."""
         best = self.descend(target, seed, hasty=True)
         if best.error <= CONVERGED:
             return self.slide(target, best, rest)

@@ -31,12 +31,6 @@ def read_context(
 ) -> ContextModel | None:
     """How the weights depend on the context, checked; None without one.
 
-    Args:
-        path: of the file, for messages.
-        content: the arrays of the file.
-        dofs: the model's.
-        numbers: the arrays that every model has, checked.
-
     Raises:
         ModelError: an array is missing, of another shape, not finite or no covariance.
     """

@@ -30,13 +30,6 @@ def read_coupling(
 ) -> ResidualCoupling | None:
     """The coupling, checked; None without one.
 
-    Args:
-        path: of the file, for messages.
-        content: the arrays of the file.
-        n_tasks: number of tasks K.
-        n_controlled: number of controlled DOFs Q.
-        n_observed: number of observed DOFs P.
-
     Raises:
         ModelError: an array is missing, of another shape, not finite or out of range.
     """

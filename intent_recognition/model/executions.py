@@ -63,12 +63,7 @@ class Execution:
 
 
 class Executions:
-    """The executions in a folder of tasks.
-
-    Args:
-        path: the folder of tasks.
-        clock: tells the time.
-    """
+    """The executions in a folder of tasks."""
 
     def __init__(self, path: Path, clock: Callable[[], datetime]):
         self.path, self._clock = path, clock
@@ -115,13 +110,7 @@ class Executions:
         return self.path / EXECUTIONS / task / f"{task}_{number:04d}"
 
     def add(self, bag: Path, values: Mapping[str, str], model: str = "") -> None:
-        """Note something about an execution, unless it is known.
-
-        Args:
-            bag: its recording in this folder.
-            values: what is known, by name.
-            model: that of the folder then.
-        """
+        """Note something about an execution, unless it is known."""
         kept = {str(k)[:LONGEST_VALUE]: str(v)[:LONGEST_VALUE] for k, v in values.items()}
         kept = dict(list(kept.items())[:MOST_VALUES])
         now = self._clock().isoformat(timespec="milliseconds")

@@ -33,14 +33,6 @@ TRIAL = "trial.npz"
 class PractisedTask:
     """A task of a folder that is practised.
 
-    Args:
-        folder: of the tasks.
-        task: label.
-        beside_m: see `TaskPractice`.
-        moved_m: likewise.
-        arm: likewise.
-        most_people: likewise.
-
     Raises:
         ModelError: there is no model yet.
         ArgumentError: the task cannot be practised.

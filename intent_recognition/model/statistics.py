@@ -85,12 +85,6 @@ def unpack_statistics(
 ) -> Trained:
     """Statistics of a model file, checked against the library they belong to.
 
-    Args:
-        path: of the file, for messages.
-        library: the model's.
-        header: its entry `statistics`.
-        arrays: those of `ARRAYS` that the file holds.
-
     Raises:
         ModelError: something is missing, of another shape, not finite, or of other tasks.
     """

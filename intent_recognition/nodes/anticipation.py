@@ -81,10 +81,6 @@ class PostureInput:
 
         A hand's pose comes from the joints of the arm, and so does that of a person's wrist where
         `hand_link` says that an arm is in that person's place.
-
-        Args:
-            estimator: takes them.
-            entries: of the DOF file, in order.
         """
         self._estimator = estimator
         self._last_ns.clear()

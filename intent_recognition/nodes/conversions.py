@@ -125,9 +125,6 @@ class TrajectoryBuilder:
 
     Building 50 points of 7 joints afresh costs about 20 times as much. The message returned is
     the same object each time: publish it before the next call, and copy it to keep it.
-
-    Args:
-        names: joint names, in the order of the columns.
     """
 
     def __init__(self, names: Sequence[str]):

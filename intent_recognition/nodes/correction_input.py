@@ -20,9 +20,6 @@ SHIPPED = "config/deviation"
 class CorrectionInput:
     """Reads the detector, and knows how the tasks of a library may be corrected.
 
-    Args:
-        node: has the parameter.
-
     Attributes:
         correction: None where the arm does not yield.
 
@@ -44,12 +41,6 @@ class CorrectionInput:
         reference: tuple[float, ...],
     ) -> None:
         """Go by these joints and tasks.
-
-        Args:
-            names: of the joints.
-            library: of the tasks that may be corrected.
-            arm: whose hand the tasks are of; None where they are of joints.
-            reference: of the hand's rotation vectors, xyzw; empty without.
 
         Raises:
             ArgumentError: the detector is of another number of joints.

@@ -26,13 +26,7 @@ def message_type() -> Any:
 
 
 def hear_frames(node: Node, tree: TransformTree, changed: Callable[[], object]) -> bool:
-    """Keep a tree of transforms up to date; whether that is possible here.
-
-    Args:
-        node: has the subscriptions.
-        tree: takes the transforms.
-        changed: called after each message.
-    """
+    """Keep a tree of transforms up to date; whether that is possible here."""
     if (kind := message_type()) is None:
         return False
 
@@ -60,11 +54,7 @@ def hear_frames(node: Node, tree: TransformTree, changed: Callable[[], object]) 
 
 
 class FrameOutput:
-    """Tells poses as frames, where somebody listens.
-
-    Args:
-        node: has the publishers.
-    """
+    """Tells poses as frames, where somebody listens."""
 
     def __init__(self, node: Node) -> None:
         wanted = declare(node, "frames")["broadcast_frames"]

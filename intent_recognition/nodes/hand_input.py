@@ -17,10 +17,6 @@ from intent_recognition.nodes.parameters import declare
 class HandInput:
     """Reads the arm when it is first asked for, and again when another description has come.
 
-    Args:
-        node: subscribes, and has the parameter `hand_link`.
-        diagnostics: counts descriptions that cannot be used under `bad_robot_description`.
-
     Attributes:
         link: that is the hand; empty where it was not named.
         description: text of the URDF; empty before it has come, and where it holds no arm.

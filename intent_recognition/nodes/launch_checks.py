@@ -49,10 +49,6 @@ def check_arguments(graph: str, command: Sequence[str]) -> None:
 def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None:
     """Make sure that packages and files are there.
 
-    Args:
-        calls: nodes that will start.
-        values: of the launch arguments.
-
     Raises:
         ArgumentError: something is not.
     """

@@ -72,9 +72,6 @@ class MarkerBuilder:
     """Remembers the observed path of the movement under way and draws both paths.
 
     What is predicted has the colour that its task has on the page and in the reports.
-
-    Args:
-        labels: of all tasks.
     """
 
     def __init__(self, labels: Sequence[str]):

@@ -57,9 +57,6 @@ class PersonInput:
     def update(self, names: tuple[str, ...]) -> bool:
         """Whether there is another `separation` than before.
 
-        Args:
-            names: of the joints that are commanded.
-
         Raises:
             RejectionError: the arm is to slow near the person, and is not known.
         """

@@ -25,10 +25,6 @@ class PlanFollower:
     forgotten and those that may come, and `values` hold for each step "done", "may come",
     "forgotten" or "later" with its probability of being done, and the plan itself as `yaml`.
 
-    Args:
-        node: owner of parameter and topic.
-        diagnostics: shows the message.
-
     Raises:
         ArgumentError: the parameter names no plan.
     """

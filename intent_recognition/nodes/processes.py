@@ -52,9 +52,6 @@ def transport(base: Mapping[str, str]) -> dict[str, str]:
     (docs/decisions/transport.md); rmw_fastrtps always adds it to the range LOCALHOST, so profiles
     take the place of that range, but for another middleware, which would not read them and look for
     nodes on the network, and where other machines are named.
-
-    Args:
-        base: environment to add to.
     """
     if any(base.get(name) for name in PROFILES):
         return {}

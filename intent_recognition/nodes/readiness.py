@@ -14,10 +14,6 @@ class Readiness:
 
     A node is ready when it has reported, is active if it has a lifecycle, and has matched the
     publishers of every topic it watches that has any in the graph.
-
-    Args:
-        node: who waits; the others are in its namespace.
-        names: of the nodes waited for; empty ones are ignored.
     """
 
     def __init__(self, node: Node, names: Iterable[str]):

@@ -55,10 +55,6 @@ class SequenceRunner:
 
     `intent/sequence` tells where a session is: diagnostic_msgs/DiagnosticStatus with the sequence
     as name, empty outside of any; `task`, `step` and `when` among its values.
-
-    Args:
-        node: owner of parameter and topics.
-        diagnostics: shows the step; counts what cannot be used.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):

@@ -102,11 +102,7 @@ class _Trajectory(NamedTuple):
 
 
 class SerializedTrajectory:
-    """JointTrajectory messages with positions, velocities and efforts.
-
-    Args:
-        names: joint names, in the order of the columns.
-    """
+    """JointTrajectory messages with positions, velocities and efforts."""
 
     def __init__(self, names: Sequence[str]):
         self._names = list(names)
@@ -154,11 +150,7 @@ class SerializedTrajectory:
 
 
 class SerializedNamedVector:
-    """JointState messages with position, velocity and effort of fixed names.
-
-    Args:
-        names: of the d columns.
-    """
+    """JointState messages with position, velocity and effort of fixed names."""
 
     def __init__(self, names: Sequence[str]):
         message = to_joint_state(names, *np.zeros((3, len(names))), time_ns=0)

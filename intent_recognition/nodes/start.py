@@ -31,10 +31,6 @@ def __getattr__(name: str) -> Callable[..., int]:
 def start(name: str, args: Sequence[str] | None = None) -> int:
     """Run the node of this name, quiet from its first import on.
 
-    Args:
-        name: one of `registry.NODES`.
-        args: command line with the program's name first; None takes the process's own.
-
     Returns:
         The exit code: 1 with one line on stderr where a package is missing for it, such as ROS 2.
     """

@@ -68,9 +68,6 @@ class Teacher(Protocol):
 class TaskPracticeService:
     """Begins, ends and accepts practice of a task.
 
-    Args:
-        teacher: has the library and the services.
-
     Attributes:
         running: whether it goes on.
         trial: model that is tried by the estimator now; None: the library's.

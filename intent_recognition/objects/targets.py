@@ -69,9 +69,6 @@ def load_target(
         viewpoint: where the camera was (3,) [m], for clouds without normals.
         seed: of the random choice of points.
 
-    Returns:
-        The target.
-
     Raises:
         ArgumentError: the file cannot be read, or its content is not an open container.
     """

@@ -125,10 +125,6 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
 
     The distribution of the observed weights stays what it is, so that what is recognised does.
     Residuals are not coupled: they would move the controlled agent away from the points.
-
-    Args:
-        library: the learned tasks.
-        points: by number of the task, in any order.
     """
     if not any(points.values()):
         return library

@@ -41,10 +41,6 @@ def write_arms_report(
 ) -> Path:
     """Write the report as one HTML file.
 
-    Args:
-        path: of the file; its folder is made if it is missing.
-        sessions: interactions by arm.
-
     Raises:
         ResourceBusyError: the file cannot be written.
     """

@@ -45,13 +45,7 @@ Series = Mapping[str, tuple[ScoreValues, ScoreValues]]
 
 @styled
 def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movement") -> "Figure":
-    """Accuracy and log loss over the share observed, phase known and unknown.
-
-    Args:
-        accuracy: per phase knowledge.
-        log_loss: per phase knowledge.
-        segment: what the shares are of, "movement" or "recording".
-    """
+    """Accuracy and log loss over the share observed, phase known and unknown."""
     figure = new_figure(11.2, 3.5)
     left, right = figure.subplots(1, 2)
     _phases(left, accuracy, segment)
@@ -65,13 +59,7 @@ def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movem
 
 @styled
 def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movement") -> "Figure":
-    """Error of the controlled agent beside the baselines, a panel per phase knowledge.
-
-    Args:
-        panels: per phase knowledge, errors by name.
-        unit: of the errors.
-        segment: what the shares are of, "movement" or "recording".
-    """
+    """Error of the controlled agent beside the baselines, a panel per phase knowledge."""
     figure = new_figure(11.2, 3.9)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axes, (phase, series) in zip(grid, panels.items(), strict=True):
@@ -89,12 +77,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movemen
 
 @styled
 def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
-    """Share of true values within +-2 sigma; 95 % is right.
-
-    Args:
-        coverage: per phase knowledge.
-        segment: what the shares observed are of, "movement" or "recording".
-    """
+    """Share of true values within +-2 sigma; 95 % is right."""
     figure, axes = new_axes(5.6, 3.7)
     axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
     axes.text(

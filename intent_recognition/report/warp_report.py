@@ -28,18 +28,7 @@ def write_warp_report(
     parameters: PouringParameters,
     content: Mapping[str, object],
 ) -> Path:
-    """Write the report of a warp as one HTML file.
-
-    Args:
-        path: of the file.
-        source: the annotated object.
-        warped: what came of it.
-        parameters: of the warped object.
-        content: what the command prints as JSON.
-
-    Returns:
-        The path.
-    """
+    """Write the report of a warp as one HTML file."""
     own = source.annotated
     views = (
         (f"annotated: {own.name}", source.frame.to_local(own.points), own.labels),

@@ -61,9 +61,6 @@ def fit_cavity(points: NDArray[np.float64], normals: NDArray[np.float64], rim: R
         normals: outward unit normals (n, 3).
         rim: of the container.
 
-    Returns:
-        The cavity.
-
     Raises:
         ArgumentError: nothing faces the cavity, or it has hardly a depth.
     """

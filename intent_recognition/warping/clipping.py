@@ -14,9 +14,6 @@ def surface_volume(vertices: NDArray[np.float64], faces: NDArray[np.float64]) ->
     Args:
         vertices: points (n, 3) in metres.
         faces: vertex indices (m, 3), counter-clockwise seen from outside.
-
-    Returns:
-        The volume in cubic metres.
     """
     triangles = vertices[faces] - vertices.mean(0)
     return float(_signed_volumes(triangles).sum())
@@ -58,9 +55,6 @@ def half_volume_angle(
         lip: the lip point (3,).
         up: unit axis (3,) of the container, toward its opening.
         outward: unit vector (3,) across `up`, from the axis toward the lip.
-
-    Returns:
-        The angle in radians, between 0 and pi.
 
     Raises:
         ArgumentError: the surface encloses nothing, or no tilt leaves half of it.

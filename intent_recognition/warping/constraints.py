@@ -212,13 +212,6 @@ def spill_risk(
 
     What is to be looked at before a path is executed: it must stay low all along, since liquid
     that leaves the cup on its way is lost.
-
-    Args:
-        pouring: learned constraint.
-        filling: learned constraint.
-        states: n states along the path.
-        cup: the container in the hand.
-        second: the other one.
     """
     leaves = pouring.probability(PouringState(states.fluid_m3, states.tilt_rad), cup)
     return leaves * (1.0 - filling.probability(states, cup, second))

@@ -72,9 +72,6 @@ def coarse_frame(
         points: (n, 3) [m].
         normals: outward unit normals (n, 3).
         opening: of the object.
-
-    Returns:
-        The frame.
     """
     up = opening.up
     offsets = points - opening.centre

@@ -62,9 +62,6 @@ def fit_logistic(
         max_iterations: Newton steps at most.
         tolerance: stop when the largest change of a weight is below.
 
-    Returns:
-        The model.
-
     Raises:
         ShapeError: shapes do not fit.
         ArgumentError: a value is not finite, a label is not 0 or 1, or ridge is not above 0.

@@ -137,9 +137,6 @@ def with_estimated_normals(
         points: (n, 3) [m].
         viewpoints: place of the camera (3,), or that of each point's camera (n, 3) [m].
 
-    Returns:
-        The cloud.
-
     Raises:
         ShapeError: viewpoints are neither (3,) nor (n, 3).
         ArgumentError: viewpoints are missing or not finite, or the points are bad.

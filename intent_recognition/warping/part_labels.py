@@ -38,13 +38,6 @@ def fit_part_classifiers(source: AnnotatedObject, up: NDArray[np.float64]) -> Pa
     A camera above sees more of the rim than of the walls. The annotated points are therefore
     thinned as one to three cameras would, and the classifiers see these clouds besides the whole.
 
-    Args:
-        source: the annotated object.
-        up: its unit axis (3,).
-
-    Returns:
-        The classifiers.
-
     Raises:
         TrainingError: no point is labelled as rim, or every one.
     """

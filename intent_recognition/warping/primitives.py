@@ -123,10 +123,6 @@ class WarpedPrimitive:
         Where a pour begins and ends is free until it is known, so that it can be conditioned on
         where the cup stands (`promp.via_point`); what is done above the opening is as learned.
 
-        Args:
-            cup: the held container.
-            second: the other one.
-
         Returns:
             A primitive without observed DOFs; the controlled ones are along, across, up, tilt.
         """

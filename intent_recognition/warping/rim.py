@@ -78,9 +78,6 @@ def fit_rim(points: NDArray[np.float64], normals: NDArray[np.float64], frame: Ob
         normals: outward unit normals (n, 3).
         frame: of the object.
 
-    Returns:
-        The rim.
-
     Raises:
         ArgumentError: there are too few points.
     """

@@ -48,9 +48,6 @@ def generate(
         jobs: number of processes.
         progress: called with (block just made, blocks made, blocks in all).
 
-    Returns:
-        The tables (N, columns) by experiment.
-
     Raises:
         ArgumentError: jobs, seed or trials out of range.
         ResourceBusyError: the folder beside it holds work with other settings.
@@ -83,9 +80,6 @@ def write_finished(
         output: the .npz to write.
         seed: of the run.
         trials: per object and experiment, of the run.
-
-    Returns:
-        The tables (N, columns) by experiment.
 
     Raises:
         ArgumentError: an experiment has no trials of some object yet.

@@ -74,9 +74,6 @@ def measure_mesh(mesh: trimesh.Trimesh) -> MeasuredMesh:
     Args:
         mesh: in metres, z up.
 
-    Returns:
-        The measures.
-
     Raises:
         ArgumentError: there is no free space under its top that does not run out.
     """

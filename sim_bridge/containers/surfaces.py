@@ -35,9 +35,6 @@ def close_rings(rings: NDArray[np.float64]) -> trimesh.Trimesh:
 
     Args:
         rings: (R, S, 3) corners in metres, each ring counter-clockwise seen from the last one.
-
-    Returns:
-        A watertight mesh, wound outward.
     """
     n_rings, n_corners, _ = rings.shape
     vertices = np.concatenate([rings.reshape(-1, 3), rings[[0, -1]].mean(1)])
