@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 
 from benchmarks.measure import Result, at_most, seconds
+from benchmarks.measured_mesh import MeasuredMesh, measure_mesh
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import find_object, load_object, load_target
 from intent_recognition.warping import (
@@ -22,14 +23,7 @@ from intent_recognition.warping import (
     pouring_parameters,
     warp_object,
 )
-from sim_bridge.containers import (
-    CONTAINER_NAMES,
-    Container,
-    MeasuredMesh,
-    make_container,
-    measure_mesh,
-    scan,
-)
+from sim_bridge.containers import CONTAINER_NAMES, Container, make_container, scan
 
 SEEDS = (1, 2, 3)
 HELD_OUT_SEEDS = (1001, 1002, 1003, 1004, 1005)

@@ -31,7 +31,7 @@ from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.assembly import StoodIn
+    from experiments.assembly.arm_stand_in import StoodIn
 
 FOLDS = 5
 NONE_PRIOR = 1e-6
@@ -188,7 +188,7 @@ def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) 
         recording: as recorded.
         cut: the same, from the worker's onset to both agents' rest.
     """
-    from sim_bridge.scenarios.assembly import stand_in
+    from experiments.assembly.arm_stand_in import stand_in
 
     run = stand_in(library, recording)
     wrist = sample(recording.controlled, recording.start_ns, run.times_s)

@@ -154,7 +154,7 @@ def nearest_m(
     robot: "Robot", boxes: Sequence[Box], ways: Sequence[NDArray[np.float64]]
 ) -> tuple[float, ...]:
     """The least distance from a box on each of some ways (T, 7), by PyBullet."""
-    from sim_bridge.arm import BulletCell
+    from experiments.clearance.distances import BulletCell
 
     cell = BulletCell(robot, boxes)
     try:

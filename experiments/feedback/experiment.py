@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from experiments.feedback.controller import FeedbackPolicy, feedback_policy
 from experiments.feedback.report import CONDITIONS, blocks, findings
 from experiments.feedback.study import (
     DESIGN,
@@ -25,7 +26,6 @@ from experiments.feedback.study import (
 )
 from experiments.results import ExperimentResult
 from experiments.settings import Settings
-from sim_bridge.arm import FeedbackPolicy, feedback_policy
 
 
 def run(settings: Settings) -> ExperimentResult:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.feedback.controller import FeedbackPolicy
 from intent_recognition.report import PALETTE, SOFT, fill_two_sigma, new_figure, styled
-from sim_bridge.arm import FeedbackPolicy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from experiments.feedback.controller import FeedbackPolicy
 from experiments.feedback.figures import (
     distribution_figure,
     push_figure,
@@ -24,7 +25,6 @@ from experiments.feedback.study import (
 )
 from experiments.results import Finding
 from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
-from sim_bridge.arm import FeedbackPolicy
 
 CONDITIONS = (
     "The papers name this controller as future work and show no figure of it; what stands in the"

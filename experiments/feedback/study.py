@@ -6,6 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.feedback.controller import (
+    FeedbackPolicy,
+    feedback_policy,
+    initial_state,
+    propagate,
+)
 from experiments.pointing.study import condition_on_end, final_wrist
 from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
@@ -15,13 +21,7 @@ from intent_recognition.kinematics import jacobian
 from intent_recognition.learning import learn_with_report
 from intent_recognition.promp import TaskLibrary, dof_variance
 from intent_recognition.signals import Demonstration
-from sim_bridge.arm import (
-    FeedbackPolicy,
-    FeedbackSettings,
-    feedback_policy,
-    initial_state,
-    propagate,
-)
+from sim_bridge.arm import FeedbackSettings
 
 TASK = "plate_handover"
 DESIGN = FeedbackSettings(disturbance=0.3, bandwidth_rad_s=20.0, n_times=801)
@@ -109,7 +109,7 @@ def stiffer_after_the_human(library: TaskLibrary, test: Demonstration) -> NDArra
 
 def reproduce(settings: Settings, policy: FeedbackPolicy, n_runs: int, which: int) -> Reproduced:
     """Executions from drawn starts; both controllers get the same starts and disturbances."""
-    from sim_bridge.arm import execute
+    from experiments.feedback.runs import execute
 
     runs = []
     for k in range(n_runs):
@@ -124,7 +124,7 @@ def reproduce(settings: Settings, policy: FeedbackPolicy, n_runs: int, which: in
 
 def push_arm(policy: FeedbackPolicy, count: int) -> list[Pushed]:
     """Push the undisturbed arm sideways at several times of the mean movement."""
-    from sim_bridge.arm import Push, execute
+    from experiments.feedback.runs import Push, execute
 
     length = float(policy.times_s[-1]) + AFTER_S
     start = policy.mean[0]

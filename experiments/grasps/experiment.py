@@ -4,6 +4,8 @@
 from collections.abc import Mapping, Sequence
 
 from experiments.grasps.figures import cuts_figure, held_figure
+from experiments.grasps.gripper import FORCE_N
+from experiments.grasps.lifting import DENSITY_KG_M3, FRICTION, HOLD_S, LIFT_M
 from experiments.grasps.study import (
     CARRIED,
     MANNERS,
@@ -21,7 +23,6 @@ from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from intent_recognition.errors import IntentError
 from intent_recognition.report import Column, Figure, TableBlock, readable, to_svg
-from sim_bridge.grasping import DENSITY_KG_M3, FORCE_N, FRICTION, HOLD_S, LIFT_M
 
 WANTED_SHARE = 0.85
 """Share of the containers that has to be held."""

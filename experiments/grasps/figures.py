@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.grasps.gripper import CLEARANCE_M, FINGER_M, PAD_M
 from experiments.grasps.study import CARRIED, MANNERS, WARPED, Trial
 from intent_recognition.report import INK, PALETTE, new_axes, new_figure, shared_legend, styled
 from intent_recognition.warping import Grasp
-from sim_bridge.grasping import CLEARANCE_M, FINGER_M, PAD_M
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

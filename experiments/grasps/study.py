@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from experiments.grasps.lifting import Lifted, LiftingWorld
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
@@ -20,7 +21,6 @@ from intent_recognition.warping import (
     warp_object,
 )
 from sim_bridge.containers import CONTAINER_NAMES, make_container, scan
-from sim_bridge.grasping import Lifted, LiftingWorld
 
 SOURCE = "mug"
 MADE, SCANNED = "made", "scanned"

@@ -13,11 +13,11 @@ from experiments.pointing.figures import (
     errors_figure,
     table_figure,
 )
+from experiments.pointing.scene import CIRCLE_CENTRE_M, CIRCLE_DIAMETER_M, SPOTS_M
 from experiments.pointing.study import N_POINTS, Tested, both_agents
 from experiments.results import Finding
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.report import Block, Column, Figure, Paragraph, Row, TableBlock, to_svg
-from sim_bridge.scenarios.pointing import CIRCLE_CENTRE_M, CIRCLE_DIAMETER_M, SPOTS_M
 
 PAPER_LARGEST_M = 0.03
 """Largest distance from a test spot that the paper states [m]."""

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.pointing.scene import pointed_at
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary, Trajectory, rollout
 from intent_recognition.signals import Demonstration
-from sim_bridge.scenarios.pointing import pointed_at
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.pointing import PointingRun
+    from experiments.pointing.execution import PointingRun
 
 
 HOLD_SAMPLES = 20
@@ -98,7 +98,7 @@ def draw(folder: Path) -> dict[str, float]:
     Raises:
         TrainingError: the recordings cannot be learned from.
     """
-    from sim_bridge.scenarios.pointing import PURPOSES
+    from experiments.pointing.recordings import PURPOSES
 
     train, test = (
         read_demonstrations(folder / "pointing" / purpose, load_dofs())[0] for purpose in PURPOSES
@@ -113,7 +113,7 @@ def draw(folder: Path) -> dict[str, float]:
 
 def predict_and_execute(library: TaskLibrary, recording: Demonstration, index: int) -> Tested:
     """Predict from a person's final wrist position, and point with the arm."""
-    from sim_bridge.scenarios.pointing import execute
+    from experiments.pointing.execution import execute
 
     wrist = final_wrist(recording)
     posterior = condition_on_end(library, wrist)

@@ -14,6 +14,7 @@ from experiments.pole.figures import (
     scene_figure,
     two_answers_figure,
 )
+from experiments.pole.geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip, way_of
 from experiments.pole.study import Carried, PoleStudy, n_through
 from experiments.results import Finding
 from intent_recognition.kinematics import JOINT_NAMES
@@ -29,7 +30,6 @@ from intent_recognition.report import (
     to_png,
     to_svg,
 )
-from sim_bridge.scenarios.pole import POLE_M, POLE_RADIUS_M, WAYS, fingertip, way_of
 
 PAPER_PLATEAU_CM = 4.0
 """Error of the path that the paper reaches with enough components [cm], about."""
@@ -137,7 +137,7 @@ def shown_twice(study: PoleStudy) -> dict[str, int]:
 
 
 def _scene(study: PoleStudy) -> Figure:
-    from sim_bridge.scenarios.pole import picture
+    from experiments.pole.pictures import picture
 
     images = [
         (f"by the robot's {way}", picture(study.pairs.controlled[index, -1]))

@@ -23,15 +23,15 @@ from experiments.left_out import (
     rms,
     try_numbers,
 )
+from experiments.pole.geometry import fingertip, planned_clearance, way_of
 from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import MIN_MEMBERS, purity
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
-from sim_bridge.scenarios.pole import fingertip, planned_clearance, way_of
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.pole import PoleRun
+    from experiments.pole.world import PoleRun
 
 LARGEST_NUMBER = 17
 """Components that are tried, at most. Convention."""
@@ -200,7 +200,7 @@ def _carry_out(
     label: str, pairs: Pairs, predicted: LeftOutMixture, indices: NDArray[np.integer]
 ) -> Carried:
     """Let the arm execute predictions, each in a fresh world with the pole."""
-    from sim_bridge.scenarios.pole import execute
+    from experiments.pole.world import execute
 
     phase = np.linspace(0.0, 1.0, predicted.mean.shape[1])
     runs = tuple(execute(predicted.mean[i], phase * pairs.duration_s[i]) for i in indices)

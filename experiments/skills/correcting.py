@@ -27,8 +27,8 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 
 if TYPE_CHECKING:
+    from experiments.skills.correcting_hand import CorrectingHand
     from sim_bridge.arm import SimulatedArm
-    from sim_bridge.teaching import CorrectingHand
 
 MOVED_M = 0.08
 """How far a task's rule has moved [m]."""
@@ -117,8 +117,8 @@ class Corrects:
 
     def __call__(self, arm: "SimulatedArm", mode: Mode) -> None:
         """Watch, or pull."""
+        from experiments.skills.correcting_hand import CorrectingHand
         from sim_bridge.scenarios.toolbox import HOME_HAND_M
-        from sim_bridge.teaching import CorrectingHand
 
         if self.hand is not None:
             self.hand(arm)

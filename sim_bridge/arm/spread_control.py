@@ -2,7 +2,7 @@
 """Joint stiffness from the spread of the prediction that the arm executes.
 
 The stochastic feedback controller as far as a prediction with a standard deviation per joint tells
-it (`feedback_controller.resting_gains`): each joint alone, stiff where the prediction is
+it (`resting_gains`): each joint alone, stiff where the prediction is
 sure, soft where it is not. The reference stays that of the command, whose timing is its sender's.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.feedback_controller import FeedbackSettings, resting_gains
+from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
 
 HOLD_S = 1.0
 """How long after its end a prediction's last spread is held [s]; then low gains again."""

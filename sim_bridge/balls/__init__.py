@@ -4,7 +4,7 @@
 from sim_bridge.balls.collision import HULL_MARGIN_M, wall_pieces, write_obj
 from sim_bridge.balls.fluid import ball_radius_m, balls_in, hollow_of, settled
 from sim_bridge.balls.hollow import Hollow, offset
-from sim_bridge.balls.table import TRIALS_FILE, Trials, read_trials
+from sim_bridge.balls.table import TRIALS_FILE, Trials, read_trials, write_trials
 from sim_bridge.balls.tilting import Tilted, WallGuard, level_axes, tilt_along
 from sim_bridge.balls.trials import (
     COLUMNS,
@@ -15,6 +15,7 @@ from sim_bridge.balls.trials import (
     SECOND,
     TRIALS_PER_OBJECT,
     TrialBlock,
+    blocks,
     container,
     make,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "WallGuard",
     "ball_radius_m",
     "balls_in",
+    "blocks",
     "container",
     "hollow_of",
     "level_axes",
@@ -51,4 +53,5 @@ __all__ = [
     "tilt_along",
     "wall_pieces",
     "write_obj",
+    "write_trials",
 ]

@@ -56,7 +56,7 @@ def read_trials(path: Path) -> Trials:
     Raises:
         ModelError: it is missing, of another format, or a table has the wrong shape.
     """
-    cure = "Make it with `python -m sim_bridge.balls.dataset`, or install the package again."
+    cure = "Install the package again, or run `python -m experiments.constraints.dataset`."
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}

@@ -3,9 +3,7 @@
 
 from sim_bridge.containers.container import Container
 from sim_bridge.containers.generate import CONTAINER_NAMES, SHAPES, build_container, make_container
-from sim_bridge.containers.measured import MeasuredMesh, measure_mesh
 from sim_bridge.containers.scanning import scan
-from sim_bridge.containers.shells import shell_pieces
 from sim_bridge.containers.surfaces import TUBE_CORNERS, at_heights, pieces_between
 
 __all__ = [
@@ -13,12 +11,9 @@ __all__ = [
     "SHAPES",
     "TUBE_CORNERS",
     "Container",
-    "MeasuredMesh",
     "at_heights",
     "build_container",
     "make_container",
-    "measure_mesh",
     "pieces_between",
     "scan",
-    "shell_pieces",
 ]

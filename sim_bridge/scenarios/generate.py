@@ -16,19 +16,19 @@ from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Protocol
 
-from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
+from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 
 SCENARIOS = MappingProxyType(
     {
         "toolbox": "sim_bridge.scenarios.toolbox.recordings",
-        "pointing": "sim_bridge.scenarios.pointing.recordings",
+        "pointing": "experiments.pointing.recordings",
         "assembly": "sim_bridge.scenarios.assembly.recordings",
-        "pole": "sim_bridge.scenarios.pole.recordings",
+        "pole": "experiments.pole.recordings",
         "pouring": "sim_bridge.scenarios.pouring.recordings",
         "pours": "sim_bridge.scenarios.pouring.executed",
     }
 )
-"""Per scenario its module, a `Scenario`."""
+"""Per scenario its module, a `Scenario`; what only experiments read is recorded beside them."""
 
 
 class RecordingOrder(Protocol):
@@ -50,7 +50,13 @@ class Scenario(Protocol):
 
 
 def _scenario(name: str) -> Scenario:
-    module: Scenario = importlib.import_module(SCENARIOS[name])
+    try:
+        module: Scenario = importlib.import_module(SCENARIOS[name])
+    except ModuleNotFoundError as error:
+        if error.name != "experiments":
+            raise
+        cure = "Clone the repository, and run it there."
+        raise ArgumentError.about("scenario", "one of the package", name, cure) from error
     return module
 
 
@@ -74,17 +80,15 @@ def generate(
         progress: called with (bag just written, bags written, bags in all).
 
     Raises:
-        ArgumentError: scenario unknown; jobs or seed out of range.
+        ArgumentError: scenario unknown or not installed; jobs or seed out of range.
         ResourceBusyError: a bag of that name exists and `overwrite` is not set.
     """
     if scenario not in SCENARIOS:
-        raise ArgumentError(
-            describe("scenario", f"one of {sorted(SCENARIOS)}", scenario, "Correct the name.")
-        )
+        expected = f"one of {sorted(SCENARIOS)}"
+        raise ArgumentError.about("scenario", expected, scenario, "Correct the name.")
     if jobs < 1 or seed < 0:
-        raise ArgumentError(
-            describe("jobs, seed", "jobs >= 1 and seed >= 0", (jobs, seed), "Give such numbers.")
-        )
+        expected = "jobs >= 1 and seed >= 0"
+        raise ArgumentError.about("jobs, seed", expected, (jobs, seed), "Give such numbers.")
     todo = _scenario(scenario).orders(seed)
     for order in todo:
         make_room(output / order.folder, overwrite)
@@ -120,7 +124,7 @@ def make_room(folder: Path, overwrite: bool) -> None:
     """
     if folder.exists() and not overwrite:
         cure = "Choose another folder or add --overwrite."
-        raise ResourceBusyError(describe("output", "no bag of that name", folder, cure))
+        raise ResourceBusyError.about("output", "no bag of that name", folder, cure)
     if folder.exists():
         shutil.rmtree(folder)
 

@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from .correcting_hand import CorrectingHand
 from .recording import (
     ANGLE_STEP_RAD,
     EPOCH_NS,
@@ -37,7 +36,6 @@ __all__ = [
     "RATE_STEP_RAD_S",
     "SAMPLE_NS",
     "TORQUE_STEP_NM",
-    "CorrectingHand",
     "Grip",
     "HandTarget",
     "joint_fields",

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from experiments.pole import experiment as pole
+from experiments.pole.geometry import fingertip, way_of
 from experiments.pole.study import draw
 from experiments.settings import Settings
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.report.html import ReportPage, Section, render
 from intent_recognition.share import share_path
-from sim_bridge.scenarios.pole.geometry import fingertip, way_of
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 

@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from .arm_stand_in import StoodIn, stand_in
 from .live import REST_M, in_assistants_place, plan_live
 from .session import of_worker
 from .styles import FASTENING, HAND_OVER, PERSONAL_STD_M
@@ -9,9 +8,7 @@ __all__ = [
     "HAND_OVER",
     "PERSONAL_STD_M",
     "REST_M",
-    "StoodIn",
     "in_assistants_place",
     "of_worker",
     "plan_live",
-    "stand_in",
 ]

@@ -13,7 +13,7 @@ from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes.qos import COMMAND, STATE
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.feedback_controller import FeedbackSettings, resting_gains
+from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
 from sim_bridge.arm.spread_control import HOLD_S, SpreadControl
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import HOME

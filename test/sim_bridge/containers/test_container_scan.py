@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.measured_mesh import measure_mesh
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects.file import find_object, load_object
 from sim_bridge.containers.annotate import annotated
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
-from sim_bridge.containers.measured import measure_mesh
 from sim_bridge.containers.scanning import Camera, scan
 
 EXACT = Camera(depth_noise_std_m=0.0, normal_noise_std_rad=0.0)

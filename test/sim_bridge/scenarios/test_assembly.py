@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from experiments.assembly.arm_stand_in import hand_joints
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import ArgumentError
@@ -14,7 +15,6 @@ from intent_recognition.kinematics.forward import hand_position
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.share import share_path
-from sim_bridge.scenarios.assembly.arm_stand_in import hand_joints
 from sim_bridge.scenarios.assembly.interaction import plan_interaction
 from sim_bridge.scenarios.assembly.recordings import messages, orders
 from sim_bridge.scenarios.assembly.session import PER_TASK, SESSIONS, plan_session, session_tasks

@@ -7,18 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics.forward import forward_kinematics
-from intent_recognition.kinematics.inverse import branch_of
-from intent_recognition.kinematics.lwr import LWR_LIMITS
-from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.scenarios.pointing.execution import execute
-from sim_bridge.scenarios.pointing.finger import PointingBodies
-from sim_bridge.scenarios.pointing.person import WRIST_TO_TIP_M, wrist_goal
-from sim_bridge.scenarios.pointing.recordings import PointingOrder, metadata, orders, record
-from sim_bridge.scenarios.pointing.scene import (
+from experiments.pointing.execution import execute
+from experiments.pointing.finger import PointingBodies
+from experiments.pointing.person import WRIST_TO_TIP_M, wrist_goal
+from experiments.pointing.recordings import PointingOrder, metadata, orders, record
+from experiments.pointing.scene import (
     CIRCLE_CENTRE_M,
     CIRCLE_DIAMETER_M,
     FINGER_LENGTH_M,
@@ -32,6 +25,13 @@ from sim_bridge.scenarios.pointing.scene import (
     pointing_pose,
     spot,
 )
+from intent_recognition.demonstrations import read_demonstrations
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics.forward import forward_kinematics
+from intent_recognition.kinematics.inverse import branch_of
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH
 from sim_bridge.teaching.recording import POSITION_STEP_M, to_counts
 

@@ -11,11 +11,11 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
+from experiments.pole.lesson import PoleLesson, lead_around
+from experiments.pole.person import WandPointing, draw_pointing
+from experiments.pole.plan import can_reach, plan_way
 from intent_recognition.errors import KinematicsError, describe
-from sim_bridge.scenarios.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
-from sim_bridge.scenarios.pole.lesson import PoleLesson, lead_around
-from sim_bridge.scenarios.pole.person import WandPointing, draw_pointing
-from sim_bridge.scenarios.pole.plan import can_reach, plan_way
 from sim_bridge.scenarios.toolbox import REACTION_SHARE
 from sim_bridge.teaching import (
     PROVENANCE,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.pointing.finger import PointingBodies
+from experiments.pointing.scene import HOME, pointed_at
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm, TrajectoryCommand, TrajectoryFollower
-from sim_bridge.scenarios.pointing.finger import PointingBodies
-from sim_bridge.scenarios.pointing.scene import HOME, pointed_at
 
 REST_S = 1.0
 """The arm is watched so long after the movement [s], in which it comes to rest."""

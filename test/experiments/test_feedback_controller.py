@@ -5,16 +5,11 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
+from experiments.feedback.controller import feedback_policy, initial_state, propagate
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from sim_bridge.arm.feedback_controller import (
-    FeedbackSettings,
-    feedback_policy,
-    initial_state,
-    propagate,
-    resting_gains,
-)
+from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
 
 BASIS = NormalizedRBFBasis(10, 1.0)
 DURATION_S = 2.5

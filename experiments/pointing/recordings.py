@@ -11,9 +11,9 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.scenarios.pointing.lesson import TaughtPointing, plan_path, stand, teach
-from sim_bridge.scenarios.pointing.person import PersonPointing, marker_placement, point
-from sim_bridge.scenarios.pointing.scene import SPOTS_M, TASK, spot
+from experiments.pointing.lesson import TaughtPointing, plan_path, stand, teach
+from experiments.pointing.person import PersonPointing, marker_placement, point
+from experiments.pointing.scene import SPOTS_M, TASK, spot
 from sim_bridge.teaching import (
     PROVENANCE,
     metadata_stamp,

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from sim_bridge.arm.arm import STEPS_PER_SAMPLE, TIME_STEP_S, SimulatedArm
-from sim_bridge.arm.feedback_controller import FeedbackPolicy
-from sim_bridge.arm.trajectory_follower import ArmReference
+from experiments.feedback.controller import FeedbackPolicy
+from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, ArmReference, SimulatedArm
 
 NOISE_STEPS = 5
 """Physics steps for which one draw of the disturbance lasts; far shorter than the arm's motion."""

@@ -4,9 +4,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from experiments.pointing.scene import CIRCLE_CENTRE_M, FINGER_LENGTH_M, TABLE_HEIGHT_M
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.physics import pybullet
-from sim_bridge.scenarios.pointing.scene import CIRCLE_CENTRE_M, FINGER_LENGTH_M, TABLE_HEIGHT_M
 
 FINGER_MASS_KG = 0.05
 """Mass of the rod [kg]. Convention."""

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import Box
-from sim_bridge.arm.robots import Robot
-from sim_bridge.arm.surroundings import add_box
-from sim_bridge.arm.urdf_loading import load_urdf
+from sim_bridge.arm import Robot, add_box, load_urdf
 from sim_bridge.physics import end_world, start_world
 
 _FAR_M = 10.0

@@ -7,15 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from experiments.pole.geometry import POLE_HEIGHT_M, POLE_M, POLE_RADIUS_M, finger_clearance
 from intent_recognition.kinematics import forward_kinematics
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
 from sim_bridge.physics import pybullet
-from sim_bridge.scenarios.pole.geometry import (
-    POLE_HEIGHT_M,
-    POLE_M,
-    POLE_RADIUS_M,
-    finger_clearance,
-)
 
 LOOK_M = 0.5
 """Distances are measured up to here [m]."""

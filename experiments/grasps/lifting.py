@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from experiments.grasps.gripper import BACK_M, FINGERS, SPEED_M_S, Gripper
+from experiments.grasps.shells import shell_pieces
 from intent_recognition.warping import Grasp
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls import write_obj
-from sim_bridge.containers import shell_pieces
-from sim_bridge.grasping.gripper import BACK_M, FINGERS, SPEED_M_S, Gripper
 
 STEP_S = 1.0 / 480.0
 """Physics step [s]: half of PyBullet's default, so that a grip of thin walls is calm."""

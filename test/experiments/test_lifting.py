@@ -6,12 +6,14 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
+from experiments.grasps.gripper import FORCE_N
+from experiments.grasps.lifting import LiftingWorld
+from experiments.grasps.shells import shell_pieces
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import Grasp
 from sim_bridge import GRAVITY_M_S2
-from sim_bridge.containers import make_container, shell_pieces
-from sim_bridge.grasping import FORCE_N, LiftingWorld
+from sim_bridge.containers import make_container
 
 MUG = make_container("mug", 0)
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.pole.geometry import LEFT
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
-from sim_bridge.scenarios.pole.geometry import LEFT
 
 REST_M = np.array([1.05, 0.0, 0.25])
 """Middle of the region in which the wand's tip rests [m], world."""

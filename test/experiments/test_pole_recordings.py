@@ -6,11 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics.lwr import LWR_LIMITS
-from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.scenarios.pole import recordings
-from sim_bridge.scenarios.pole.geometry import (
+from experiments.pole import recordings
+from experiments.pole.geometry import (
     HOME,
     LEFT,
     MIRROR,
@@ -24,14 +21,11 @@ from sim_bridge.scenarios.pole.geometry import (
     way_of,
     winding,
 )
-from sim_bridge.scenarios.pole.plan import (
-    CLEARANCE_M,
-    LEAST_CLEARANCE_M,
-    REACHED_M,
-    can_reach,
-    plan_way,
-)
-from sim_bridge.scenarios.pole.world import Pole, execute
+from experiments.pole.plan import CLEARANCE_M, LEAST_CLEARANCE_M, REACHED_M, can_reach, plan_way
+from experiments.pole.world import Pole, execute
+from intent_recognition.errors import KinematicsError
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+from sim_bridge.arm.arm import SimulatedArm
 
 SPOT = np.array([0.57, 0.0])
 SHARES = np.linspace(0.0, 1.0, 60)

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
+from experiments.constraints import dataset
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError
-from sim_bridge.balls import dataset
 from sim_bridge.balls.table import read_trials, write_trials
 from sim_bridge.balls.trials import COLUMNS, blocks
 

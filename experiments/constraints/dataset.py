@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Make all trials of the pouring experiments: `python -m sim_bridge.balls.dataset`.
+"""Make all trials of the pouring experiments: `python -m experiments.constraints.dataset`.
 
 Every block of trials is a file of its own beside the output until all are done. A run that was
 interrupted goes on where it was; the result depends on the seed alone.
@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from intent_recognition import __version__
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
-from sim_bridge.balls.table import write_trials
-from sim_bridge.balls.trials import (
+from sim_bridge.balls import (
     COLUMNS,
     CONTAINER_SEED,
     TRIALS_PER_OBJECT,
     TrialBlock,
     blocks,
     make,
+    write_trials,
 )
 
 
@@ -162,7 +162,7 @@ def _parts_folder(output: Path, origin: dict[str, int]) -> Path:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sim_bridge.balls.dataset",
+        prog="python -m experiments.constraints.dataset",
         description="Simulate the pouring and filling trials with balls. Goes on where an"
         " interrupted run stopped.",
     )

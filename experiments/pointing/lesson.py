@@ -7,17 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from experiments.pointing.finger import PointingBodies
+from experiments.pointing.scene import HOME, home_pose, pointed_at, pointing_pose, pointing_rotation
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
 from sim_bridge.coworker import bow_profile, minimum_jerk
-from sim_bridge.scenarios.pointing.finger import PointingBodies
-from sim_bridge.scenarios.pointing.scene import (
-    HOME,
-    home_pose,
-    pointed_at,
-    pointing_pose,
-    pointing_rotation,
-)
 from sim_bridge.scenarios.toolbox import (
     HOME_STD_RAD,
     SENSOR_NOISE,

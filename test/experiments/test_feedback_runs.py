@@ -3,11 +3,11 @@
 
 import numpy as np
 
+from experiments.feedback.controller import feedback_policy, propagate
+from experiments.feedback.runs import Push, execute, mean_movement
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.feedback_controller import feedback_policy, propagate
-from sim_bridge.arm.feedback_runs import Push, execute, mean_movement
 from sim_bridge.scenarios.toolbox.scene import HOME
 
 BASIS = NormalizedRBFBasis(8, 1.0)

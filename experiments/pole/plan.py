@@ -12,10 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from intent_recognition.errors import KinematicsError, describe
-from intent_recognition.kinematics import LWR_LIMITS
-from sim_bridge.coworker import minimum_jerk
-from sim_bridge.scenarios.pole.geometry import (
+from experiments.pole.geometry import (
     HOME,
     LEFT,
     MIRROR,
@@ -23,6 +20,9 @@ from sim_bridge.scenarios.pole.geometry import (
     chain,
     planned_clearance,
 )
+from intent_recognition.errors import KinematicsError, describe
+from intent_recognition.kinematics import LWR_LIMITS
+from sim_bridge.coworker import minimum_jerk
 
 CLEARANCE_M = 0.065
 """A person leading the arm keeps it so far from the pole, where there is room [m]."""

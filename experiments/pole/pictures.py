@@ -4,10 +4,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.pole.geometry import fingertip
+from experiments.pole.world import Pole
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.physics import pybullet
-from sim_bridge.scenarios.pole.geometry import fingertip
-from sim_bridge.scenarios.pole.world import Pole
 
 WIDTH, HEIGHT = 560, 470
 

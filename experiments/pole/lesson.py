@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.pole.plan import Way
+from experiments.pole.world import Pole
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
-from sim_bridge.scenarios.pole.plan import Way
-from sim_bridge.scenarios.pole.world import Pole
 from sim_bridge.scenarios.toolbox import SENSOR_NOISE
 from sim_bridge.teaching import Grip, HandTarget, pull
 

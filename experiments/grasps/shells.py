@@ -9,7 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
-from sim_bridge.containers.surfaces import at_heights, pieces_between
+from sim_bridge.containers import at_heights, pieces_between
 
 N_RINGS, N_CORNERS = 9, 32
 """Rings and corners of a wall: 256 pieces, a few millimetres wide on a cup. Convention."""
