@@ -16,6 +16,7 @@ GROUPS = {
         "train": "learn from demonstrations",
         "evaluate": "score on recordings left out of training",
         "replay": "show how the tasks are recognised during a recording",
+        "explain": "say why each decision during a recording was taken",
     },
     "record and play": {
         "record": "record topics into a bag until Ctrl-C",

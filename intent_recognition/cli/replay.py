@@ -9,11 +9,18 @@ from rich.console import Console
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import boxed_table, progress_bar, say
+from intent_recognition.cli.explain import write_report
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path
-from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_output,
+    console_beside,
+    write_json,
+)
 from intent_recognition.errors import BagError
-from intent_recognition.evaluation import replay
+from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
 
@@ -47,12 +54,19 @@ def add_parser(subparsers: Subparsers) -> None:
         help="model that `intent train` wrote",
     )
     add_json_option(parser, "every observation")
+    parser.add_argument(
+        "--report",
+        type=a_path,
+        metavar="OUT.html",
+        help="write an HTML report of the decisions, as `intent explain` does",
+    )
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay one recording."""
-    console = console_beside(args.json)
+    console = console_beside(args.json, {"--report": args.report})
+    check_output("--report", args.report)
     model = load_model(args.model)
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()
@@ -80,6 +94,8 @@ def run(args: argparse.Namespace) -> int:
         console.print(f"not activated: {reason}", style="yellow")
     if dropped:
         console.print(f"messages dropped: {dropped}", style="yellow")
+    if args.report:
+        write_report(console, args.report, explain(reader, model), args.bag)
     return 0
 
 

@@ -36,6 +36,7 @@ from intent_recognition.demonstrations.inspect import (
 from intent_recognition.demonstrations.labels import check_label
 from intent_recognition.demonstrations.observations import (
     ObservationReader,
+    Sample,
     Source,
     iter_observations,
     iter_samples,
@@ -66,6 +67,7 @@ __all__ = [
     "DofEntry",
     "DofSpec",
     "ObservationReader",
+    "Sample",
     "Source",
     "TopicSummary",
     "arm_in_world",

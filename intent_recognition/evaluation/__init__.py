@@ -3,6 +3,7 @@
 
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import reliability_bins
+from intent_recognition.evaluation.explaining import Explanation, explain
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import run_online
 from intent_recognition.evaluation.protocol import evaluate
@@ -39,6 +40,7 @@ __all__ = [
     "PAPER_RECOGNISED",
     "PHASES",
     "DemoSummary",
+    "Explanation",
     "Fold",
     "HandError",
     "InteractionRecord",
@@ -46,6 +48,7 @@ __all__ = [
     "SessionLog",
     "Trace",
     "evaluate",
+    "explain",
     "make_folds",
     "mean_of_task",
     "nearest_neighbour",

@@ -2,12 +2,11 @@
 """The online estimator over a recording, without ROS."""
 
 from collections import Counter
-from collections.abc import Iterator
-
-import numpy as np
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations import Source, is_raw_pose, iter_samples
+from intent_recognition.demonstrations import Sample, Source, is_raw_pose, iter_samples
 from intent_recognition.model import Model, frames_of
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import (
@@ -22,6 +21,25 @@ from intent_recognition.recognition import (
 from intent_recognition.tracking import IngestSettings
 
 
+class Decided(NamedTuple):
+    """An estimate, and what the decision made of it.
+
+    Attributes:
+        estimate: after an observation of the human.
+        state: of the decision.
+        end_std: what was predicted of the end, by unit; None where nothing was.
+    """
+
+    estimate: Estimate
+    state: DecisionState
+    end_std: Mapping[str, float] | None
+
+
+def samples_of(reader: BagReader, model: Model, rejected: Counter[str]) -> Iterator[Sample]:
+    """What a model reads of a recording, in order; see `estimates`."""
+    return iter_samples(reader, model.dofs, _ingest_settings(model), rejected)
+
+
 def estimates(
     estimator: IntentEstimator, reader: BagReader, model: Model, rejected: Counter[str]
 ) -> Iterator[Estimate]:
@@ -33,7 +51,14 @@ def estimates(
         model: its DOF file says what is read, and the frame it was learned in is the world.
         rejected: filled with the number of dropped observations, by reason.
     """
-    for source, observation in iter_samples(reader, model.dofs, _ingest_settings(model), rejected):
+    return follow(estimator, samples_of(reader, model, rejected), rejected)
+
+
+def follow(
+    estimator: IntentEstimator, samples: Iterable[Sample], rejected: Counter[str]
+) -> Iterator[Estimate]:
+    """Show samples to an estimator; arguments as of `estimates`."""
+    for source, observation in samples:
         if source is Source.CONTROLLED:
             estimator.update_controlled(observation)
             continue
@@ -45,6 +70,26 @@ def estimates(
             rejected[reason] += 1
             continue
         yield estimator.update(observation)
+
+
+def decisions(
+    estimator: IntentEstimator, settings: DecisionSettings, followed: Iterable[Estimate]
+) -> Iterator[Decided]:
+    """What the decision makes of each estimate, as the activation node takes it.
+
+    Args:
+        estimator: that gives the estimates; it predicts the ends.
+        settings: of the decision.
+        followed: its estimates, as it gives them.
+    """
+    state = DecisionState()
+    for estimate in followed:
+        end_std = None
+        if estimate.moving and estimate.task != NONE:
+            end_std = estimator.predicted_end_std()
+        current = estimate.labels, estimate.probabilities
+        state, _ = decide(settings, state, *current, end_std, estimate.log_evidence)
+        yield Decided(estimate, state, end_std)
 
 
 def _ingest_settings(model: Model) -> IngestSettings | None:
@@ -75,15 +120,10 @@ def replay(
     rejected = Counter() if rejected is None else rejected
     settings = settings or decision_settings(model.library)
     held_back = {} if held_back is None else held_back
-    estimator, state = IntentEstimator(model.library), DecisionState()
+    estimator = IntentEstimator(model.library)
     labels = (*model.library.labels, NONE)
-    for estimate in estimates(estimator, reader, model, rejected):
-        end_std = None
-        if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
-            end_std = estimator.predicted_end_std()
-        state, active = decide(
-            settings, state, labels, estimate.probabilities, end_std, estimate.log_evidence
-        )
+    followed = estimates(estimator, reader, model, rejected)
+    for estimate, state, end_std in decisions(estimator, settings, followed):
         reason = uncertain_end(settings, state, end_std)
         if reason:
             held_back[state.candidate] = reason
@@ -91,5 +131,5 @@ def replay(
             "stamp": estimate.stamp_ns,
             "probabilities": dict(zip(labels, estimate.probabilities.tolist(), strict=True)),
             "phase": dict(zip(labels, estimate.phase.tolist(), strict=True)),
-            "active_task": active,
+            "active_task": state.active,
         }

@@ -16,6 +16,7 @@ from intent_recognition.recognition.decision import (
 )
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.recognition.explaining import Evidence, without_dofs
 from intent_recognition.recognition.offline import predict_controlled, recognize_task
 from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
 from intent_recognition.recognition.start_posture import (
@@ -34,6 +35,7 @@ __all__ = [
     "DecisionSettings",
     "DecisionState",
     "Estimate",
+    "Evidence",
     "IntentEstimator",
     "Prediction",
     "TaskMemory",
@@ -49,4 +51,5 @@ __all__ = [
     "start_mean",
     "task_posterior",
     "uncertain_end",
+    "without_dofs",
 ]

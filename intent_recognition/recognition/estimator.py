@@ -32,6 +32,7 @@ from intent_recognition.recognition.arguments import (
 )
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
+from intent_recognition.recognition.explaining import Evidence, explain_movement
 from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movement, MovementAfterStop
@@ -433,6 +434,24 @@ class IntentEstimator:
         names, units = self.library.observed_names, self.library.observed_units
         label, onset_ns = self._labels[task], self._movement.onset_ns
         return Prediction(label, onset_ns, trajectory, names=names, units=units)
+
+    def explain(self, task: str | None = None, rival: str | None = None) -> Evidence | None:
+        """Why a task is more probable than another: evidence by observation and observed DOF.
+
+        None at rest and before an onset is found. It takes as long as filtering the movement
+        anew for each observed DOF.
+
+        Args:
+            task: its label; None for the most probable one but `none`.
+            rival: label of the other; None for the most probable other task, or for none where
+                that is more probable.
+
+        Raises:
+            ArgumentError: there is no such label, or both are the same.
+        """
+        if self._movement is None or self._posterior is None:
+            return None
+        return explain_movement(self._movement, self._posterior, task, rival)
 
     def too_sparse(self) -> SparseSignal | None:
         """A signal with too few samples for a movement to be found; None where all have enough."""

@@ -22,6 +22,11 @@ from intent_recognition.report.drawing import (
     to_svg,
 )
 from intent_recognition.report.evaluation_report import write_evaluation_report
+from intent_recognition.report.explanation_report import (
+    heading,
+    without_rows,
+    write_explanation_report,
+)
 from intent_recognition.report.figures_session import hand_error_figure
 from intent_recognition.report.html import (
     Block,
@@ -58,6 +63,7 @@ __all__ = [
     "TableBlock",
     "fill_two_sigma",
     "hand_error_figure",
+    "heading",
     "new_axes",
     "new_figure",
     "readable",
@@ -68,9 +74,11 @@ __all__ = [
     "task_markers",
     "to_png",
     "to_svg",
+    "without_rows",
     "write_arms_report",
     "write_demo_report",
     "write_evaluation_report",
+    "write_explanation_report",
     "write_page",
     "write_warp_report",
 ]

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent explain`: why each decision during a recording was taken."""
+
+import argparse
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from intent_recognition.bags import BagReader
+from intent_recognition.cli.console import boxed_table, busy, escape, say
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_output,
+    console_beside,
+    write_json,
+)
+from intent_recognition.evaluation import Explanation, explain
+from intent_recognition.model import load_model
+from intent_recognition.report import heading, without_rows, write_explanation_report
+
+PARTS = 3
+"""Parts of the time until a decision that the table shows. Convention: one screen."""
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command to `intent`."""
+    parser = subparsers.add_parser(
+        "explain",
+        description="Say why each decision during a recording was taken: the evidence against the"
+        " runner-up over time and by degree of freedom, and what would have been decided without"
+        " each signal.",
+        **examples(
+            (
+                "as tables, and as figures in a page",
+                "intent explain demos/give_bracket_00 --model bracket.npz --report why.html",
+            ),
+            (
+                "against another task than the runner-up",
+                "intent explain demos/give_bracket_00 --model bracket.npz --against give_screw",
+            ),
+        ),
+    )
+    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
+    parser.add_argument(
+        "--model",
+        type=a_path,
+        required=True,
+        metavar="M.npz",
+        help="model that `intent train` wrote",
+    )
+    parser.add_argument(
+        "--against",
+        metavar="TASK",
+        help="a task, or none, instead of the most probable other task at the decision",
+    )
+    add_json_option(parser, "the evidence")
+    parser.add_argument("--report", type=a_path, metavar="OUT.html", help="write an HTML report")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Explain the decisions of one recording."""
+    console = console_beside(args.json, {"--report": args.report})
+    check_output("--report", args.report)
+    model, reader = load_model(args.model), BagReader(args.bag)
+    rejected: Counter[str] = Counter()
+    with busy(console, "explaining"):
+        found = explain(reader, model, rejected, against=args.against)
+    write_json(args.json, [one.to_json() for one in found])
+    if args.json != PRINTED:
+        for one in found:
+            print_explanation(console, one)
+        if not found:
+            say(console, "no movement was found: `intent inspect` shows what is in the recording")
+    if args.report:
+        write_report(console, args.report, found, args.bag)
+    return 0
+
+
+def write_report(console: Console, path: Path, found: list[Explanation], bag: Path) -> None:
+    """Write the figures as a page."""
+    with busy(console, "writing the report"):
+        write_explanation_report(path, found, f"Decisions in {bag.name}")
+    say(console, f"wrote {path}")
+
+
+def print_explanation(console: Console, one: Explanation) -> None:
+    """A table: what each DOF added in each part of the time, and what happens without it."""
+    found = one.evidence
+    edges = np.linspace(0.0, found.times_s[-1], PARTS + 1)
+    part = np.clip(np.searchsorted(edges, found.times_s, side="left") - 1, 0, PARTS - 1)
+    sums = np.array([found.by_dof[part == k].sum(axis=0) for k in range(PARTS)])
+    times = (f">{a:.2f}-{b:.2f} s" for a, b in pairwise(edges))
+    table = boxed_table(f"{heading(one)}: nats", "signal", *times, ">in all", "without it")
+    by_name = dict(zip(found.names, sums.T, strict=True))
+    table.add_row("expected before", *[""] * PARTS, f"{found.expected:+.1f}", "")
+    for name, total, instead in without_rows(one):
+        cells = [f"{value:+.1f}" for value in by_name.get(name, ())] or [""] * PARTS
+        table.add_row(escape(name), *cells, "" if total is None else f"{total:+.1f}", instead)
+    totals = [f"{value:+.1f}" for value in sums.sum(axis=1)]
+    table.add_row("log odds", *totals, f"{found.log_odds:+.1f}", "")
+    console.print(table)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Why one task is more probable than another: evidence by observation and by observed DOF.
+
+The log odds of two tasks are those before the movement and, by the chain rule, the sum over the
+observations of the log ratio of their predictive densities, p(y_t | y_1 .. y_t-1, task): what the
+innovations are judged by (Maeda et al. 2014, Eq. 9-11). The chain rule holds over the DOFs of an
+observation, too. The filter therefore follows the movement by the first DOF alone, by the first
+two, and so on: what one more DOF adds is its density given those before it in the order of the
+library. Nothing is approximated beyond the filter itself: the parts sum to the log odds that the
+estimator reports. Another order divides the same sum differently.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.filtering import MovementFilter
+from intent_recognition.promp import NONE, TaskLibrary
+from intent_recognition.recognition.movement import Movement
+from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.signals import Observation
+
+
+class Evidence(NamedTuple):
+    """What speaks for a task, and against a rival.
+
+    Attributes:
+        task: its label.
+        rival: that of the other one.
+        names: of the P observed DOFs.
+        times_s: of the n observations after onset, (n,).
+        by_dof: what each observation adds to the log odds, by DOF, in nats, (n, P); an observation
+            that the filter leaves out, since it follows too closely on another, adds nothing.
+        expected: log odds before the movement, and what a person answered since.
+    """
+
+    task: str
+    rival: str
+    names: tuple[str, ...]
+    times_s: NDArray[np.float64]
+    by_dof: NDArray[np.float64]
+    expected: float
+
+    @property
+    def log_odds(self) -> float:
+        """log p(task) / p(rival) after all observations, as the estimator reports it."""
+        return self.expected + float(self.by_dof.sum())
+
+
+def explain_movement(
+    movement: Movement, posterior: TaskPosterior, task: str | None = None, rival: str | None = None
+) -> Evidence:
+    """Evidence of a movement under way.
+
+    The filter runs once more for each observed DOF.
+
+    Args:
+        movement: its filter and observations; they stay as they are.
+        posterior: what is believed of it.
+        task: label; None for the most probable one but `none`.
+        rival: label; None for the most probable other task, or for none where that is more
+            probable than the task.
+
+    Raises:
+        ArgumentError: there is no such label, or both are the same.
+    """
+    run = movement.filter
+    labels = (*run.library.labels, NONE)
+    p = posterior.probabilities
+    best = int(np.argmax(p[:-1])) if task is None else _place("task", labels, task)
+    other = _runner_up(p, best) if rival is None else _place("rival", labels, rival)
+    if best == other:
+        raise ArgumentError.about("rival", "another label than task", rival, "Leave it out.")
+    sums = [
+        _evidence_over_time(run, movement.observations, n_dofs, best, other)
+        for n_dofs in range(1, run.library.n_observed + 1)
+    ]
+    by_dof = np.diff(np.diff([np.zeros_like(sums[0]), *sums], axis=0).T, axis=0, prepend=0.0)
+    stamps_ns = np.array([one.stamp_ns for one in movement.observations], dtype=np.int64)
+    times_s = 1e-9 * np.asarray(stamps_ns - run.onset_ns, dtype=np.float64)
+    with np.errstate(divide="ignore"):
+        odds = float(np.log(p[best]) - np.log(p[other]))
+    evidence = movement.posterior(int(stamps_ns[-1])).log_evidence
+    return Evidence(
+        labels[best],
+        labels[other],
+        run.library.observed_names,
+        times_s,
+        by_dof,
+        odds - float(evidence[best] - evidence[other]),
+    )
+
+
+def without_dofs(
+    observation: Observation, library: TaskLibrary, dropped: frozenset[int]
+) -> Observation | None:
+    """An observation as if some DOFs had not been measured; None where nothing is left.
+
+    Args:
+        observation: of one signal.
+        library: says which observed DOFs the signal has.
+        dropped: numbers of observed DOFs.
+    """
+    dofs = library.observed_dofs(observation.group, observation.dofs)
+    lost = [dof in dropped for dof in dofs.tolist()]
+    if not any(lost):
+        return observation
+    return observation._replace(values=np.where(lost, np.nan, observation.values)).measured()
+
+
+def _evidence_over_time(
+    like: MovementFilter, observations: list[Observation], n_dofs: int, task: int, rival: int
+) -> NDArray[np.float64]:
+    """Log evidence of a task against a rival after each observation, by the first DOFs, (n,)."""
+    library = like.library
+    dropped = frozenset(range(n_dofs, library.n_observed))
+    switching = like.births is not None
+    again = MovementFilter(library, like.grid, like.onset_ns, prune=True, switching=switching)
+    run, found = Movement(again), []
+    for observation in observations:
+        seen = without_dofs(observation, library, dropped)
+        if seen is not None:
+            again.observe(seen)
+        evidence = run.posterior(observation.stamp_ns).log_evidence
+        found.append(evidence[task] - evidence[rival])
+    return np.array(found)
+
+
+def _runner_up(p: NDArray[np.float64], task: int) -> int:
+    """The most probable other task; none where that is more probable than the task."""
+    none = len(p) - 1
+    if p[none] > p[task] or len(p) < 3:
+        return none if task != none else int(np.argmax(p[:-1]))
+    return int(np.argmax(np.where(np.arange(none) == task, -1.0, p[:-1])))
+
+
+def _place(argument: str, labels: tuple[str, ...], label: str) -> int:
+    if label not in labels:
+        cure = "Name a task of the model, or none."
+        raise ArgumentError.about(argument, f"one of {', '.join(labels)}", repr(label), cure)
+    return labels.index(label)

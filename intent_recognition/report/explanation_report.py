@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Why decisions were taken: evidence over time and by DOF, and what less would have led to."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from intent_recognition.evaluation import Explanation
+from intent_recognition.report.drawing import (
+    INK,
+    PALETTE,
+    SOFT,
+    new_figure,
+    readable,
+    styled,
+    to_svg,
+)
+from intent_recognition.report.figures_interaction import posterior_over_time_figure
+from intent_recognition.report.html import (
+    Block,
+    Column,
+    Figure,
+    Paragraph,
+    ReportPage,
+    Row,
+    Section,
+    TableBlock,
+    write_page,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+EXPLANATION = (
+    "Evidence is the logarithm of how much more probable an observation is under the task than"
+    " under the other one (nats; 2.3 are a factor of ten, above zero speaks for the task). It adds"
+    " up over time and over DOFs, each given those before it, to the odds that were acted on."
+    " Without a signal, the estimator and the decision run over the recording again."
+)
+
+
+def write_explanation_report(
+    path: str | Path, explanations: Sequence[Explanation], title: str
+) -> Path:
+    """Write the explanations of a recording as one HTML file.
+
+    Args:
+        path: of the file; its folder is made if it is missing.
+        explanations: of its decisions, in order.
+        title: of the page.
+
+    Raises:
+        ResourceBusyError: the file cannot be written.
+    """
+    sections = tuple(Section(heading(one), _blocks(one)) for one in explanations)
+    return write_page(path, ReportPage(title, EXPLANATION, sections))
+
+
+def heading(one: Explanation) -> str:
+    """What was decided, and when, in words."""
+    after = f"{one.after_s:.2f} s after onset"
+    rival = readable(one.evidence.rival)
+    if one.task:
+        return f"{readable(one.task)} rather than {rival}, {after}"
+    return f"no decision; nearest to it with {readable(one.evidence.task)}, {after}"
+
+
+def without_rows(one: Explanation) -> list[tuple[str, float | None, str]]:
+    """For each name what it added, and what would have been decided without it."""
+    by_dof = dict(zip(one.evidence.names, one.evidence.by_dof.sum(axis=0), strict=True))
+    names = dict.fromkeys([*by_dof, *one.without])
+    rows = []
+    for name in names:
+        instead, text = one.without.get(name), "-"
+        if instead is not None:
+            text = "no decision"
+            if instead.after_s is not None:
+                text = f"{readable(instead.task)} after {instead.after_s:.2f} s"
+        rows.append((name, by_dof.get(name), text))
+    return rows
+
+
+@styled
+def evidence_figure(one: Explanation) -> "Drawing":
+    """Evidence so far over time, in all and by DOF, and what each DOF added by the decision."""
+    found = one.evidence
+    figure = new_figure(8.6, 3.4)
+    over_time, in_all = figure.subplots(1, 2, width_ratios=(2, 1))
+    sums = np.cumsum(found.by_dof, axis=0)
+    colours = [PALETTE[k % len(PALETTE)] for k in range(len(found.names))]
+    short = [name.removeprefix(_shared(found.names)) for name in found.names]
+    for name, colour, column in zip(short, colours, sums.T, strict=True):
+        over_time.plot(found.times_s, column, color=colour, label=name)
+    total = found.expected + sums.sum(axis=1)
+    over_time.plot(found.times_s, total, color=INK, linewidth=2.4, label="log odds")
+    over_time.axhline(0.0, color=SOFT, linewidth=0.8)
+    over_time.set(xlabel="time after onset [s]", ylabel="evidence [nat]")
+    over_time.set_title(f"{readable(found.task)} against {readable(found.rival)}")
+    in_all.barh(["before", *short], [found.expected, *sums[-1]], color=[SOFT, *colours])
+    in_all.axvline(0.0, color=SOFT, linewidth=0.8)
+    in_all.invert_yaxis()
+    in_all.set(xlabel="evidence [nat]", title=f"log odds {found.log_odds:.1f}")
+    figure.legend(*over_time.get_legend_handles_labels(), loc="outside lower center", ncols=6)
+    return figure
+
+
+def _shared(names: Sequence[str]) -> str:
+    """What several names begin with alike, up to the last point."""
+    stems = {name.rpartition(".")[0] for name in names}
+    return f"{stems.pop()}." if len(stems) == 1 and len(names) > 1 else ""
+
+
+def _blocks(one: Explanation) -> tuple[Block, ...]:
+    """Figures and table of one explanation."""
+    movement_s = max(float(one.times_s[-1]), 1e-9)
+    trace = {
+        "labels": one.labels,
+        "share": one.times_s / movement_s,
+        "probabilities": one.probabilities,
+        "decision_s": one.after_s if one.task else None,
+    }
+    drawn = (evidence_figure(one), posterior_over_time_figure(trace, movement_s))
+    columns = (
+        Column("signal", align="left"),
+        Column("evidence", "nat", form=".1f"),
+        Column("without it", align="left"),
+    )
+    table = TableBlock.of(columns, without_rows(one))
+    blocks: tuple[Block, ...] = (Row(tuple(Figure(to_svg(figure)) for figure in drawn)), table)
+    if not one.task:
+        blocks = (Paragraph("Nothing became active during this movement."), *blocks)
+    return blocks

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent explain`: the evidence of each decision, and what would have come of less."""
+
+import json
+
+import numpy as np
+import pytest
+from model_builder import learned_model, make_dofs, perform, true_library, write_recording
+
+from intent_recognition.bags import BagReader
+from intent_recognition.demonstrations import Source, iter_samples
+from intent_recognition.errors import ArgumentError
+from intent_recognition.evaluation import explain, replay
+from intent_recognition.model import save_model
+from intent_recognition.recognition import (
+    DecisionState,
+    IntentEstimator,
+    decide,
+    decision_settings,
+)
+
+DOFS = make_dofs()
+TRUTH = true_library(DOFS, n_tasks=2)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "model.npz"
+    save_model(path, learned_model(DOFS, TRUTH))
+    return path
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return write_recording(tmp_path_factory.mktemp("bags") / "bag", perform(TRUTH, 1, 50), DOFS)
+
+
+@pytest.mark.slow
+def test_the_decision_is_replays_and_its_odds_are_those_of_the_probabilities(bag):
+    model = learned_model(DOFS, TRUTH)
+    rows = list(replay(BagReader(bag), model))
+    first = next(row for row in rows if row["active_task"])
+    (found,) = explain(BagReader(bag), model)
+    assert found.task == first["active_task"] == "task_1"
+    assert found.onset_ns + round(found.after_s * 1e9) == first["stamp"]
+    assert (found.evidence.task, found.evidence.rival) == ("task_1", "task_0")
+    p = first["probabilities"]
+    np.testing.assert_allclose(found.evidence.log_odds, np.log(p["task_1"] / p["task_0"]))
+    (against_none,) = explain(BagReader(bag), model, against="none")
+    np.testing.assert_allclose(against_none.evidence.log_odds, np.log(p["task_1"] / p["none"]))
+
+
+@pytest.mark.slow
+def test_without_a_dof_it_decides_as_on_a_recording_that_never_had_it(bag):
+    model = learned_model(DOFS, TRUTH)
+    (found,) = explain(BagReader(bag), model)
+    names = model.library.observed_names
+    assert list(found.without) == list(names)
+    for k, name in enumerate(names):
+        acted = next((stamp_ns, task) for stamp_ns, task in _decided(model, bag, k) if task)
+        expected = (acted[1], (acted[0] - found.onset_ns) * 1e-9)
+        assert tuple(found.without[name]) == expected
+
+
+def _decided(model, bag, lost):
+    """Stamp and active task after each observation, one DOF being NaN throughout."""
+    estimator, state = IntentEstimator(model.library), DecisionState()
+    settings = decision_settings(model.library)
+    for source, one in iter_samples(BagReader(bag), model.dofs):
+        if source is Source.CONTROLLED:
+            estimator.update_controlled(one)
+            continue
+        values = one.values.copy()
+        values[lost] = np.nan
+        estimate = estimator.update(one._replace(values=values).measured())
+        end_std = estimator.predicted_end_std()
+        current = estimate.labels, estimate.probabilities
+        state, task = decide(settings, state, *current, end_std, estimate.log_evidence)
+        yield one.stamp_ns, task
+
+
+@pytest.mark.slow
+def test_tables_json_and_page_say_the_same(run_command, model, bag, tmp_path):
+    out, page = tmp_path / "why.json", tmp_path / "why.html"
+    code, text = run_command("explain", bag, "--model", model, "--json", out, "--report", page)
+    assert code == 0
+    (one,) = json.loads(out.read_text())
+    total = one["expected"] + sum(map(sum, one["evidence"].values()))
+    assert total == pytest.approx(one["log_odds"])
+    for shown in (text, page.read_text()):
+        assert f"task 1 rather than task 0, {one['after_s']:.2f} s after onset" in shown
+    assert f"{one['log_odds']:+.1f}" in text
+    assert page.read_text().count("data:image/svg+xml") == 2
+
+
+@pytest.mark.slow
+def test_replay_writes_the_same_page(run_command, model, bag, tmp_path):
+    page = tmp_path / "replay.html"
+    code, _ = run_command("replay", bag, "--model", model, "--report", page)
+    assert code == 0
+    assert "task 1 rather than task 0" in page.read_text()
+
+
+@pytest.mark.slow
+def test_a_movement_without_a_decision_is_explained_where_it_came_nearest(tmp_path):
+    model, stranger = learned_model(DOFS, TRUTH), true_library(DOFS, n_tasks=2, seed=77)
+    bag = write_recording(tmp_path / "bag", perform(stranger, 0, 3), DOFS)
+    assert not any(row["active_task"] for row in replay(BagReader(bag), model))
+    found = explain(BagReader(bag), model)
+    assert found
+    for one in found:
+        assert one.task == ""
+        best = one.probabilities[:, :-1].max(axis=1)
+        k = int(np.argmin(np.abs(one.times_s - one.after_s)))
+        assert best[k] == best.max()
+
+
+def test_an_unknown_rival_is_refused_by_name(run_command, model, bag):
+    with pytest.raises(ArgumentError, match=r"rival: expected one of task_0.*'task_7'"):
+        run_command("explain", bag, "--model", model, "--against", "task_7")
