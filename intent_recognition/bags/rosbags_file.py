@@ -16,11 +16,15 @@ from rosbags.rosbag2 import Reader as Reader2
 from intent_recognition.bags.mcap.chunk import LATEST_NS, McapBlock, MessageTable
 from intent_recognition.bags.mcap.file import Item, complete_schemas
 from intent_recognition.bags.mcap.scan import Damage, FileScan
-from intent_recognition.bags.messages import RECOVER
 from intent_recognition.errors import BagError, one_line
 
 TABLE_MESSAGES = 4096
 """Messages that are put into one table. Convention: about a minute of poses."""
+CURES = {
+    False: "Save what is left with sqlite3 FILE .recover, or record it again.",
+    True: "Save what is left with rosbag reindex, or record it again.",
+}
+"""Against a damaged file, of SQLite and of ROS 1."""
 ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
@@ -137,4 +141,4 @@ class RosbagsFile:
     def _error(self, error: Exception, last_ns: int) -> BagError:
         place = f"{self.path}: after {last_ns} ns" if last_ns else str(self.path)
         expected = "a bag of ROS 1" if self._is_ros1 else "a bag in SQLite"
-        return BagError.about(place, expected, one_line(error), RECOVER)
+        return BagError.about(place, expected, one_line(error), CURES[self._is_ros1])

@@ -41,12 +41,13 @@ def open_bvh(path: Path) -> Table:
         joints = _joints(hierarchy)
         count = int(re.search(r"Frames:\s*(\d+)", motion)[1])  # type: ignore[index]
         period, rows = re.split(r"Frame Time:\s*", motion, maxsplit=1)[1].split("\n", 1)
-        values = np.array(rows.split(), np.float64).reshape(
-            -1, sum(len(j.channels) for j in joints)
-        )
-        if len(values) != count:
+        width = sum(len(joint.channels) for joint in joints)
+        flat = np.array(rows.split(), np.float64)
+        values = flat[: flat.size // width * width].reshape(-1, width)
+        if len(values) > count:
             raise ValueError(f"{len(values)} of {count} frames")
-        rate = 1.0 / float(period)
+        is_cut = flat.size < width * count
+        rate = 1.0 / float(period) if float(period) > 0.0 else 0.0
         places_of = _places(joints, values)
     except (OSError, UntrustedError, ValueError, TypeError, IndexError, ZeroDivisionError) as error:
         raise unusable(path, "a BVH file", error, "Export it again as BVH.") from error
@@ -61,7 +62,8 @@ def open_bvh(path: Path) -> Table:
         lambda wanted: [columns[:, k] for k in wanted],
         units=degrees,
         must_say=True,
-        defaults={"time": {"rate": rate}},
+        defaults={"time": {"rate": rate}} if rate else {},
+        notes=(f"{len(values)} of {count} frames: the file ends after them",) if is_cut else (),
     )
 
 

@@ -31,7 +31,8 @@ def open_c3d(path: Path) -> Table:
     if len(points) > MOST_STATED:  # read to the end of the last block, which zeros fill up
         points = points[: 1 + int(np.flatnonzero(np.any(points != 0.0, axis=(1, 2)))[-1:].sum())]
     count, rate, said = points.shape[1], float(found["rate"]), int(found["said"])
-    labels = [label or f"unlabelled_{k}" for k, label in enumerate(found["labels"].tolist())]
+    said_labels = [label.encode("utf-8", "surrogateescape") for label in found["labels"].tolist()]
+    labels = [_text(label) or f"unlabelled_{k}" for k, label in enumerate(said_labels)]
     labels = [*labels, *(f"unlabelled_{k}" for k in range(len(labels), count))][:count]
     notes = []
     if 0 < read < said:
@@ -39,3 +40,10 @@ def open_c3d(path: Path) -> Table:
         notes.append(f"{read} of {said} frames: {why}")
     time = {"time": {"rate": rate}} if rate > 0.0 and np.isfinite(rate) else {}
     return marker_table(path, labels, points, str(found["unit"]).strip(), time, notes)
+
+
+def _text(label: bytes) -> str:
+    try:
+        return label.decode()
+    except UnicodeDecodeError:
+        return label.decode("latin-1")

@@ -94,9 +94,10 @@ def without_zeros(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], int
     """Places (T, 3) of a marker, NaN where it is at exactly zero while it is elsewhere at others.
 
     Returns:
-        The places, and how many of them were zero: exporters write that for occlusion.
+        The places, and how many of them were zero: exporters write that for occlusion. Where all
+        are, they stay: a marker may be the origin.
     """
     zero = np.all(places == 0.0, axis=1)
     if not zero.any() or np.all(zero | np.isnan(places).any(axis=1)):
-        return places, 0
+        return places, len(places) * bool(len(places) and zero.all())
     return np.where(zero[:, None], np.nan, places), int(zero.sum())

@@ -90,5 +90,6 @@ def find_tables(source: Path) -> list[Path]:
     if not found:
         kinds = ", ".join([*TEXTS, *SUFFIXES])
         got = "nothing of that name" if not source.exists() else "none"
-        raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, "Check the path.")
+        cure = "Check the path; save spreadsheets as CSV, and .npy as .npz."
+        raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
     return found

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from intent_recognition.errors import optional
 from intent_recognition.tables.isolated import read_isolated
-from intent_recognition.tables.npz import flat_columns
+from intent_recognition.tables.npz import flat_columns, transposed
 from intent_recognition.tables.table import Table, table_of, unusable
 
 
@@ -27,4 +27,4 @@ def open_hdf5(path: Path) -> Table:
     defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 else {}
     if "demonstration" in columns:
         defaults["segments"] = {"column": "demonstration"}
-    return table_of(path, columns, defaults=defaults)
+    return table_of(path, columns, defaults=defaults, notes=transposed(arrays))

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 MOST_BYTES = 2**28
 """Of one array. Convention: an hour of fifty values at 100 Hz takes 0.15 GB."""
+ENDS = "meta.episode_ends"
+"""Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
 EPISODE = "demo_"
 """How robomimic and Isaac Lab name their demonstrations, groups below `data`."""
 
 
 def read(path: str) -> dict[str, NDArray[Any]]:
-    """Arrays of numbers (T,) or (T, d) by their path, with dots, demonstrations on end.
+    """Arrays of numbers (T,), (T, d) or (T, n, 3) by path, with dots, demonstrations on end.
 
     `demonstration` says of each row of those which it is of; `#rate` is the control rate that
     robomimic notes, 0 for none. Images and what has more dimensions are left out.
@@ -36,6 +38,9 @@ def read(path: str) -> dict[str, NDArray[Any]]:
                 rate = float(about.get("env_kwargs", {}).get("control_freq", 0.0))
         else:
             names, groups = [], [_arrays(file)]
+            ends = groups[0].get(ENDS)
+            if ends is not None and ends.ndim == 1:  # of a replay buffer: rows of all on end
+                return _numbered(groups[0], np.diff(ends, prepend=0)) | {"#rate": np.array(rate)}
     shared = [key for key in groups[0] if all(key in group for group in groups)]
     found = {}
     if names:
@@ -50,14 +55,25 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     return {**found, "#rate": np.array(rate)}
 
 
+def _numbered(arrays: dict[str, NDArray[Any]], lengths: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Arrays of a replay buffer that have a row for each sample, and which demonstration it is."""
+    rows = {key: array for key, array in arrays.items() if len(array) == lengths.sum()}
+    return {"demonstration": np.repeat(np.arange(len(lengths)), lengths), **rows}
+
+
 def _arrays(group: Any) -> dict[str, NDArray[Any]]:
     found = {}
 
     def visit(name: str, item: Any) -> None:
-        if not hasattr(item, "ndim") or item.dtype.kind not in "fiub":
+        dotted = name.replace("/", ".")
+        if not hasattr(item, "ndim") or item.size * 8 > MOST_BYTES or not item.size:
             return
-        if item.ndim in (1, 2) and item.shape[0] and item.size * 8 <= MOST_BYTES:
-            found[name.replace("/", ".")] = np.asarray(item[()])
+        if item.dtype.names and item.ndim == 1:
+            fields = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
+            found.update({f"{dotted}.{field}": np.asarray(item[field]) for field in fields})
+        is_of_places = item.ndim == 3 and item.shape[2] <= 4
+        if item.dtype.kind in "fiub" and (item.ndim in (1, 2) or is_of_places):
+            found[dotted] = np.asarray(item[()])
 
     group.visititems(visit)
     return found

@@ -105,7 +105,10 @@ def trc(rows: Rows) -> Header | None:
     while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
         skip += 1
     units = dict.fromkeys(range(2, len(names)), said.get("Units", "").strip())
-    return Header(tuple(names), skip, units=units, must_say=True, defaults={"time": time})
+    return Header(
+        tuple(names), skip, without_subjects(names), units=units, must_say=True,
+        defaults={"time": time},
+    )  # fmt: skip
 
 
 def qtm(rows: Rows) -> Header | None:

@@ -33,8 +33,11 @@ from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns, tick
 
 LONGEST_NAME = 80
 """Characters of the name of a recording. Convention, as of labels."""
+FEWEST_SAMPLES = 2
+"""Samples of an entry that make a movement. Convention, as in reading."""
 AXES = 3
 """Numbers of a place."""
+NO_SAMPLES = "Check its cells, and under time in the map where times come from."
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
 
 
@@ -162,6 +165,8 @@ def _demonstrations(
     for row in filter(lambda row: row.hidden, rows):
         marker = row.source.columns[0].rpartition(".")[0] or row.source.entry.topic
         said = f"frames at exactly (0, 0, 0) are taken for occlusion: {marker} {row.hidden}"
+        if row.hidden == len(row.values):
+            said = f"{marker} is at exactly (0, 0, 0) in every frame. Likely it was never seen."
         yield Doubt(recording.paths[row.source.file].name, "", 0, said)
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
@@ -175,12 +180,14 @@ def _demonstrations(
             check_label(task, "Give it another under labels in the map.")
             custom["task"] = task
         parts = [_samples(row, pick, mapping.every) for row, pick in zip(rows, picks, strict=True)]
-        empty = [s.entry.topic for s, _ in parts if not np.any(np.isfinite(s.values))]
-        if empty:
-            yield Rejection(name, f"/{empty[0]}", 0, "empty: no sample in it")
+        few = [s for s, _ in parts if _count(s) < (1 if s.entry.context else FEWEST_SAMPLES)]
+        if few:
+            count = _count(few[0]) or "no"
+            reason = f"empty: {count} sample{'s' * (count != 1)} with a time of its own"
+            yield Rejection(name, f"/{few[0].entry.topic}", 0, reason, NO_SAMPLES)
             continue
-        if (reason := certain_misfit([s for s, _ in parts])) is not None:
-            yield Rejection(name, "", 0, reason)
+        if (odd := certain_misfit([s for s, _ in parts])) is not None:
+            yield Rejection(name, "", 0, odd)
             continue
         yield from (Doubt(name, "", 0, doubt) for doubt in doubts(parts))
         yield ImportedDemonstration(
@@ -314,6 +321,11 @@ def _samples(rows: _Rows, pick: NDArray[np.int64], every: int) -> tuple[EntrySam
     kept = rows.known[pick] & (stamps > before)
     found = EntrySamples(rows.source.entry, stamps[kept], rows.values[pick[kept]])
     return found, int(np.sum(~kept))
+
+
+def _count(samples: EntrySamples) -> int:
+    """Samples in which something was measured."""
+    return int(np.any(np.isfinite(samples.values), axis=1).sum())
 
 
 def _task(

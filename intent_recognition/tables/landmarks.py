@@ -3,15 +3,16 @@
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import one_line
 from intent_recognition.tables.table import Table, table_of, unusable
+from intent_recognition.tables.times import usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
 
 FRAMES = "_keypoints.json"
@@ -57,10 +58,18 @@ OPENPOSE = {
     "hand_left_keypoints_2d": ("LHand.", 2), "hand_right_keypoints_2d": ("RHand.", 2),
 }  # fmt: skip
 """Groups of a person: what is before the names of their landmarks, and their dimensions."""
-WORLD = ("world_landmarks", "pose_world_landmarks", "poseWorldLandmarks", "worldLandmarks")
-IMAGE = ("landmarks", "pose_landmarks", "poseLandmarks", "keypoints")
+WORLD = _names(
+    "world_landmarks pose_world_landmarks poseWorldLandmarks worldLandmarks hand_world_landmarks"
+    " handWorldLandmarks multi_hand_world_landmarks"
+)
+IMAGE = _names(
+    "landmarks pose_landmarks poseLandmarks keypoints hand_landmarks handLandmarks"
+    " multi_hand_landmarks"
+)
 """Keys of MediaPipe's landmarks: those in metres come first."""
+OF_IMAGE = "the landmarks are places in the image, not in metres"
 Points = dict[str, Sequence[float]]
+Result = TypeVar("Result")
 
 
 def open_frames(folder: Path) -> Table:
@@ -79,7 +88,7 @@ def open_frames(folder: Path) -> Table:
         if not isinstance(people, list) or len(people) > 1:
             got = "none" if not isinstance(people, list) else f"{len(people)} people"
             raise unusable(path, "one person of OpenPose", got, "Keep one person in the files.")
-        frames.append(_openpose(people[0]) if people else {})
+        frames.append(_read(path, _openpose, people[0]) if people else {})
         groups |= set(frames[-1])
     rows = [int(number[1]) if number else k for k, number in enumerate(numbers)]
     return _table(folder, frames, np.array(rows) - min(rows, default=0))
@@ -93,26 +102,43 @@ def open_landmarks(path: Path) -> Table:
     """
     content = _load(path)
     frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
+    if isinstance(content, dict) and all(key.isdigit() for key in content):
+        frames = [content[key] for key in sorted(content, key=int)]
     if not isinstance(frames, list) or not frames:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
-    found = [_mediapipe(frame) for frame in frames]
+    found = [_read(path, _mediapipe, frame) for frame in frames]
     if not any(found):
-        kinds = ", ".join((*WORLD, *IMAGE))
+        kinds = ", ".join((*WORLD[:2], *IMAGE[:2]))
         raise unusable(path, f"landmarks under {kinds}", "none", "Check the file.")
+    in_image = any(_has(frames, key) for key in IMAGE) and not any(_has(frames, k) for k in WORLD)
+    notes = [OF_IMAGE] if in_image else []
     table = _table(path, found, np.arange(len(frames)))
     key = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
     rate = content.get("fps", content.get("frame_rate")) if isinstance(content, dict) else None
     time: dict[str, object] | None = {"rate": float(rate)} if rate else None
     if key is None:
-        return _with(table, {}, time)
-    times = np.array([frame.get(key, np.nan) for frame in frames], np.float64)
-    unit = "ms" if key.endswith("_ms") else "s"
-    return _with(table, {"time": times}, {"column": "time", "unit": unit})
+        return _with(table, {}, time, notes)
+    times = _read(path, lambda all: np.array([f.get(key) for f in all], np.float64), frames)
+    unit = "ms" if key.endswith("_ms") else usual_unit(np.diff(times)) or "s"
+    return _with(table, {"time": times}, {"column": "time", "unit": unit}, notes)
 
 
-def _with(table: Table, more: Mapping[str, NDArray], time: object) -> Table:
+def _with(table: Table, more: Mapping[str, NDArray], time: object, notes: Sequence[str]) -> Table:
     columns = dict(zip(table.names, table.read(range(len(table.names))), strict=True))
-    return table_of(table.source, {**columns, **more}, defaults={"time": time} if time else {})
+    defaults = {"time": time} if time else {}
+    return table_of(table.source, {**columns, **more}, defaults=defaults, notes=notes)
+
+
+def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
+    """What a function makes of content, which may be anything.
+
+    Raises:
+        BagError: it is not what the function expects.
+    """
+    try:
+        return read(content)
+    except (TypeError, ValueError, AttributeError, KeyError) as error:
+        raise unusable(path, "landmarks in JSON", one_line(error), "Write it again.") from error
 
 
 def _has(frames: Sequence[Any], key: str) -> bool:
@@ -168,6 +194,13 @@ def _mediapipe(frame: Any) -> Points:
 def _load(path: Path) -> Any:
     try:
         check_regular(path, MOST_JSON)
-        return json.loads(path.read_text(encoding="utf-8"))
+        content = path.read_bytes()
+        try:
+            return json.loads(content)
+        except json.JSONDecodeError:  # a frame on each line
+            lines = content.splitlines()
+            if len(lines) < 2 or not lines[0].rstrip().endswith(b"}"):
+                raise
+            return [json.loads(line) for line in lines if line.strip()]
     except (OSError, UntrustedError, ValueError, RecursionError) as error:
         raise unusable(path, "landmarks in JSON", one_line(error), "Write it again.") from error

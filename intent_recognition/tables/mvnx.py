@@ -33,7 +33,7 @@ def open_mvnx(path: Path) -> Table:
             if event == "start":
                 if tag == "subject" and rate:
                     raise unusable(path, "one person", "several", "Export each by itself.")
-                rate = float(element.get("frameRate", 0.0)) if tag == "subject" else rate
+                rate = float(element.get("frameRate") or 0.0) if tag == "subject" else rate
             elif tag in names and element.get("label"):
                 names[tag].append(str(element.get("label")))
             elif tag == "frame":

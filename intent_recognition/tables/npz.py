@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +11,12 @@ from intent_recognition.tables.cells import Values
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
+FEWEST_ROWS = 20
+"""Rows beside more columns that are likely DOFs, not samples. Convention."""
+
 
 def open_npz(path: Path) -> Table:
-    """Arrays (T,) by name, those of arrays (T, d) as `NAME.0`, `NAME.1`, ...
+    """Arrays (T,) by name, those of arrays (T, d) as `NAME.0`, of (T, n, 3) as `NAME.0.0`, ...
 
     Raises:
         BagError: it is no archive of such arrays.
@@ -22,24 +26,41 @@ def open_npz(path: Path) -> Table:
     except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
-    return table_of(path, flat_columns(path, arrays))
+    return table_of(path, flat_columns(path, arrays), notes=transposed(arrays))
 
 
 def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values]:
     """Columns of arrays (T,) by their names, of arrays (T, d) as `NAME.0`, `NAME.1`, ...
 
+    Arrays (T, n, 3) are `NAME.0.0`, ..., `NAME.n.2`; images and what has more dimensions are left
+    out.
+
     Raises:
-        BagError: an array has more dimensions, or they are too many.
+        BagError: there is nothing else, or they are too many.
     """
     columns: dict[str, Values] = {}
     for name, array in arrays.items():
-        if array.ndim > 2:
-            shape = f"{name} of shape {array.shape}"
-            cure = "Put one demonstration after the other, with a column that counts them."
-            raise unusable(source, "arrays (T,) or (T, d)", shape, cure)
-        if array.ndim == 2:
-            check_columns(source, len(columns) + array.shape[1])
-            columns.update({f"{name}.{k}": array[:, k] for k in range(array.shape[1])})
-        else:
-            columns[name] = np.atleast_1d(array)
+        shape = array.shape[1:]
+        if array.ndim > 3 or (array.ndim == 3 and shape[1] > 4):
+            continue
+        check_columns(source, len(columns) + int(np.prod(shape)))
+        for index in np.ndindex(shape):
+            place: tuple[Any, ...] = (slice(None), *index)
+            column = np.atleast_1d(array)[place]
+            columns[".".join((name, *map(str, index)))] = column
+    if arrays and not columns:
+        shapes = ", ".join(f"{name} of shape {array.shape}" for name, array in arrays.items())
+        cure = "Put one demonstration after the other, with a column that counts them."
+        raise unusable(source, "arrays (T,), (T, d) or (T, n, 3)", shapes, cure)
     return columns
+
+
+def transposed(arrays: Mapping[str, Values]) -> list[str]:
+    """Which arrays likely have their samples in columns, as MATLAB's have in HDF5."""
+    most = max((len(array) for array in arrays.values() if array.ndim), default=0)
+    return [
+        f"{name} has {len(array)} rows and {array.shape[1]} columns. Likely its columns are"
+        " samples: transpose it."
+        for name, array in arrays.items()
+        if array.ndim == 2 and len(array) <= FEWEST_ROWS < array.shape[1] and most in array.shape
+    ]

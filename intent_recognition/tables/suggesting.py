@@ -3,22 +3,21 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import find_bags
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, printable
 from intent_recognition.tables.cells import numbers, texts
 from intent_recognition.tables.file_kinds import FileKind, file_kinds
 from intent_recognition.tables.files import find_tables, has_tables
 from intent_recognition.tables.suggested_bags import suggest_of_bags
 from intent_recognition.tables.suggested_entries import SeenColumn, body_entry, flow, joints_entry
 from intent_recognition.tables.table import Table
-from intent_recognition.tables.times import PER_UNIT
+from intent_recognition.tables.times import stamps_ns, usual_unit
 
 READ_AT_ONCE = 50
 """Columns that are read together. Convention."""
@@ -32,11 +31,11 @@ MOST_JOINTS = 16
 """Joints that a suggestion has. Convention: two arms with a hand."""
 MOST_BODIES = 8
 """Bodies that a suggestion has. Convention: a person is asked to delete the others."""
-USUAL_PERIODS_S = 1e-3, 0.5
-"""Steps between samples by which the unit of times is known [s]. Convention."""
+NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
+"""What the nanoseconds beside a column of whole seconds are called."""
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|time|timestamp|stamp|secs?|seconds|zeit)([^a-z]|$)")
 NO_JOINT = re.compile(
-    r"(?i)stamp|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
+    r"(?i)stamp|\btime\b|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
 )
 """What columns are called that move and are no position of a joint."""
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample)#?$")
@@ -110,8 +109,11 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     """The part of a kind of file, whose entries name it if it has a name."""
     table = kind.table
     columns, labels = _columns(table)
-    time, time_note = _time(table, columns)
-    used = {str(time.get("column", ""))}
+    sizes = Counter(column.values.size for column in columns.values() if column.values.size > 1)
+    rows = max(sizes, key=lambda size: sizes[size] * size, default=0)
+    columns = {name: one for name, one in columns.items() if one.values.size == rows}
+    time, time_note = _time(table, columns, labels)
+    used = {str(time.get("column", "")), str(time.get("nanoseconds", ""))}
     bodies = _bodies(columns)
     used |= {column for body in bodies.values() for column in body}
     joints = [c for c in columns.values() if c.moves and c.name not in used and not _counts(c)]
@@ -125,7 +127,6 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     own = [f"    file: {flow(name)}", f"    time: {flow(time)}  # {time_note}"] if name else []
     found = [body_entry(table, columns, body, bodies[body]) + own for body in moving[:MOST_BODIES]]
     arm = [joints_entry(table, joints[:MOST_JOINTS]) + own] if joints else []
-    rows = max((column.values.size for column in columns.values()), default=0)
     left_out = []
     for title, names in (
         ("They do not move", still),
@@ -144,7 +145,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         found,
         arm,
         [] if name else [f"time: {flow(time)}  # {time_note}"],
-        [*_of_texts(kind, labels)],
+        [*_of_texts(kind, labels, used)],
         left_out,
     )
 
@@ -192,7 +193,9 @@ def _counts(column: SeenColumn) -> bool:
     return by_one or bool(COUNT_NAME.search(column.name))
 
 
-def _time(table: Table, columns: Mapping[str, SeenColumn]) -> tuple[dict[str, object], str]:
+def _time(
+    table: Table, columns: Mapping[str, SeenColumn], labels: Mapping[str, Sequence[str]]
+) -> tuple[dict[str, object], str]:
     said = table.defaults.get("time")
     if isinstance(said, Mapping):
         rate = said.get("rate")
@@ -200,12 +203,22 @@ def _time(table: Table, columns: Mapping[str, SeenColumn]) -> tuple[dict[str, ob
     for column in columns.values():
         steps = np.diff(column.values)
         named = column.name == "0" or TIME_NAME.search(column.name)
-        if not named or not steps.size or not np.all(steps > 0.0):
+        if not named or not steps.size:
             continue
-        for unit, per in PER_UNIT.items():
-            period_s = float(np.median(steps)) * per / NANOSECONDS
-            if USUAL_PERIODS_S[0] <= period_s <= USUAL_PERIODS_S[1]:
-                return {"column": column.name, "unit": unit}, f"{1.0 / period_s:.4g} Hz then"
+        if np.all(steps > 0.0) and (unit := usual_unit(steps)):
+            return {"column": column.name, "unit": unit}, "by the usual step between samples"
+        if np.all(steps >= 0.0) and np.all(np.floor(column.values) == column.values):
+            for more in columns.values():
+                if NANOSECONDS_NAME.search(more.name) and more.values.size == column.values.size:
+                    both: dict[str, object] = {"column": column.name, "nanoseconds": more.name}
+                    return both, "seconds and nanoseconds"
+    for name, cells in labels.items():
+        try:
+            steps = np.diff(stamps_ns(np.array(cells, object), "s", None, table.source, name).ns)
+        except BagError:
+            continue
+        if steps.size and np.all(steps > 0):
+            return {"column": name}, "dates, or times of day"
     return {"rate": 100}, "nothing in the file says when: give the rate in Hz"
 
 
@@ -225,7 +238,9 @@ def _bodies(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
     }
 
 
-def _of_texts(kind: FileKind, labels: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _of_texts(
+    kind: FileKind, labels: Mapping[str, Sequence[str]], used: Collection[str]
+) -> Iterator[str]:
     """Where demonstrations begin, and what their label is."""
     table = kind.table
     for key in ("segments", "task"):
@@ -234,8 +249,10 @@ def _of_texts(kind: FileKind, labels: Mapping[str, Sequence[str]]) -> Iterator[s
     if "task" in table.defaults:
         return
     for name, values in labels.items():
+        if name in used:
+            continue
         kinds = sorted(set(filter(None, values)))
-        shown = ", ".join(kinds[:MOST_LISTED])
+        shown = printable(", ".join(kinds[:MOST_LISTED]))
         yield f"# task: {flow({'column': name})}  # it says: {shown}"[:200]
-    if not labels and not kind.says_task:
+    if not set(labels) - set(used) and not kind.says_task:
         yield "task: give_it_a_name"

@@ -8,6 +8,7 @@ else is a CSV with a line of names, or without one.
 import csv
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -18,8 +19,10 @@ from intent_recognition.tables.headers import OF_NEXUS, Header, known_header
 from intent_recognition.tables.scales import UNITS, spelled
 from intent_recognition.tables.table import Table, check_columns, unusable
 
-DELIMITERS = ",;\t "
-"""What may separate the cells of a CSV, in order of preference where a header has none of them."""
+DELIMITERS = ",;\t| "
+"""What may separate the cells of a CSV, in order of preference; blanks where nothing else does."""
+LEAST_CELLS = 3
+"""Cells of a table's rows beside which a row of one cell is a title. Convention."""
 MOST_CSV = 2**28
 """Bytes of a CSV. Convention: an hour of fifty columns at 100 Hz takes 0.2 GB."""
 MOST_CELLS = 10_000_000
@@ -88,12 +91,15 @@ def open_text(path: Path, skip_rows: int) -> Table:
 
 
 def _comments(path: Path, encoding: str) -> int:
-    """Lines of comment at the begin, before the line of names, which may begin with a # itself."""
+    """Lines of comment at the begin, before the line of names, which may begin with a # itself.
+
+    Excel's first line `sep=;` is one.
+    """
     count = 0
     try:
         with path.open(encoding=encoding, newline="") as stream:
             for line in iter(lambda: stream.readline(LONGEST_LINE), ""):
-                if not line.startswith("#"):
+                if not line.startswith("#") and not (count == 0 and line.startswith("sep=")):
                     cells = re.split(r"[,;\s]+", line.strip())
                     return count - all(map(_is_number, cells)) if count else 0
                 count += 1
@@ -112,10 +118,18 @@ def _before_places(path: Path, skip_rows: int, encoding: str) -> int:
 
 
 def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
-    """The line of names, and of units; where it holds numbers alone, columns have numbers."""
-    first = head[0] if head else []
-    if not first:
+    """The line of names, and of units; where it holds numbers alone, columns have numbers.
+
+    Before it, lines of one cell are titles.
+    """
+    counts = [sum(bool(cell.strip()) for cell in row) for row in head]
+    if not any(counts):
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
+    if max(counts) >= LEAST_CELLS and counts[0] < 2:
+        titles = next(k for k, count in enumerate(counts) if count > 1)
+        below_them = _plain_header(path, head[titles:])
+        return replace(below_them, skip=below_them.skip + titles)
+    first = head[0]
     names = tuple(name.strip().lstrip("#").strip() for name in first)
     if all(_is_number(name) for name in names):
         return Header(tuple(map(str, range(len(names)))), 0)
@@ -149,22 +163,31 @@ def _rows(path: Path, skip_rows: int, encoding: str) -> Iterator[list[str]]:
 
 def _delimiter(path: Path, head: Sequence[str]) -> str:
     """What separates the cells: tabs in formats that have them, else the most frequent one."""
-    if path.suffix.lower() in (".trc", ".mot", ".sto", ".tsv"):
+    if path.suffix.lower() in (".trc", ".mot", ".sto", ".tsv") and any("\t" in n for n in head):
         return "\t"
     counts = [head[0].count(delimiter) for delimiter in DELIMITERS]
-    if (counts[0] and counts[1]) or not any(counts):  # decimal commas, or a title
+    if (counts[0] and counts[1]) or not any(counts[:4]):  # decimal commas, or a title
         counts = [sum(line.count(delimiter) for line in head) for delimiter in DELIMITERS]
         if counts[1] >= len([line for line in head if line.strip()]) // 2 > 0:
             return ";"
-    return DELIMITERS[counts.index(max(counts[:3]) or max(counts))]
+    return DELIMITERS[counts.index(max(counts[:4]) or max(counts))]
 
 
 def _encoding(path: Path) -> str:
-    """UTF-8, UTF-16 by its mark, or Latin-1 where it is none of them."""
+    """UTF-8, UTF-16 by its mark or its zeros, or Latin-1 where it is none of them.
+
+    Raises:
+        BagError: it is no text.
+    """
     with path.open("rb") as stream:
-        start = stream.read(2)
-        if start in (b"\xff\xfe", b"\xfe\xff"):
+        start = stream.read(64)
+        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
+        for zeros, encoding in ((start[1::2], "utf-16-le"), (start[::2], "utf-16-be")):
+            if zeros and not any(zeros):
+                return encoding
+        if b"\0" in start:
+            raise unusable(path, "a table of text", "bytes that are no text", "Save it as CSV.")
         stream.seek(0)
         try:
             for piece in iter(lambda: stream.read(2**20 + 1), b""):

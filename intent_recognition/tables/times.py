@@ -25,6 +25,9 @@ FIRST_CLOCK_NS = 10**18
 """Times from here on are a computer's clock [ns since 1970]: September 2001. Convention."""
 LAST_NS = 2**31 * NANOSECONDS
 """The first time [ns] that a stamp of ROS cannot hold: its seconds are int32."""
+DAY_NS = 86_400 * NANOSECONDS
+USUAL_PERIODS_S = 1e-3, 0.5
+"""Steps between samples by which the unit of times is known [s]. Convention."""
 MOST_NS = 10**30
 """Beyond this a number is no time in any unit [ns]. Convention."""
 
@@ -43,11 +46,20 @@ class Stamps(NamedTuple):
     zero_ns: int
 
 
+def usual_unit(steps: NDArray[np.float64]) -> str:
+    """The unit in which steps between samples are usual, "" where there is none."""
+    for unit, per in PER_UNIT.items():
+        if USUAL_PERIODS_S[0] <= float(np.median(steps)) * per / NANOSECONDS <= USUAL_PERIODS_S[1]:
+            return unit
+    return ""
+
+
 def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, name: str) -> Stamps:
     """Times as stamps, without rounding where the column holds whole numbers or decimal texts.
 
     Args:
-        values: times, (T,); dates, also as text in ISO 8601, are taken as they are.
+        values: times, (T,); dates, also as text in ISO 8601, are taken as they are. Times of day
+            go on after midnight.
         unit: of the times, a key of `PER_UNIT`.
         since_ns: what they count from [ns]; None for 1970 where they are later than 2001, else
             `SINCE_NS`.
@@ -63,6 +75,9 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     if are_dates:
         known = ~np.isnat(values)
         counts: Any = np.where(known, values.astype("datetime64[ns]").astype(np.int64), 0)
+    elif values.dtype.kind == "m":
+        known = ~np.isnat(values)
+        counts = np.where(known, values.astype("timedelta64[ns]").astype(np.int64), 0)
     elif values.dtype.kind in "iu":
         counts = values.astype(object) * per
     elif values.dtype.kind == "f":
@@ -71,6 +86,7 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
             counts = np.rint(np.where(known, values, 0.0).astype(np.float64) * per)
     else:
         counts = np.zeros(values.size, object)
+        days = last = 0
         for row, cell in enumerate(values):
             text = str(cell).strip()
             known[row] = text.lower() not in MISSING
@@ -79,12 +95,16 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
                     is_date = _is_date(text)
                     are_dates |= is_date
                     counts[row] = _date_ns(text) if is_date else _nanoseconds(text, per)
+                    if not is_date and ":" in text:
+                        days += last - counts[row] > DAY_NS // 2
+                        last, counts[row] = counts[row], counts[row] + days * DAY_NS
             except (ArithmeticError, ValueError) as error:
                 got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
                 cure = "Name a column of numbers, 10:00:00.5 or 2024-01-31 10:00:00.5 under time."
                 raise BagError.about(place, "times", got, cure) from error
     if are_dates:
-        stamps = _checked(counts, known, 0, place, per)
+        is_zero = known.any() and counts[known].min() < DAY_NS  # times that were saved as dates
+        stamps = _checked(counts, known, SINCE_NS if is_zero else 0, place, per)
         return Stamps(stamps, known, int(stamps[known][0]) if known.any() else 0)
     if since_ns is None:
         lowest = counts[known].min() if known.any() else 0
@@ -143,7 +163,7 @@ def _date_ns(text: str) -> int:
     Raises:
         ValueError: it is none.
     """
-    whole, _, rest = text.replace("Z", "+00:00").partition(".")
+    whole, _, rest = text.replace("Z", "+00:00").replace(",", ".").partition(".")
     digits = re.match(r"\d*", rest)[0]  # type: ignore[index]
     day = datetime.fromisoformat(whole + rest[len(digits) :])
     moment = day if day.tzinfo else day.replace(tzinfo=timezone.utc)

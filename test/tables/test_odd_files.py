@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files as labs send them: read right, or refused with what is wrong; never silently wrong."""
 
+import json
+
 import numpy as np
 import pytest
 import yaml
@@ -28,10 +30,16 @@ def table(head, row, separator=","):
     return head + "\n" + "".join(separator.join(row(k)) + "\n" for k in range(ROWS))
 
 
-def plain(form="{:.6f}", scale=1.0, separator=",", head="t,x,y,z", hidden=(), cell=""):
+def day_time(seconds):
+    return f"{seconds // 3600 % 24:02.0f}:{seconds // 60 % 60:02.0f}:{seconds % 60:06.3f}"
+
+
+def plain(
+    form="{:.6f}", scale=1.0, separator=",", head="t,x,y,z", hidden=(), cell="", at="{:.3f}".format
+):
     def row(k):
         places = [cell] * 3 if k in hidden else cells(k, form, scale)
-        return [f"{TIMES_S[k]:.3f}", *places]
+        return [at(TIMES_S[k]), *places]
 
     return table(head.replace(",", separator), row, separator)
 
@@ -70,6 +78,15 @@ PLAIN = {
     "a comment and a name behind a mark": "# by me\n" + plain(scale=10.0, head="# t,x,y,z"),
     "a last row that is cut": plain(scale=10.0) + "2.00,3",
     "zero bytes at the end": plain(scale=10.0).encode() + bytes(40),
+    "UTF-16 without a mark": plain(scale=10.0).encode("utf-16-le"),
+    "UTF-16, big end first": plain(scale=10.0).encode("utf-16-be"),
+    "bars": plain(scale=10.0, separator="|"),
+    "Excel's line of the separator": "sep=;\n" + plain(scale=10.0, separator=";"),
+    "titles": "Monday\n\nby me, of the plate\n".replace(",", "") + plain(scale=10.0),
+    "times of day over midnight": plain(scale=10.0, at=lambda t: day_time(86_399.0 + t)),
+    "dates with decimal commas": plain(
+        scale=10.0, separator=";", at=lambda t: f"2024-01-31 {day_time(t)}"
+    ).replace(".", ","),
 }
 
 
@@ -79,6 +96,7 @@ def test_a_csv_that_can_be_read_in_one_way_is(kind, tmp_path):
     samples, said = imported(tmp_path, "a.csv", PLAIN[kind], unit="mm", **time)
     assert not said
     np.testing.assert_allclose(samples.values, PLACE / 100, atol=1e-5)
+    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
 
 
 @pytest.mark.parametrize("name", ["x [mm]", "x (mm)", "x_mm"])
@@ -106,6 +124,8 @@ REFUSED = {
     ),
     "a line of names within": (plain() + plain(), "'x' in row 201"),
     "millimetres": (plain(hidden=[3]), "Likely millimetres for metres"),
+    "one row": ("t,x,y,z\n0,1,2,3\n", "empty: 1 sample with a time of its own"),
+    "another kind of file": ("PK\3\4\0\0\0\1" * 20, "bytes that are no text"),
 }
 
 
@@ -239,3 +259,108 @@ def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
     content, *_ = suggested(tmp_path / "a.csv")
     assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
     assert content["controlled"][0]["topic"] == "/mocap/wrist_2/pose"
+
+
+ARRAYS = {
+    "places of landmarks (T, n, 3)": ({"w": np.stack([PLACE, PLACE / 1000], axis=1)}, "w.1.{}"),
+    "an image beside it": ({"w": PLACE / 1000, "i": np.zeros((ROWS, 8, 8))}, "w.{}"),
+    "time differences": ({"w": PLACE / 1000, "t": (1e9 * TIMES_S).astype("m8[ns]")}, "w.{}"),
+    "dates from 1970 on": ({"w": PLACE / 1000, "t": (1e9 * TIMES_S).astype("M8[ns]")}, "w.{}"),
+}
+
+
+@pytest.mark.parametrize("kind", ARRAYS)
+def test_arrays_of_any_layout(kind, tmp_path):
+    arrays, name = ARRAYS[kind]
+    np.savez(tmp_path / "made.npz", **{"t": TIMES_S, **arrays})
+    content = (tmp_path / "made.npz").read_bytes()
+    columns = [name.format(k) for k in range(3)]
+    samples, said = imported(tmp_path, "a.npz", content, columns, time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000)
+    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+
+
+def test_samples_in_columns_are_named(tmp_path):
+    np.savez(tmp_path / "made.npz", w=PLACE.T)
+    content = (tmp_path / "made.npz").read_bytes()
+    _, said = imported(tmp_path, "a.npz", content, ["w.0", "w.1", "w.2"], time={"rate": 100})
+    assert "w has 3 rows and 200 columns" in said and "transpose it" in said
+
+
+def test_a_replay_buffer_is_cut_and_fields_of_records_are_columns(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        file["data/eef_pos"], file["meta/episode_ends"] = PLACE / 1000, [80, ROWS]
+    records = np.array(list(map(tuple, PLACE / 1000)), [(axis, float) for axis in "xyz"])
+    with h5py.File(tmp_path / "b.hdf5", "w") as file:
+        file["w"] = records
+    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
+    for name, columns, lengths in (
+        ("a", [f"data.eef_pos.{k}" for k in range(3)], [80, ROWS - 80]),
+        ("b", ["w.x", "w.y", "w.z"], [ROWS]),
+    ):
+        mapping = {"observed": [{**entry, "columns": columns}], "task": "t", "time": {"rate": 100}}
+        found = import_demonstrations(tmp_path / f"{name}.hdf5", ImportMap.from_dict(mapping))
+        parts = [one.samples[0].values for one in found]
+        assert list(map(len, parts)) == lengths
+        np.testing.assert_array_equal(np.concatenate(parts), PLACE / 1000)
+
+
+def landmarks(k, value=None):
+    points = [{"x": 0.0, "y": 0.0, "z": 0.0} for _ in range(33)]
+    points[16] = dict(zip("xyz", (PLACE[k] / 1000).tolist() if value is None else value * 3))
+    return points
+
+
+def frames(scale=1.0, key="worldLandmarks"):
+    return [{"timestamp": scale * t, key: [landmarks(k)]} for k, t in enumerate(TIMES_S.tolist())]
+
+
+JSON = {
+    "with a mark": (b"\xef\xbb\xbf" + json.dumps(frames()).encode(), ""),
+    "in UTF-16": (json.dumps(frames()).encode("utf-16"), ""),
+    "in milliseconds": (json.dumps(frames(1e3)), ""),
+    "in microseconds": (json.dumps(frames(1e6)), ""),
+    "a frame on each line": ("\n".join(map(json.dumps, frames())), ""),
+    "frames by their number": (json.dumps({str(k): f for k, f in enumerate(frames())}), ""),
+    "of the image": (json.dumps(frames(key="landmarks")), "places in the image, not in metres"),
+}
+
+
+@pytest.mark.parametrize("kind", JSON)
+def test_landmarks_in_any_json(kind, tmp_path):
+    content, words = JSON[kind]
+    columns = [f"right_wrist.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.json", content, columns)
+    assert said == (said if words else "") and words in said
+    np.testing.assert_allclose(samples.values, PLACE / 1000)
+    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=200)
+
+
+@pytest.mark.parametrize("content", ["null", "3", "[[]]", json.dumps([landmarks(0, "abc")])])
+def test_json_of_something_else_is_refused(content, tmp_path):
+    assert imported(tmp_path, "a.json", content, time={"rate": 100})[0] is None
+
+
+def test_a_marker_that_was_never_seen_is_named_and_labels_may_be_latin(tmp_path):
+    content = c3d_file(np.stack([0.0 * PLACE, PLACE], axis=1), labels=["W", "H\xe4nd"])
+    columns = [f"W.{axis}" for axis in "xyz"]
+    assert "(0, 0, 0) in every frame" in imported(tmp_path, "a.c3d", content, columns)[1]
+    samples, said = imported(tmp_path, "a.c3d", content, [f"H\xe4nd.{axis}" for axis in "xyz"])
+    assert not said and len(samples.values) == ROWS
+
+
+def test_a_suggestion_knows_seconds_with_nanoseconds_and_dates(tmp_path):
+    for head, stamp, wanted in (
+        ("sec,nanosec", lambda k: f"{k // 100},{k % 100 * 10**7}", "nanosec"),
+        ("when", lambda k: f"2024-01-31 {day_time(TIMES_S[k])}", "when"),
+    ):
+        content = table(f"{head},x,y,z", lambda k, stamp=stamp: [stamp(k), *cells(k)])
+        folder = tmp_path / wanted
+        folder.mkdir()
+        (folder / "a.csv").write_text(content)
+        content, _, (found,) = suggested(folder / "a.csv")
+        assert wanted in content["time"].values()
+        stamps = found.samples[0].stamps_ns
+        np.testing.assert_allclose(stamps - stamps[0], 1e9 * TIMES_S, atol=1)
