@@ -29,7 +29,7 @@ help:
 	@echo "make coverage  run the tests and show which branches never ran"
 	@echo "make lint   check style, formatting, types and spelling"
 	@echo "make bench  measure against the required figures"
-	@echo "make figures  measure the figures of README and docs again (FIGURES='demo speed')"
+	@echo "make figures  measure what of README and docs is not current (FIGURES=--list, FIGURES='demo speed')"
 	@echo "make docs   build the site in $(DOCS)"
 	@echo "make venv   only create $(VENV)"
 

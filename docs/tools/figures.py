@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures that README and docs show: measured by commands, kept in docs/figures.json.
 
-`python docs/tools/figures.py NAME ...` runs the commands of these figures (all without a name; some
-take an hour), keeps what they measured, and writes it into the pages. `--write` runs nothing.
+`python docs/tools/figures.py NAME ...` runs the commands of these figures, keeps what they
+measured, and writes it into the pages. Without a name it runs those that are missing or of another
+version or command; each is kept when it is done, so that an interrupted run goes on where it was.
+`--list` shows which, and how long they take; `--write` writes the pages. Measure on a machine with
+nothing else to do.
 
 A page shows a table or a printed text between `<!-- figures NAME -->` and `<!-- end -->`, and a
 single value before `<!--NAME.KEY-->`. What is old or missing is marked on the page.
@@ -15,7 +18,8 @@ import shlex
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -37,6 +41,16 @@ EXPERIMENTS = {
     "pouring": "",
 }
 """The papers' experiments, and what they are asked for besides the shipped recordings."""
+
+
+MINUTES = {
+    **{f"experiments/{name}": 5.0 for name in EXPERIMENTS},
+    **dict.fromkeys(("experiments/pointing", "experiments/pole", "experiments/toolbox"), 25.0),
+    **dict.fromkeys(("experiments/skills", "experiments/constraints"), 20.0),
+    **dict.fromkeys(("experiments/clearance", "experiments/pouring", "practice"), 10.0),
+    **{"speed": 40.0, "arms": 24.0, "demo": 6.0, "transfer": 10.0},
+}
+"""Run times on two quiet cores [min], guessed; those that were measured once stand in the file."""
 
 
 class Source(NamedTuple):
@@ -192,9 +206,35 @@ def load() -> dict[str, dict]:
     return json.loads(FILE.read_text(encoding="utf-8"))
 
 
+def is_current(name: str, figures: Mapping[str, Mapping]) -> bool:
+    """Whether a figure was measured by its command of today, with this version."""
+    figure = figures.get(name, {})
+    said = figure.get("version"), figure.get("command")
+    return said == (__version__, SOURCES[name].command)
+
+
+def minutes(name: str, figures: Mapping[str, Mapping]) -> float:
+    """How long a figure takes [min]: as the last time, or as guessed."""
+    return figures.get(name, {}).get("seconds", 60.0 * MINUTES.get(name, 2.0)) / 60.0
+
+
+def plan(names: Sequence[str]) -> str:
+    """Figures with their state and time, a line each, and the time of those that are to be run."""
+    figures = load()
+    lines = []
+    for name in SOURCES:
+        figure = figures.get(name, {})
+        state = "current" if is_current(name, figures) else figure.get("version", "not measured")
+        known = "" if "seconds" in figure else " (guessed)"
+        mark = "*" if name in names else " "
+        lines.append(f"{mark} {name:28}{state:14}{minutes(name, figures):5.0f} min{known}")
+    total = sum(minutes(name, figures) for name in names)
+    return "\n".join([*lines, f"* to measure: {len(names)}, about {total:.0f} min"])
+
+
 def measured(name: str) -> dict:
     """Run the command of a figure; what is to be kept of it."""
-    source, printed = SOURCES[name], ""
+    source, printed, start_s = SOURCES[name], "", time.monotonic()
     (ROOT / OUT).mkdir(parents=True, exist_ok=True)
     if source.result is not None:  # what an earlier run left is no result of this one
         (ROOT / source.result).unlink(missing_ok=True)
@@ -208,7 +248,8 @@ def measured(name: str) -> dict:
     found = printed
     if source.result is not None:
         found = json.loads((ROOT / source.result).read_text(encoding="utf-8"))
-    return {"command": source.command, "version": __version__, **source.keep(found)}
+    said = {"version": __version__, "seconds": round(time.monotonic() - start_s)}
+    return {"command": source.command, **said, **source.keep(found)}
 
 
 def with_figures(page: str, figures: Mapping[str, Mapping]) -> str:
@@ -244,10 +285,18 @@ def main() -> None:
     """Measure, keep, and write the pages."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SOURCES))
+    parser.add_argument("--list", action="store_true", help="only show what would be measured")
     parser.add_argument("--write", action="store_true", help="only write the pages")
     args = parser.parse_args()
+    figures = load()
+    names = args.names or [name for name in SOURCES if not is_current(name, figures)]
+    if args.list or not args.write:
+        print(plan(names), flush=True)
+    if args.list:
+        return
     failed = []
-    for name in () if args.write else args.names or SOURCES:
+    for name in () if args.write else names:
+        print(f"measuring {name}", flush=True)
         try:
             found = measured(name)
         except (OSError, ValueError, LookupError) as error:  # the others are still measured

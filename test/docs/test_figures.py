@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of README and docs are those of docs/figures.json, which commands write."""
 
+import json
 import re
 import sys
 
@@ -53,6 +54,43 @@ def test_a_command_that_fails_leaves_the_others_and_what_was_there(monkeypatch, 
         figures.main()
     found = figures.load()
     assert (found["bad"]["text"], found["good"]["text"]) == ("old", "7")
+
+
+def test_only_what_is_not_current_is_measured_and_each_is_kept(monkeypatch, tmp_path, capsys):
+    """Figures a (of today), b (of another command), c (stopped there) and d."""
+    kept = tmp_path / "figures.json"
+    sources = {
+        name: figures.Source(f"python -c 'print({k})'", None, figures._last_line)
+        for k, name in enumerate("abcd")
+    }
+    today = {"version": figures.__version__, "text": "old"}
+    kept.write_text(
+        json.dumps({"a": today | {"command": sources["a"].command}, "b": today | {"command": "-"}})
+    )
+    for name, value in (("SOURCES", sources), ("FILE", kept), ("PAGES", ())):
+        monkeypatch.setattr(figures, name, value)
+    run = figures.measured
+
+    def stopped(name):
+        if name == "c":
+            raise KeyboardInterrupt
+        return run(name)
+
+    monkeypatch.setattr(sys, "argv", ["figures.py"])
+    monkeypatch.setattr(figures, "measured", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        figures.main()
+    assert "to measure: 3, about 6 min" in capsys.readouterr().out
+    assert {name: one["text"] for name, one in figures.load().items()} == {"a": "old", "b": "1"}
+    monkeypatch.setattr(figures, "measured", run)
+    figures.main()
+    assert {name: one["text"] for name, one in figures.load().items()} == {
+        "a": "old", "b": "1", "c": "2", "d": "3",
+    }  # fmt: skip
+    capsys.readouterr()
+    monkeypatch.setattr(sys, "argv", ["figures.py", "--list"])
+    figures.main()
+    assert "to measure: 0, about 0 min" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("page", MEASURED)
