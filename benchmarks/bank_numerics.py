@@ -79,10 +79,10 @@ def one_movement(n_tasks: int = 30) -> Iterator[Result]:
     ):
         innovation = matrix @ prior @ matrix.T + noise
         density = multivariate_normal(matrix @ mean, innovation).logpdf(values)
-        found = run.snapshot.log_evidence[k]
+        found = run.log_evidence[k]
         evidence_error = max(evidence_error, abs(found - density) / max(1.0, abs(density)))
         expected = mean + prior @ matrix.T @ np.linalg.solve(innovation, values - matrix @ mean)
-        error = np.abs(run.snapshot.mean[k] - expected).max() / np.abs(expected).max()
+        error = np.abs(run.task(k).mean[0] - expected).max() / np.abs(expected).max()
         mean_error = max(mean_error, error)
     of = f"{n_tasks} tasks and none, {len(rows)} observations, one by one and all at once"
     yield at_most("one movement, mean off the joint Gaussian's", mean_error, 1e-9, "x", of)

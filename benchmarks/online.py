@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.measure import Result, at_most, seconds
 from benchmarks.synthetic import movement, synthetic_library
+from intent_recognition.filtering import MovementFilter
 from intent_recognition.filtering.births import Births
-from intent_recognition.filtering.pruning import Pruning
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.motion import JointReference, NominalTiming, make_path, plan_interaction
 from intent_recognition.promp import TaskLibrary
@@ -87,7 +87,7 @@ def _many_tasks() -> Result:
     back = [one._replace(stamp_ns=2 * there[-1].stamp_ns - one.stamp_ns) for one in there[-2::-1]]
     with ExitStack() as patches:
         for owner, name in (
-            (Pruning, "condition"),
+            (MovementFilter, "_condition"),
             (Births, "observe"),
             (movements, "task_belief"),
         ):

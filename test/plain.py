@@ -9,7 +9,6 @@ import numpy as np
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import check_observation
-from intent_recognition.filtering.table import Snapshot
 from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.normal import Gaussian
@@ -28,13 +27,10 @@ class Bank(NamedTuple):
 
 
 def bank_of(run: MovementFilter) -> Bank:
-    """All hypotheses of a filter."""
-    return as_bank(run.snapshot)
-
-
-def as_bank(snapshot: Snapshot) -> Bank:
-    """The arrays of a snapshot."""
-    return Bank(snapshot.mean, snapshot.covariance, snapshot.log_evidence)
+    """All hypotheses of a filter, none of which lags any more."""
+    tasks = [run.task(task).moments() for task in range(run.library.n_tasks + 1)]
+    mean, covariance = (np.concatenate(part) for part in zip(*tasks, strict=True))
+    return Bank(mean, covariance, run.log_evidence)
 
 
 def rows_of(library: TaskLibrary, grid: PriorGrid) -> np.ndarray:

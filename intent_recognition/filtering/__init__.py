@@ -13,7 +13,7 @@ from intent_recognition.filtering.grid import (
 )
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.prediction import TaskPrediction, deviations_at
-from intent_recognition.filtering.table import Deviations, HypothesisTable, Snapshot
+from intent_recognition.filtering.table import Deviations, HypothesisTable
 
 __all__ = [
     "NEGLIGIBLE",
@@ -26,7 +26,6 @@ __all__ = [
     "MovementFilter",
     "ObservationModel",
     "PriorGrid",
-    "Snapshot",
     "TaskPrediction",
     "deviations_at",
     "duration_offsets",

@@ -33,9 +33,9 @@ from intent_recognition.filtering.observation_model import (
     Measurement,
     ObservationModel,
 )
-from intent_recognition.filtering.table import HypothesisTable, Snapshot
+from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
-from intent_recognition.promp import STEADY, TaskLibrary
+from intent_recognition.promp import TaskLibrary
 
 SWITCH_RATE = 0.04
 """Rate at which a person turns to another task, per usual duration of the tasks
@@ -132,8 +132,7 @@ class Births:
         self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
         n_born = (min(library.n_tasks, MAX_TASKS) + 1) * len(self._offsets) + len(DELAYS)
         room = self._n_kept + n_born * len(FADINGS) * -(-SETTLING // BIRTHS_EVERY)
-        n_basis = library.basis.n_basis
-        self._table = HypothesisTable(room, n_dofs, n_basis, STEADY, OFFSET_BASIS)
+        self._table = HypothesisTable(room, library, offsets=True)
         none_variance = np.diag(library.none_covariance).reshape(n_dofs, -1)
         std = np.sqrt(none_variance.mean(axis=1))[:, None]
         powers = self._rates[:, None, None] ** np.arange(OFFSET_BASIS)
@@ -234,7 +233,7 @@ class Births:
         np.add.at(expected_s, task, weight * (onset_s + duration_s))
         return BornBelief(total, self.staying, expected_s, task, weight, onset_s, duration_s)
 
-    def of_task(self, task: int) -> tuple[Snapshot, NDArray[np.float64], NDArray[np.float64]]:
+    def of_task(self, task: int) -> tuple[GaussianBatch, NDArray[np.float64], NDArray[np.float64]]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
 
         A duration reaches from the movement's onset to its end.
@@ -244,7 +243,7 @@ class Births:
         weight = np.exp(joint - np.max(joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
         until_s = rows["onset_s"][index] + rows["duration_s"][index]
-        return self._table.snapshot(index), until_s, weight[index] / weight[index].sum()
+        return self._table.courses(index), until_s, weight[index] / weight[index].sum()
 
     def _hopeless(self, total: float) -> NDArray[np.bool_]:
         """What explains far less than all together, and the worst of too many."""
@@ -294,10 +293,10 @@ class Births:
         table, best = onset, int(np.argmax(joint))
         if of_born.max() > joint[best]:
             table, best = self._table, int(np.argmax(of_born))
-        row, course = table.rows[best].copy(), table.snapshot(np.array([best]))
+        row, course = table.rows[best].copy(), table.courses(np.array([best]))
         delay, rate = np.divmod(np.arange(len(DELAYS) * len(FADINGS)), len(FADINGS))
         self._table.add(
-            self._with_offset(course.mean, course.covariance, DELAY_OFFSET)[rate],
+            self._with_offset(*course.moments(), DELAY_OFFSET)[rate],
             task=row["task"],
             kind=n_tasks + 1 + row["task"],
             settling=self._settling,

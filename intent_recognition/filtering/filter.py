@@ -3,18 +3,26 @@
 
 An observation passes through the observation model into the table of hypotheses. Task, progress and
 both agents' trajectories are read off the same table.
+
+Pruning is lag: tasks of negligible posterior are not conditioned, and catch up when they matter. A
+measurement cannot be more probable under any task than at the peak of its own noise, because an
+innovation covariance H S H^T + R is never smaller than R. So
+
+    log p(all so far | task)  <=  log p(until it lagged | task) + sum of -1/2 log det(2 pi R),
+
+and while this bound is negligible, so is the task. `none` never lags, and tasks are compared with
+each other only, because the evidence of none counts beyond a margin only.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.births import Births, BornBelief
+from intent_recognition.filtering.births import MAX_TASKS, Births, BornBelief
 from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
 from intent_recognition.filtering.prediction import TaskPrediction
-from intent_recognition.filtering.pruning import Pruning
-from intent_recognition.filtering.table import HypothesisTable, Snapshot
-from intent_recognition.gaussian import GaussianBatch
+from intent_recognition.filtering.table import HypothesisTable
+from intent_recognition.gaussian import GaussianBatch, cholesky, student_log_density
 from intent_recognition.promp import (
     ControlGrid,
     StartPosture,
@@ -24,6 +32,21 @@ from intent_recognition.promp import (
 )
 from intent_recognition.signals import Observation
 
+PRUNE_FROM = 128
+"""Fewer hypotheses are never pruned.
+
+Measured: fewer are filtered in less time than it takes to choose among them (docs/speed.md).
+"""
+PRUNE_BELOW = 60.0
+"""A task lags from where its log posterior is this far below the most probable task's.
+
+Measured: 80 to 250 take longer where a movement turns, and not less time elsewhere.
+"""
+NEGLIGIBLE_BELOW = 40.0
+"""The bound on a lagging task's log posterior stays this far below the most probable task's.
+
+Convention: e^-40 = 4e-18 is less than the rounding of a probability.
+"""
 UNLIKELY = 1e-3
 """Tasks so much less probable than the most probable one are left out of a mixture. Convention."""
 
@@ -35,15 +58,15 @@ class MovementFilter:
         library: the learned tasks.
         grid: of tasks and durations.
         onset_ns: stamp from which phases count.
-        prune: do not filter tasks whose posterior is negligible (`pruning`), when there are many.
-        task_weight: what the posterior of the known tasks may be multiplied by, (K,); see there.
+        prune: let tasks lag whose posterior is negligible, when there are many.
+        task_weight: factors that the posterior of the known tasks may be multiplied by (another
+            p(s)), (K,): what is negligible is so with and without them.
         switching: follow a person who turns to another task on the way (`births`).
-        control_grids: the `ControlGrid` of tasks that had one; others are added.
 
     Attributes:
         table: the hypotheses of the onset.
         births: those that were born on the way; None without `switching`.
-        n_used: how many observations every hypothesis was conditioned on.
+        n_used: how many observations were used.
     """
 
     def __init__(
@@ -55,16 +78,14 @@ class MovementFilter:
         prune: bool = False,
         task_weight: NDArray[np.float64] | None = None,
         switching: bool = False,
-        control_grids: dict[int, ControlGrid] | None = None,
     ):
-        self.library, self.grid, self._prune = library, grid, prune
-        basis, n = library.basis, len(grid.duration_s)
-        deviation = library.phase_deviation
-        self.table = HypothesisTable(n, library.n_observed, basis.n_basis, deviation)
+        self.library, self.grid, n = library, grid, len(grid.duration_s)
+        self._prunes = prune and n >= PRUNE_FROM
+        self.table = HypothesisTable(n, library)
         self.births = Births(library, grid) if switching else None
         prior = library.observed_mean, library.observed_covariance
-        self._prior = GaussianBatch.of(*prior, basis.n_basis).state
-        self._control_grids = {} if control_grids is None else control_grids
+        self._prior = GaussianBatch.of(*prior, library.basis.n_basis).state
+        self._control_grids: dict[int, ControlGrid] = {}
         self.restart(onset_ns, task_weight)
 
     def restart(self, onset_ns: int, task_weight: NDArray[np.float64] | None = None) -> None:
@@ -74,19 +95,29 @@ class MovementFilter:
             onset_ns: stamp from which phases count.
             task_weight: as of the class.
         """
-        self.onset_ns, grid, table = onset_ns, self.grid, self.table
-        task = np.repeat(np.arange(len(self._prior)), grid.n_scales)
-        table.clear()
-        columns = {"task": task, "duration_s": grid.duration_s, "log_prior": grid.log_prior}
-        table.add(self._prior[task], **columns)
+        self.onset_ns, grid, n_tasks = onset_ns, self.grid, len(self._prior)
+        self.table.clear()
+        self.table.add(
+            self._prior,
+            grid.n_scales,
+            task=np.repeat(np.arange(n_tasks), grid.n_scales),
+            duration_s=grid.duration_s,
+            log_prior=grid.log_prior,
+        )
         self._model = ObservationModel(self.library, onset_ns)
-        self._pruning = Pruning(table, self._model, grid, task_weight, prune=self._prune)
+        with np.errstate(divide="ignore"):
+            self._log_weight = np.log(np.ones(n_tasks - 1) if task_weight is None else task_weight)
         if self.births is not None:
             self.births.clear()
-        self.n_used, self._elapsed_s = 0, 0.0
-        self._seen: list[Measurement] = []
+        self._measurements: list[Measurement] = []
+        self._peaks = np.zeros(1)  # highest log density of so many measurements
+        self._seen = np.zeros(n_tasks, dtype=np.int64)  # of how many each task was conditioned on
+        self._follows = np.ones(n_tasks, dtype=bool)
         self._predictions: dict[int, TaskPrediction] = {}
-        self._last: tuple[tuple[int, int, int], StartPosture | None, Trajectory] | None = None
+
+    @property
+    def n_used(self) -> int:  # noqa: D102
+        return len(self._measurements)
 
     def observe(self, observation: Observation) -> None:
         """Condition every hypothesis on an observation, unless it follows too closely on the last.
@@ -98,36 +129,66 @@ class MovementFilter:
         measurement = self._model.measurement(observation)
         if measurement is None:
             return
-        self._pruning.condition(measurement)
+        self._condition(measurement)
         if self.births is not None:
             self.births.observe(measurement, self._model, self.table, self.log_evidence)
-        self.n_used += 1
-        self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
-        if not measurement.derivative:
-            self._seen.append(measurement)
         self._predictions.clear()
+
+    def _condition(self, measurement: Measurement) -> None:
+        """Condition the tasks that do not lag; choose anew which do."""
+        index = None if self._follows.all() else self._rows_of(self._follows)
+        self.table.condition(measurement, self._model, index)
+        self._measurements.append(measurement)
+        self._seen[self._follows] = self.n_used
+        peak = _peak(measurement) if self._prunes else 0.0
+        self._peaks = np.append(self._peaks, self._peaks[-1] + peak)
+        if self._prunes:
+            ahead = self._ahead()
+            self._catch_up(ahead > -NEGLIGIBLE_BELOW)
+            self._follows = (self._seen == self.n_used) & (ahead > -PRUNE_BELOW)
+
+    def _catch_up(self, tasks: NDArray[np.bool_]) -> None:
+        """Bring tasks to where they would be had they never lagged."""
+        for k in range(int(np.min(self._seen, where=tasks, initial=self.n_used)), self.n_used):
+            index = self._rows_of(tasks & (self._seen <= k))
+            self.table.condition(self._measurements[k], self._model, index)
+        self._seen[tasks] = self.n_used
+        self._follows |= tasks
+
+    def _rows_of(self, tasks: NDArray[np.bool_]) -> NDArray[np.int64]:
+        return np.flatnonzero(np.repeat(tasks, self.grid.n_scales))
+
+    def _ahead(self) -> NDArray[np.float64]:
+        """How far log joints, or bounds, are above the most probable known task's, (K + 1,).
+
+        The largest of two: under the posterior as it is, and multiplied by the task weights. The
+        tasks that hypotheses are born of are known exactly, too.
+        """
+        joint = (self.grid.log_prior + self.log_evidence).reshape(-1, self.grid.n_scales)
+        bound = np.logaddexp.reduce(joint, axis=1)[:-1]
+        exact = np.where(self._seen[:-1] == self.n_used, bound, -np.inf)
+        weighed = (exact + self._log_weight).max() - self._log_weight
+        limit = np.minimum(exact.max(), weighed)
+        if self.births is not None and len(exact) > MAX_TASKS:
+            least = np.partition(exact, -MAX_TASKS)[-MAX_TASKS]
+            limit = np.minimum(limit, least + NEGLIGIBLE_BELOW)
+        return np.r_[bound - limit, np.inf]
 
     @property
     def log_evidence(self) -> NDArray[np.float64]:
-        """Log density of all observations under each hypothesis, (B,); a bound where pruned."""
-        return self._pruning.log_evidence
+        """Log density of all observations under each hypothesis, (B,); a bound where it lags."""
+        missed = self._peaks[-1] - self._peaks[self._seen]
+        return self.table.rows["log_evidence"] + np.repeat(missed, self.grid.n_scales)
 
     @property
     def pruned_tasks(self) -> NDArray[np.int64]:
-        """Numbers of the tasks that are pruned for now."""
-        return np.flatnonzero(self._pruning.lagging)
+        """Numbers of the tasks that lag."""
+        return np.flatnonzero(self._seen < self.n_used)
 
-    @property
-    def snapshot(self) -> Snapshot:
-        """A copy of all hypotheses of the onset, none of them pruned any more."""
-        self._pruning.catch_up()
-        return self.table.snapshot(np.arange(self.table.n))
-
-    def task(self, task: int) -> Snapshot:
-        """A copy of a task's hypotheses of the onset, not pruned any more: (S, ...)."""
-        self._pruning.catch_up(np.arange(len(self._prior)) == task)
-        first = task * self.grid.n_scales
-        return self.table.snapshot(np.arange(first, first + self.grid.n_scales))
+    def task(self, task: int) -> GaussianBatch:
+        """Weights of a task's hypotheses of the onset, which does not lag any more: (S, ...)."""
+        self._catch_up(np.arange(len(self._prior)) == task)
+        return self.table.courses(task * self.grid.n_scales + np.arange(self.grid.n_scales))
 
     def born(self) -> BornBelief | None:
         """What hypotheses that were born on the way make of task and timing; None without any."""
@@ -141,15 +202,9 @@ class MovementFilter:
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
-        asked = (task, n_points, self.n_used)
-        if self._last is not None and self._last[0] == asked and self._last[1] is start:
-            return self._last[2]
         if task not in self._control_grids:
             self._control_grids[task] = ControlGrid(self.library, task)
-        grid = self._control_grids[task]
-        trajectory = self.prediction(task).controlled(n_points, start, grid)
-        self._last = asked, start, trajectory
-        return trajectory
+        return self.prediction(task).controlled(n_points, start, self._control_grids[task])
 
     def mixture_at(
         self,
@@ -181,22 +236,28 @@ class MovementFilter:
 
     def _predict(self, task: int) -> TaskPrediction:
         """From the hypotheses of the onset, or from those born since if they are more probable."""
-        births, evidence = self.births, self.log_evidence
-        if births is not None and births.log_joint[task] > births.left(evidence)[task]:
+        library, births, measurements = self.library, self.births, self._measurements
+        elapsed_s = max((one.elapsed_s for one in measurements), default=0.0)
+        if births is not None and births.log_joint[task] > births.left(self.log_evidence)[task]:
             found = births.of_task(task)
-            return TaskPrediction(
-                self.library, task, *found, self.table.deviations(0, 0), self._elapsed_s
-            )
-        snapshot, n_scales = self.task(task), self.grid.n_scales
+            return TaskPrediction(library, task, *found, self.table.deviations(0, 0), elapsed_s)
+        weights, n_scales = self.task(task), self.grid.n_scales
         some = slice(task * n_scales, (task + 1) * n_scales)
-        weights = self.grid.duration_weights(self.table.rows["log_evidence"])[task]
         return TaskPrediction(
-            self.library,
+            library,
             task,
-            snapshot,
-            self.grid.duration_s[some],
             weights,
+            self.grid.duration_s[some],
+            self.grid.duration_weights(self.table.rows["log_evidence"])[task],
             self.table.deviations(some.start, some.stop),
-            self._elapsed_s,
-            self._seen[:],
+            elapsed_s,
+            [one for one in measurements if not one.derivative],
         )
+
+
+def _peak(measurement: Measurement) -> float:
+    """Highest log density that a measurement can have under any hypothesis."""
+    factor = cholesky(measurement.noise_covariance, name="noise covariance")
+    log_scale = np.log(np.diagonal(factor)).sum()
+    m, freedom = len(factor), measurement.freedom
+    return float(student_log_density(np.zeros(()), log_scale, m, freedom))

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.table import Deviations, Snapshot
-from intent_recognition.gaussian import Gaussian, cholesky, solve_lower, symmetrize
+from intent_recognition.filtering.table import Deviations
+from intent_recognition.gaussian import Gaussian, GaussianBatch, cholesky, solve_lower, symmetrize
 from intent_recognition.promp import (
     ControlGrid,
     PhaseDeviation,
@@ -48,7 +48,7 @@ class TaskPrediction:
         self,
         library: TaskLibrary,
         task: int,
-        weights: Snapshot,
+        weights: GaussianBatch,
         durations_s: NDArray[np.float64],
         duration_weights: NDArray[np.float64],
         deviations: Deviations,
@@ -120,13 +120,13 @@ class TaskPrediction:
         Returns:
             Means (k, Q, N) and covariances (k, Q, N, N).
         """
-        library, observed = self.library, self.weights
+        library, (observed, spread) = self.library, self.weights.moments(some)
         matrix, offset, rest = library.regressions[self.task]
         q, n = library.n_controlled, library.basis.n_basis
         by_dof, rest = matrix.reshape(q, n, -1), rest.reshape(q, n, q, n)
-        cross = np.matmul(by_dof[None], observed.covariance[some, None])  # (k, Q, N, P N)
+        cross = np.matmul(by_dof[None], spread[:, None])  # (k, Q, N, P N)
         own = np.matmul(cross, by_dof.swapaxes(1, 2)) + np.einsum("qnqm->qnm", rest)
-        mean = (observed.mean[some] @ matrix.T + offset).reshape(-1, q, n)
+        mean = (observed @ matrix.T + offset).reshape(-1, q, n)
         if start is None:
             return mean, own
         row = library.basis.design_matrix(np.zeros(1))[0]

@@ -5,16 +5,18 @@ A row is a task, a timing, and what is believed of the weights and of the phase 
 them. Rows of the onset, rows born on the way and delays differ in their columns only.
 """
 
-from copy import copy
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.observation_model import Measurement, ObservationModel
-from intent_recognition.gaussian import Gaussian, GaussianBatch, state_width
-from intent_recognition.promp import PhaseDeviation, deviation_prior
+from intent_recognition.filtering.observation_model import (
+    OFFSET_BASIS,
+    Measurement,
+    ObservationModel,
+)
+from intent_recognition.gaussian import GaussianBatch, state_width
+from intent_recognition.promp import STEADY, TaskLibrary, deviation_prior
 
 ROW = np.dtype(
     [
@@ -49,78 +51,30 @@ class Deviations(NamedTuple):
     likelihood: NDArray[np.float64]
 
 
-class Snapshot:
-    """Filtered observed weights of n hypotheses, as they are now: nothing changes them.
-
-    Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8): observations
-    do not touch the rest, which follows by regression when asked for (`promp.controlled_weights`).
-
-    Args:
-        weights: of the hypotheses, with those of their offsets.
-        log_evidence: log density of all observations so far under each, (n,).
-        own: which of the weights are the course's, (P N,); None for all.
-    """
-
-    def __init__(
-        self,
-        weights: GaussianBatch,
-        log_evidence: NDArray[np.float64],
-        own: NDArray[np.int64] | None = None,
-    ):
-        self._weights, self._own, self.log_evidence = weights, own, log_evidence
-
-    @cached_property
-    def _moments(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        mean, covariance = self._weights.moments()
-        if self._own is None:
-            return mean, covariance
-        return mean[:, self._own], covariance[:, self._own[:, None], self._own]
-
-    @property
-    def mean(self) -> NDArray[np.float64]:
-        """(n, P N)."""
-        return self._moments[0]
-
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """(n, P N, P N)."""
-        return self._moments[1]
-
-    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
-        """Mean and covariance of their mixture, each of a probability, (n,)."""
-        mean, covariance = self._weights.mixture(weight)
-        if self._own is None:
-            return Gaussian(mean, covariance)
-        return Gaussian(mean[self._own], covariance[np.ix_(self._own, self._own)])
-
-
 class HypothesisTable:
     """Rows of hypotheses over P DOFs, in memory that is used again and again.
 
     Args:
         room: rows at most.
-        n_dofs: P.
-        n_basis: N, weights per DOF of a course.
-        deviation: prior of the phase deviation.
-        n_offset: further weights per DOF.
+        library: the learned tasks, with the prior of the phase deviation.
+        offsets: whether rows have weights of an offset, which stands for the phase deviation.
 
     Attributes:
         n: rows in use.
         deviation: probability of each phase deviation, (room, E).
     """
 
-    def __init__(
-        self, room: int, n_dofs: int, n_basis: int, deviation: PhaseDeviation, n_offset: int = 0
-    ):
-        self._model, self._n_basis, self._offsets = deviation, n_basis + n_offset, n_offset > 0
-        size = n_dofs * self._n_basis
+    def __init__(self, room: int, library: TaskLibrary, *, offsets: bool = False):
+        self._model = STEADY if offsets else library.phase_deviation
+        n_dofs, n_basis, self._offsets = library.n_observed, library.basis.n_basis, offsets
+        self._n_basis = n_basis + OFFSET_BASIS * offsets
         # The system hands out memory when it is touched: now, not later.
-        self._state = np.full((room, state_width(size)), 0.0)
+        self._state = np.full((room, state_width(n_dofs * self._n_basis)), 0.0)
         self._columns = np.zeros(room, dtype=ROW)
-        self._prior = deviation_prior(deviation)
+        self._prior = deviation_prior(self._model)
         self.deviation = np.ones((room, len(self._prior)))
         own = self._n_basis * np.arange(n_dofs)[:, None] + np.arange(n_basis)
-        self._own = own.ravel() if self._offsets else None
+        self._own = own.ravel() if offsets else None
         self.clear()
 
     def clear(self) -> None:
@@ -138,21 +92,18 @@ class HypothesisTable:
         """Log prior and density of the observations, (n,)."""
         return self.rows["log_prior"] + self.rows["log_evidence"]
 
-    @property
-    def n_bytes(self) -> int:
-        """Memory in use."""
-        return self._state.nbytes + self._columns.nbytes + self.deviation.nbytes
-
-    def add(self, state: NDArray[np.float64], **columns: object) -> slice:
+    def add(self, state: NDArray[np.float64], times: int = 1, **columns: object) -> slice:
         """Add rows that have seen nothing; returns where they are.
 
         Args:
             state: of their weights, (k, ...), as in `GaussianBatch`.
-            columns: of `ROW`, a number or (k,) each; what is left out is zero.
+            times: rows of each state, one after the other.
+            columns: of `ROW`, a number or (k times,) each; what is left out is zero.
         """
-        new = slice(self.n, self.n + len(state))
+        new = slice(self.n, self.n + len(state) * times)
         self.n = new.stop
-        self._state[new], self.deviation[new], self._columns[new] = state, self._prior, 0
+        self._state[new].reshape(len(state), times, -1)[:] = state[:, None]
+        self.deviation[new], self._columns[new] = self._prior, 0
         for name, values in columns.items():
             self._columns[name][new] = values
         return new
@@ -183,14 +134,6 @@ class HypothesisTable:
             step = measurement.elapsed_s, index, deviation[where].copy(), likelihood
             self._history.append(step)
 
-    def part(self, index: NDArray[np.int64]) -> "HypothesisTable":
-        """Some rows in a table of their own."""
-        new = copy(self)
-        new.n, new._history = len(index), []
-        new._state, new._columns = self._state[index], self._columns[index]
-        new.deviation = self.deviation[index]
-        return new
-
     def drop(self, which: NDArray[np.bool_]) -> None:
         """Drop rows (n,); the last of the others take their places."""
         self.n -= int(np.count_nonzero(which))
@@ -198,10 +141,19 @@ class HypothesisTable:
         for array in (self._state, self.deviation, self._columns):
             array[free] = array[moved]
 
-    def snapshot(self, index: NDArray[np.int64]) -> Snapshot:
-        """The weights of some rows, a copy."""
-        weights = GaussianBatch(self._state[index], self._n_basis)
-        return Snapshot(weights, self._columns["log_evidence"][index], self._own)
+    def courses(self, index: NDArray[np.int64]) -> GaussianBatch:
+        """The weights of some rows, without those of their offsets; a copy.
+
+        Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8):
+        observations do not touch the rest, which follows by regression when asked for
+        (`promp.controlled_weights`).
+        """
+        batch, own = GaussianBatch(self._state[index], self._n_basis), self._own
+        if own is None:
+            return batch
+        mean, covariance = batch.moments()
+        some = mean[:, own], covariance[:, own[:, None], own]
+        return GaussianBatch.of(*some, self._n_basis - OFFSET_BASIS)
 
     def deviations(self, first: int, stop: int) -> Deviations:
         """What was believed of rows that were always conditioned together."""

@@ -16,7 +16,6 @@ from intent_recognition.errors import ArgumentError, ShapeError, check_type, fir
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
 from intent_recognition.promp import (
     NONE,
-    ControlGrid,
     StartPosture,
     TaskLibrary,
     Trajectory,
@@ -497,14 +496,11 @@ class IntentEstimator:
 
     def _make_memory(self) -> None:
         """What one movement after the other is filtered in."""
-        library, grids = self.library, dict[int, ControlGrid]()
+        library, switching = self.library, self._switching
         grid = make_prior_grid(library, self._task_prior, self._n_scales)
 
         def make() -> Movement:
-            made = MovementFilter(
-                library, grid, 0, prune=True, switching=self._switching, control_grids=grids
-            )
-            return Movement(made)
+            return Movement(MovementFilter(library, grid, 0, prune=True, switching=switching))
 
         self._memory = make()
         usual_s = float(np.exp(np.mean(library.log_duration_mean)))

@@ -94,7 +94,7 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
     n, phase_deviation = 60_000, run.deviations_at(times)
     drawn = []
     for s, count in enumerate(rng.multinomial(n, run.duration_weights)):
-        observed = Gaussian(run.weights.mean[s], run.weights.covariance[s])
+        observed = Gaussian(run.weights.mean[s], run.weights.moments()[1][s])
         w = rng.multivariate_normal(*controlled_weights(library, 0, observed), size=count)
         recorded = times / run.durations_s[s]
         values = np.empty((count, len(times), 2))
@@ -233,8 +233,6 @@ def test_asking_late_equals_asking_all_the_time(rng):
     ours, theirs = (run.controlled(0, 9, start) for run in (late, always))
     for one, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    assert late.controlled(0, 9, start) is ours
-    assert late.controlled(0, 9) is not ours
     assert late.prediction(0) is late.prediction(0)
     np.testing.assert_array_equal(late.prediction(0).controlled(9, start).positions, ours.positions)
     assert late.end_std(0, start) == {"rad": pytest.approx(ours.std[-1].max())}

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain import bank_of
 from simulation import make_library
 
 from intent_recognition.filtering.filter import MovementFilter
@@ -55,8 +56,8 @@ def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
         found.append(progress.log_evidence.copy())
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
     mean, covariance = progress.weights.moments()
-    np.testing.assert_allclose(mean, run.snapshot.mean, atol=1e-8)
-    np.testing.assert_allclose(covariance, run.snapshot.covariance, atol=1e-10)
+    np.testing.assert_allclose(mean, bank_of(run).mean, atol=1e-8)
+    np.testing.assert_allclose(covariance, bank_of(run).covariance, atol=1e-10)
 
 
 def test_each_hypothesis_sees_its_own_values(rng):
