@@ -3,7 +3,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -90,5 +90,6 @@ def _unit_of(table: Table, name: str, values: NDArray[np.float64], base: str) ->
 
 def flow(content: object) -> str:
     """YAML on one line."""
-    text = yaml.safe_dump(content, default_flow_style=True, sort_keys=False, width=10**6)
+    options: dict[str, Any] = {"default_flow_style": True, "sort_keys": False, "width": 10**6}
+    text: str = yaml.safe_dump(content, allow_unicode=True, **options)
     return text.strip().removesuffix("...").strip()

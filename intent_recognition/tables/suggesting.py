@@ -36,6 +36,7 @@ NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|time|timestamp|stamp|secs?|seconds|zeit)([^a-z]|$)")
 NO_JOINT = re.compile(
     r"(?i)stamp|\btime\b|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
+    r"|[XYZ]position$"
 )
 """What columns are called that move and are no position of a joint."""
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample)#?$")
@@ -113,7 +114,9 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     rows = max(sizes, key=lambda size: sizes[size] * size, default=0)
     columns = {name: one for name, one in columns.items() if one.values.size == rows}
     time, time_note = _time(table, columns, labels)
+    cut = table.defaults.get("segments")
     used = {str(time.get("column", "")), str(time.get("nanoseconds", ""))}
+    used |= {str(cut.get("column"))} if isinstance(cut, Mapping) else set()
     bodies = _bodies(columns)
     used |= {column for body in bodies.values() for column in body}
     joints = [c for c in columns.values() if c.moves and c.name not in used and not _counts(c)]

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files as programs export them: columns by name, units, rates; never silently wrong.
 
-`EXAMPLES` has one of each kind; docs/import.md lists them, and `test_the_page_lists_them` compares.
+docs/import.md lists the kinds of `exported_files`, docs/formats.md has a section for each.
 """
 
-import json
 import re
 from pathlib import Path
 
@@ -14,6 +13,20 @@ import yaml
 from c3d_builder import c3d_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tables import exported_files
+from tables.exported_files import (
+    EXAMPLES,
+    PAGE,
+    PLACE,
+    PREFACE,
+    SAY_MM,
+    aloha,
+    c3d,
+    entry,
+    openpose,
+    robomimic,
+    three,
+)  # fmt: skip
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
@@ -25,218 +38,6 @@ from intent_recognition.tables import (
 )
 from intent_recognition.tables.files import open_table
 from intent_recognition.tables.times import SINCE_NS
-
-ROWS = 30
-PLACE = np.column_stack([300.0 + np.arange(ROWS), np.full(ROWS, 20.5), np.full(ROWS, 900.0)])
-"""Of a wrist in millimetres, over time."""
-
-
-def entry(columns, **more):
-    return {
-        "topic": "/mocap/wrist/pose",
-        "type": "geometry_msgs/msg/PoseStamped",
-        "fields": [f"pose.position.{axis}" for axis in "xyz"],
-        "unit": "m",
-        "columns": columns,
-        **more,
-    }
-
-
-def rows(before, separator=",", decimals=".", scale=1.0):
-    """Lines of a table: what `before` says of a row, then the wrist."""
-    cells = ([*before(k), *(f"{v:.6f}" for v in place * scale)] for k, place in enumerate(PLACE))
-    return "".join(separator.join(row).replace(".", decimals) + "\n" for row in cells)
-
-
-def motive(folder):
-    kinds = ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"]
-    head = [
-        "Format Version,1.23,Take Name,a,Export Frame Rate,120.0,Rotation Type,Quaternion,"
-        "Length Units,Millimeters,Coordinate Space,Global",
-        "",
-        ",Type" + ",Rigid Body" * 8,
-        ",Name" + ",wrist" * 8,
-        ",ID" + ",A1" * 8,
-        ",," + ",".join(kinds),
-        "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,",
-    ]
-    body = [f"{k},{k / 120:.6f},0,0,0,1,{x},{y},{z},0.1" for k, (x, y, z) in enumerate(PLACE)]
-    (folder / "motive.csv").write_text("\n".join([*head, *body]) + "\n")
-    return folder / "motive.csv"
-
-
-def nexus(folder):
-    head = "Trajectories\n100\n,,Ann:RWRA,,,Ann:LWRA,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n"
-    head += ",,mm,mm,mm,mm,mm,mm\n"
-    body = "".join(f"{k + 1},0,{x},{y},{z},,,\n" for k, (x, y, z) in enumerate(PLACE))
-    (folder / "nexus.csv").write_text(f"{head}{body}\nDevices\n1000\n,,Force\nFrame,Sub Frame,Fx\n")
-    return folder / "nexus.csv"
-
-
-def trc(folder):
-    head = (
-        "PathFileType\t4\t(X/Y/Z)\ta.trc\n"
-        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
-        f"100\t100\t{ROWS}\t2\tmm\nFrame#\tTime\tLWR\t\t\tRWR\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
-    )
-    path = folder / "a.trc"
-    path.write_text(head + rows(lambda k: [str(k + 1), f"{k / 100:.3f}", "", "", ""], "\t"))
-    return path
-
-
-def qtm(folder):
-    head = (
-        f"NO_OF_FRAMES\t{ROWS}\nNO_OF_CAMERAS\t8\nNO_OF_MARKERS\t1\nFREQUENCY\t100\n"
-        "DATA_INCLUDED\t3D\nMARKER_NAMES\twrist\n"
-    )
-    (folder / "qtm.tsv").write_text(head + rows(lambda k: [], "\t"))
-    return folder / "qtm.tsv"
-
-
-def opensim(folder):
-    head = f"model\nversion=1\nnRows={ROWS}\nnColumns=5\ninDegrees=yes\nendheader\n"
-    head += "time\telbow\twrist_tx\twrist_ty\twrist_tz\n"
-    path = folder / "a.mot"
-    path.write_text(head + rows(lambda k: [f"{k / 100:.3f}", "90"], "\t", scale=0.001))
-    return path
-
-
-def german_excel(folder):
-    head = "Zeit [s];Größe;x;y;z\n"
-    text = head + rows(lambda k: [f"{k / 100:.3f}", "groß"], ";", ",")
-    (folder / "excel.csv").write_bytes(text.encode("latin-1"))
-    return folder / "excel.csv"
-
-
-def utf16(folder):
-    text = "t\tx\ty\tz\n" + rows(lambda k: [f"{k / 100:.3f}"], "\t")
-    (folder / "unicode.txt").write_text(text, encoding="utf-16")
-    return folder / "unicode.txt"
-
-
-def without_names(folder):
-    (folder / "plain.csv").write_text(rows(lambda k: [f"{k / 100:.3f}"]))
-    return folder / "plain.csv"
-
-
-def c3d(folder):
-    points = np.stack([PLACE, PLACE + 100.0], axis=1)
-    (folder / "a.c3d").write_bytes(c3d_file(points, labels=["RWRA", "LWRA"]))
-    return folder / "a.c3d"
-
-
-def bvh(folder):
-    text = f"""HIERARCHY
-ROOT Hips
-{{
-  OFFSET 0 0 0
-  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
-  JOINT Wrist
-  {{
-    OFFSET 0 10 0
-    CHANNELS 3 Zrotation Xrotation Yrotation
-    End Site
-    {{
-      OFFSET 0 1 0
-    }}
-  }}
-}}
-MOTION
-Frames: {ROWS}
-Frame Time: 0.01
-"""  # the hips turn by 90 degrees about z: the wrist is 10 to their left
-    body = "".join(f"{x + 10} {y} {z} 90 0 0 0 0 0\n" for x, y, z in PLACE)
-    (folder / "a.bvh").write_text(text + body)
-    return folder / "a.bvh"
-
-
-def mvnx(folder):
-    frames = "".join(
-        f'<frame time="{10 * k}" type="normal"><position>{x / 1000} {y / 1000} {z / 1000}'
-        "</position><orientation>1 0 0 0</orientation></frame>"
-        for k, (x, y, z) in enumerate(PLACE)
-    )
-    (folder / "a.mvnx").write_text(
-        '<mvnx xmlns="http://www.xsens.com/mvn/mvnx"><subject frameRate="100"><segments>'
-        '<segment label="RightHand" id="1"/></segments><frames>'
-        '<frame time="0" type="identity"><position>0 0 0</position></frame>'
-        f"{frames}</frames></subject></mvnx>"
-    )
-    return folder / "a.mvnx"
-
-
-def robomimic(folder):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(folder / "demos.hdf5", "w") as file:
-        data = file.create_group("data")
-        data.attrs["env_args"] = json.dumps({"env_kwargs": {"control_freq": 100}})
-        for k in range(2):
-            demo = data.create_group(f"demo_{k}")
-            demo["obs/robot0_eef_pos"] = PLACE / 1000
-            demo["actions"] = np.zeros((ROWS, 7))
-            demo["obs/image"] = np.zeros((ROWS, 4, 4, 3), np.uint8)
-    return folder / "demos.hdf5"
-
-
-def aloha(folder):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(folder / "episode_0.hdf5", "w") as file:
-        file["observations/qpos"] = np.hstack([np.zeros((ROWS, 2)), PLACE / 1000])
-        file["action"] = np.zeros((ROWS, 14))
-    return folder / "episode_0.hdf5"
-
-
-def openpose(folder):
-    (folder / "video").mkdir()
-    for k, (x, y, z) in enumerate(PLACE):
-        points = np.zeros((25, 4))
-        points[4] = x / 1000, y / 1000, z / 1000, 0.9
-        content = {"people": [{"pose_keypoints_3d": points.ravel().tolist()}]}
-        (folder / f"video/a_{k:012d}_keypoints.json").write_text(json.dumps(content))
-    return folder / "video"
-
-
-def mediapipe(folder):
-    def landmarks(k, scale):
-        points = [{"x": 0.0, "y": 0.0, "z": 0.0} for _ in range(33)]
-        points[16] = dict(zip("xyz", (PLACE[k] * scale).tolist(), strict=True))
-        return points
-
-    frames = [
-        {"timestamp_ms": 10 * k, "pose_landmarks": landmarks(k, 1e-4),
-         "pose_world_landmarks": landmarks(k, 1e-3)}
-        for k in range(ROWS)
-    ]  # fmt: skip
-    (folder / "a.json").write_text(json.dumps({"frames": frames}))
-    return folder / "a.json"
-
-
-def three(start):
-    return [f"{start}.{axis}" for axis in "xyz"]
-
-
-EXAMPLES = {
-    "Motive, CSV": (motive, [f"wrist.Position.{axis}" for axis in "XYZ"], {}),
-    "Nexus, CSV": (nexus, [f"RWRA.{axis}" for axis in "XYZ"], {}),
-    "OpenSim, TRC": (trc, three("RWR"), {}),
-    "QTM, TSV": (qtm, three("wrist"), {}),
-    "OpenSim, MOT": (opensim, [f"wrist_t{axis}" for axis in "xyz"], {}),
-    "Excel, CSV": (german_excel, ["x", "y", "z"], {"time": {"column": "Zeit [s]"}}),
-    "Excel, text in UTF-16": (utf16, ["x", "y", "z"], {"time": {"column": "t"}}),
-    "CSV without names": (without_names, [1, 2, 3], {"time": {"column": 0}}),
-    "C3D": (c3d, three("RWRA"), {}),
-    "BVH": (bvh, three("Wrist"), {}),
-    "Xsens, MVNX": (mvnx, three("RightHand.position"), {}),
-    "robomimic, HDF5": (robomimic, [f"obs.robot0_eef_pos.{k}" for k in range(3)], {}),
-    "ALOHA, HDF5": (
-        aloha, [f"observations.qpos.{k}" for k in (2, 3, 4)], {"time": {"rate": 100}}
-    ),
-    "OpenPose, JSON": (openpose, three("RWrist"), {"time": {"rate": 100}}),
-    "MediaPipe, JSON": (mediapipe, three("right_wrist"), {}),
-}  # fmt: skip
-"""By exporter and format: its file, the columns of the wrist, and what else the map must say."""
-SAY_MM = ("Excel, CSV", "Excel, text in UTF-16", "CSV without names", "BVH")
-"""Those whose files do not say the unit."""
 
 
 def imported(path, columns, more=None, **keys):
@@ -262,6 +63,13 @@ def test_the_page_lists_them(repository):
     page = (repository / "docs/import.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| ([^|]+?) \|", page, re.MULTILINE))
     assert set(EXAMPLES) <= listed
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_the_section_of_a_format_is_what_is_suggested(kind):
+    page = PAGE.read_text(encoding="utf-8")
+    assert exported_files.section(kind) in page, "run python -m tables.exported_files in test/"
+    assert page.startswith(PREFACE)
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)
