@@ -27,31 +27,29 @@ from experiments.constraints.features import (
 )
 from experiments.constraints.report import AREA, GAIN
 from experiments.constraints.study import NOVEL, score
-from experiments.pouring.report import BAR_SPILLED
-from experiments.pouring.study import of_manner, read_recorded
-from intent_recognition.share import share_path
-from sim_bridge.balls import (
+from experiments.constraints.table import TRIALS_FILE, Trials, read_trials
+from experiments.constraints.trials import (
     COLUMNS,
     FILLING,
     POURING,
-    TRIALS_FILE,
     TRIALS_PER_OBJECT,
     TrialBlock,
-    Trials,
     make,
-    read_trials,
 )
-from sim_bridge.containers import CONTAINER_NAMES
-from sim_bridge.scenarios.pouring import (
+from experiments.pouring.executed import (
     MEAN,
     SAMPLE,
     UNWARPED,
     PourOrder,
-    annotated_source,
     execute,
     learn_skill,
     planned,
 )
+from experiments.pouring.report import BAR_SPILLED
+from experiments.pouring.study import of_manner, read_recorded
+from intent_recognition.share import share_path
+from sim_bridge.containers import CONTAINER_NAMES
+from sim_bridge.scenarios.pouring import annotated_source
 
 JOBS = 2
 SETS_PER_OBJECT = 3

@@ -35,12 +35,12 @@ def draw_again(
 
     Args:
         settings: `n_seeds` draws in all, the shipped recordings being the first.
-        scenario: name of its recordings, as `sim_bridge.scenarios.generate` knows it.
+        scenario: name of its recordings, as `experiments.generate` knows it.
         evaluate: called with the folder in which the scenario's folder lies.
         keep: which recordings are needed, by their folder.
         progress: called with the share done, 0 to 1.
     """
-    from sim_bridge.scenarios.generate import record
+    from experiments.generate import record
 
     draws = []
     for k in range(1, settings.n_seeds):

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.coworker import (
-    TASKS,
+from experiments.teaching.demonstration import (
     TEST_COUNTS,
     TRAINING_COUNTS,
     WristDemonstration,
     demonstration_rng,
     plan_demonstration,
 )
+from sim_bridge.coworker import TASKS
 
 Classifier = Callable[
     [NDArray[np.float64], NDArray[np.integer], NDArray[np.float64]], NDArray[np.integer]

@@ -24,8 +24,8 @@ from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition import DecisionSettings, IntentEstimator, start_mean
 from intent_recognition.signals import Demonstration, Observation, merge
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
+from sim_bridge.recording import SAMPLE_NS
 from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation, pose
-from sim_bridge.teaching import SAMPLE_NS
 
 UPDATE_S = 0.08
 """Time from one plan with the newest prediction to the next [s]."""

@@ -144,7 +144,7 @@ def read(settings: Settings) -> list[Demonstration]:
     demonstrations, rejections = read_demonstrations(folder, dofs)
     if not demonstrations:
         got = rejections[0] if rejections else "none"
-        cure = "Generate them: python -m sim_bridge.scenarios.generate --scenario assembly."
+        cure = "Generate them: python -m experiments.generate --scenario assembly."
         raise BagError(describe(str(folder), "demonstrations of two humans", got, cure))
     return demonstrations
 

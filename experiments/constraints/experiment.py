@@ -22,10 +22,11 @@ from experiments.constraints.features import (
 )
 from experiments.constraints.report import blocks, conditions, findings, numbers
 from experiments.constraints.study import ConstraintScores, score
+from experiments.constraints.table import TRIALS_FILE, read_trials
+from experiments.constraints.trials import FILLING, POURING
 from experiments.results import ExperimentResult
 from experiments.settings import Settings
 from intent_recognition.share import share_path
-from sim_bridge.balls import FILLING, POURING, TRIALS_FILE, read_trials
 from sim_bridge.containers import CONTAINER_NAMES
 from sim_bridge.scenarios.pouring import annotated_source
 

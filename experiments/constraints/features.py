@@ -12,6 +12,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.constraints.table import Trials
+from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND, container
 from intent_recognition.warping import (
     NO_REFERENCES,
     FillingConstraint,
@@ -25,15 +27,7 @@ from intent_recognition.warping import (
     references,
     warp_object,
 )
-from sim_bridge.balls import (
-    FILLING,
-    FILLING_TILT_RAD,
-    POURING,
-    SECOND,
-    Trials,
-    container,
-    level_axes,
-)
+from sim_bridge.balls import level_axes
 from sim_bridge.containers import CONTAINER_NAMES, scan
 
 LABEL, POINT, STANDARD = METHODS = ("label mapping", "point mapping", "standard features")

@@ -9,18 +9,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from experiments.pointing.finger import PointingBodies
 from experiments.pointing.scene import HOME, home_pose, pointed_at, pointing_pose, pointing_rotation
+from experiments.teaching.lesson import HOME_STD_RAD, SENSOR_NOISE
+from experiments.teaching.path import TEACHING_STD_M, TEACHING_STD_RAD
+from experiments.teaching.virtual_hand import Grip, HandTarget, pull
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
 from sim_bridge.coworker import bow_profile, minimum_jerk
-from sim_bridge.scenarios.toolbox import (
-    HOME_STD_RAD,
-    SENSOR_NOISE,
-    TEACHING_STD_M,
-    TEACHING_STD_RAD,
-    arm_posture,
-    pose,
-)
-from sim_bridge.teaching import Grip, HandTarget, pull
+from sim_bridge.scenarios.toolbox import arm_posture, pose
 
 GRIP = Grip()
 """How firmly the demonstrator holds the arm."""

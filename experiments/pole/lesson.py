@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from experiments.pole.plan import Way
 from experiments.pole.world import Pole
+from experiments.teaching.lesson import SENSOR_NOISE
+from experiments.teaching.virtual_hand import Grip, HandTarget, pull
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
-from sim_bridge.scenarios.toolbox import SENSOR_NOISE
-from sim_bridge.teaching import Grip, HandTarget, pull
 
 _RATE_HZ = 200.0
 """Rate at which the demonstrator's path is laid out [Hz]. Convention."""

@@ -15,9 +15,9 @@ from experiments.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
 from experiments.pole.lesson import PoleLesson, lead_around
 from experiments.pole.person import WandPointing, draw_pointing
 from experiments.pole.plan import can_reach, plan_way
+from experiments.teaching.path import REACTION_SHARE
 from intent_recognition.errors import KinematicsError, describe
-from sim_bridge.scenarios.toolbox import REACTION_SHARE
-from sim_bridge.teaching import (
+from sim_bridge.recording import (
     PROVENANCE,
     metadata_stamp,
     metadata_vector,

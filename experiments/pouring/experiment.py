@@ -5,11 +5,12 @@ The pours of the arm are recorded; the experiment counts what became of their ba
 arm repeat some of them in physics.
 """
 
+from experiments.pouring.executed import MEAN, UNWARPED, execute, learn_skill, planned
 from experiments.pouring.report import CONDITIONS, blocks, findings
 from experiments.pouring.study import numbers_of, pair_name, read_recorded
 from experiments.results import ExperimentResult
 from experiments.settings import Settings
-from sim_bridge.scenarios.pouring import MEAN, PAIRS, UNWARPED, execute, learn_skill, planned
+from sim_bridge.scenarios.pouring import PAIRS
 
 REPEATED = ((2, MEAN), (6, UNWARPED))
 QUICK = ((1, MEAN),)

@@ -6,20 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.pouring.executed import MEAN, SAMPLE, UNWARPED, Skill
 from experiments.pouring.figures import Band, Real, paths_figure, spilled_figure
 from experiments.pouring.study import NAMES, RecordedPour, of_manner, pair_name, to_level
 from experiments.results import Finding
 from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
 from intent_recognition.warping import EMPTY, to_warped, warped_scale
-from sim_bridge.scenarios.pouring import (
-    MEAN,
-    PAIRS,
-    SAMPLE,
-    UNWARPED,
-    Skill,
-    read_demonstrated,
-    seen_as,
-)
+from sim_bridge.scenarios.pouring import PAIRS, read_demonstrated, seen_as
 
 TO_CM_AND_DEG = np.array([100.0, 100.0, 100.0, 180.0 / np.pi])
 BAR_SPILLED = 2.0
@@ -42,7 +35,7 @@ CONDITIONS = (
     " promised no spill without warping; two pairs were added after the first seven were poured.",
     "Cup and second container touch without friction, with their true outsides but for half a"
     " millimetre; the second one stands fast.",
-    "The pours were recorded by `python -m sim_bridge.scenarios.generate --scenario pours`;"
+    "The pours were recorded by `python -m experiments.generate --scenario pours`;"
     " the experiment repeats some of them in physics.",
 )
 

@@ -7,18 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.pouring.executed import MEAN, SAMPLE, UNWARPED, PourOrder, Skill
 from intent_recognition.errors import BagError, describe
-from sim_bridge.scenarios.pouring import (
-    MEAN,
-    PAIRS,
-    SAMPLE,
-    UNWARPED,
-    PourOrder,
-    PourPath,
-    Skill,
-    read_pour,
-    seen_as,
-)
+from sim_bridge.scenarios.pouring import PAIRS, PourPath, read_pour, seen_as
 
 BALLS_IN_VOLUME = 2
 """Balls that fill a cup for each one in it before a pour: it is half full."""
@@ -86,7 +77,7 @@ def read_recorded(folder: Path) -> list[RecordedPour]:
         left = 1e-6 * float(labels["left_ml"]) if order.pour else None
         found.append(replace(RecordedPour(order, path, *counts, *measured), left_m3=left))
     if not found:
-        cure = "Make them with `python -m sim_bridge.scenarios.generate --scenario pours`."
+        cure = "Make them with `python -m experiments.generate --scenario pours`."
         raise BagError(describe(str(folder), "recorded pours", "none", cure))
     return found
 

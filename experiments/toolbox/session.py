@@ -23,8 +23,8 @@ from intent_recognition.recognition import (
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 from sim_bridge.coworker import Interaction, SessionPlan, WristSamples
+from sim_bridge.recording import EPOCH_NS, SAMPLE_NS
 from sim_bridge.scenarios.toolbox import HOME, handover_point
-from sim_bridge.teaching import EPOCH_NS, SAMPLE_NS
 
 HAND_TASKS = ("plate_handover", "hold_screwdriver")
 """Tasks whose handover follows the wrist; the screw is given at one place."""

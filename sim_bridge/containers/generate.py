@@ -14,6 +14,8 @@ from sim_bridge.containers.surfaces import at_heights, close_rings, swept_tube
 
 N_CORNERS = 64
 """Corners of each outline. Convention."""
+CONTAINER_SEED = 1
+"""Seed of the shapes of the ten containers in all recordings and trials. Convention."""
 SIZE_SPREAD = 0.08
 """Standard deviation of the log size of a seed's container. Convention."""
 

@@ -2,13 +2,6 @@
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
 from sim_bridge.coworker.change import USUAL_BLEND, ChangedReach, change_of_mind
-from sim_bridge.coworker.demonstration import (
-    TEST_COUNTS,
-    TRAINING_COUNTS,
-    WristDemonstration,
-    demonstration_rng,
-    plan_demonstration,
-)
 from sim_bridge.coworker.grip import CompliantHand, Strength
 from sim_bridge.coworker.reach import (
     Reach,
@@ -38,8 +31,6 @@ __all__ = [
     "SCREW",
     "STYLES",
     "TASKS",
-    "TEST_COUNTS",
-    "TRAINING_COUNTS",
     "USUAL_BLEND",
     "WITHOUT_PAUSE",
     "ChangedReach",
@@ -53,19 +44,16 @@ __all__ = [
     "SessionTiming",
     "Strength",
     "Taker",
-    "WristDemonstration",
     "WristMovement",
     "WristSamples",
     "bow_profile",
     "change_of_mind",
     "change_some",
-    "demonstration_rng",
     "draw_hesitations",
     "draw_reach",
     "draw_rest",
     "minimum_jerk",
     "parse_task_list",
-    "plan_demonstration",
     "plan_session",
     "progress",
     "sample_wrist",

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from experiments import generate
 from intent_recognition.report import drawing
 from intent_recognition.share import share_path
-from sim_bridge.scenarios import generate
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from experiments.constraints import dataset
+from experiments.constraints.table import read_trials, write_trials
+from experiments.constraints.trials import COLUMNS, blocks
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError
-from sim_bridge.balls.table import read_trials, write_trials
-from sim_bridge.balls.trials import COLUMNS, blocks
 
 
 def rows(seed=0, count=6):

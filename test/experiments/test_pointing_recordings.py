@@ -32,8 +32,8 @@ from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from sim_bridge.arm.arm import SimulatedArm
+from sim_bridge.recording import POSITION_STEP_M, to_counts
 from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH
-from sim_bridge.teaching.recording import POSITION_STEP_M, to_counts
 
 record_once = cache(record)
 EVERY = [(purpose, k) for purpose in SPOTS_M for k in range(9)]

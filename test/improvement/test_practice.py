@@ -18,7 +18,7 @@ from intent_recognition.improvement import (
     compare,
     load_cost,
 )
-from sim_bridge.teaching import JOINT_TOPIC, JOINT_TYPE, joint_fields, write_recording
+from sim_bridge.recording import JOINT_TOPIC, JOINT_TYPE, joint_fields, write_recording
 
 MISSED = Cost("missed", lambda rollout: rollout.outcome["missed"])
 ABOUT = {"task": "reach", "seed": 3}

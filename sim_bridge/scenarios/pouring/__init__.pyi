@@ -1,47 +1,48 @@
 # SPDX-License-Identifier: Apache-2.0
-from .executed import (
-    MEAN,
-    PAIRS,
-    SAMPLE,
-    UNWARPED,
-    Planned,
-    PourOrder,
-    Skill,
-    execute,
+from .live import LivePouring, balls_above_m, start_posture
+from .novel import (
+    HALF_FULL,
+    PourLevel,
+    Seen,
+    annotated_source,
+    learn_pouring,
     learn_pouring_skill,
-    learn_skill,
-    planned,
+    plan,
+    read_demonstrated,
+    read_pour,
     seen_as,
 )
-from .live import LivePouring, balls_above_m, start_posture
-from .novel import annotated_source, learn_pouring, read_demonstrated, read_pour
-from .pour import Poured
+from .pairs import N_BALLS, PAIRS, TASK, container_named, half_full_radius_m
 from .practice import SHORT_STD_RADII, PouringPractice, short_skill
-from .task_space import PourPath
+from .table import PouringTable
+from .task_space import OPENING_M, PourPath, SideGrasp, plan_joints, seen_path
 
 __all__ = [
-    "MEAN",
+    "HALF_FULL",
+    "N_BALLS",
+    "OPENING_M",
     "PAIRS",
-    "SAMPLE",
     "SHORT_STD_RADII",
-    "UNWARPED",
+    "TASK",
     "LivePouring",
-    "Planned",
-    "PourOrder",
+    "PourLevel",
     "PourPath",
-    "Poured",
     "PouringPractice",
-    "Skill",
+    "PouringTable",
+    "Seen",
+    "SideGrasp",
     "annotated_source",
     "balls_above_m",
-    "execute",
+    "container_named",
+    "half_full_radius_m",
     "learn_pouring",
     "learn_pouring_skill",
-    "learn_skill",
-    "planned",
+    "plan",
+    "plan_joints",
     "read_demonstrated",
     "read_pour",
     "seen_as",
+    "seen_path",
     "short_skill",
     "start_posture",
 ]

@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 from intent_recognition.warping import ObjectCloud
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.containers import scan
-from sim_bridge.scenarios.pouring.executed import container_named
 from sim_bridge.scenarios.pouring.novel import BALLS_ABOVE
-from sim_bridge.scenarios.pouring.pour import SEED_POSTURE
-from sim_bridge.scenarios.pouring.recordings import N_BALLS, half_full_radius_m
+from sim_bridge.scenarios.pouring.pairs import N_BALLS, container_named, half_full_radius_m
 from sim_bridge.scenarios.pouring.table import PouringTable
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, joint_path
+from sim_bridge.scenarios.pouring.task_space import (
+    OPENING_M,
+    SEED_POSTURE,
+    PourPath,
+    SideGrasp,
+    joint_path,
+)
 
 STAND_M = np.array([-0.27, 0.0, 0.10])
 """Where the lip is at first, from the usual place of the second opening: along, across, up [m]."""

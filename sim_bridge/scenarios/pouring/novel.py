@@ -5,7 +5,7 @@ The primitive was learned with one pair of containers. Those of another pair are
 warped parameters rescale a path of the primitive.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,16 +15,17 @@ from numpy.typing import NDArray
 
 from intent_recognition.bags import BagReader
 from intent_recognition.errors import BagError, describe
+from intent_recognition.kinematics import forward_kinematics
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.warping import (
     Emptying,
     ObjectCloud,
     ObjectModel,
+    PouringSkill,
     Reached,
     References,
     WarpedPrimitive,
-    amount_to_leave,
     emptying,
     from_warped,
     pouring_parameters,
@@ -34,10 +35,10 @@ from intent_recognition.warping import (
     to_warped,
     warp_object,
 )
-from sim_bridge.containers import Container, scan
-from sim_bridge.scenarios.pouring.recordings import half_full_radius_m, pour_of
-from sim_bridge.scenarios.pouring.task_space import PourPath
-from sim_bridge.teaching import JOINT_TOPIC
+from sim_bridge.containers import CONTAINER_NAMES, Container, scan
+from sim_bridge.recording import JOINT_TOPIC
+from sim_bridge.scenarios.pouring.pairs import BIG_BOWL, container_named, half_full_radius_m
+from sim_bridge.scenarios.pouring.task_space import PourPath, SideGrasp, seen_path
 
 ANNOTATED = "mug"
 """The shipped object whose parts are annotated."""
@@ -55,6 +56,8 @@ HALF_FULL = 0.5
 """Share of the volume in the cup before a pour."""
 N_BASIS = 30
 """Basis functions of the warped primitive. Convention."""
+_STREAM = 62
+"""Keeps the scans' random numbers apart from others with the same seed."""
 
 
 class Seen(NamedTuple):
@@ -165,23 +168,6 @@ def reached_by(primitive: WarpedPrimitive, cup: Seen) -> Reached:
     return reached(tilts, cup.references.tilt_rad, cup.emptying)
 
 
-def asked_level(far: Reached, asked: str, cup: Seen, second: References) -> PourLevel:
-    """What is asked of a pour from a cup that is half full.
-
-    Args:
-        far: how far the demonstrated pours go.
-        asked: see `warping.amount_to_leave`.
-        cup: the container in the hand.
-        second: the other one.
-
-    Raises:
-        ArgumentError: it is nothing that can be poured.
-    """
-    volume_m3 = cup.references.volume_m3
-    left_m3 = amount_to_leave(asked, HALF_FULL * volume_m3, second.volume_m3)
-    return PourLevel(far, cup.emptying, HALF_FULL, left_m3 / volume_m3)
-
-
 def plan(
     primitive: WarpedPrimitive,
     cup: References,
@@ -205,3 +191,37 @@ def plan(
     if level is not None:
         tilt = tilts_to_level(path[:, 3], *level)
     return PourPath(phase * primitive.duration_s, offset, tilt)
+
+
+def pour_of(
+    times_s: NDArray[np.float64], joints_rad: NDArray[np.float64], custom_data: Mapping[str, str]
+) -> PourPath:
+    """The pour that recorded joints (T, 7) [rad] made, by the metadata of their bag."""
+
+    def vector(name: str) -> NDArray[np.float64]:
+        return np.array([float(part) for part in custom_data[name].split()])
+
+    grasp = SideGrasp(vector("lip_m"), float(custom_data["height_m"]))
+    cup_poses = forward_kinematics(joints_rad) @ grasp.cup_in_hand
+    return seen_path(times_s, cup_poses, grasp.lip_m, vector("opening_m"))
+
+
+@cache
+def seen_as(name: str, seed: int) -> Seen:
+    """Parameters of a container, estimated from a scan."""
+    index = (*CONTAINER_NAMES, BIG_BOWL).index(name)
+    rng = np.random.default_rng([seed, _STREAM, 1000, index])
+    return look_at(annotated_source(), container_named(name), rng)
+
+
+@cache
+def learn_pouring_skill(demonstrations: Path, seed: int) -> PouringSkill:
+    """What is needed to pour with other containers, from a folder of bags.
+
+    Raises:
+        BagError: there are no pours in it.
+    """
+    shown = read_demonstrated(demonstrations)
+    cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))
+    primitive = learn_pouring(shown.pours, cup, second)
+    return PouringSkill(primitive, reached_by(primitive, cup))

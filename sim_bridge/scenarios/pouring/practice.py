@@ -15,24 +15,8 @@ from intent_recognition.errors import ArgumentError, KinematicsError, describe
 from intent_recognition.improvement import Rollout, SearchSpace, search_space
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.warping import PouringSkill
-from sim_bridge.balls import CONTAINER_SEED
-from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours, capacity
-from sim_bridge.scenarios.pouring.executed import container_named, seen_as
-from sim_bridge.scenarios.pouring.novel import (
-    HALF_FULL,
-    DemonstratedPours,
-    PourLevel,
-    learn_pouring,
-    plan,
-    reached_by,
-)
-from sim_bridge.scenarios.pouring.recordings import (
-    N_BALLS,
-    TASK,
-    half_full_radius_m,
-)
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp
-from sim_bridge.teaching import (
+from sim_bridge.containers import CONTAINER_SEED
+from sim_bridge.recording import (
     JOINT_TOPIC,
     JOINT_TYPE,
     PROVENANCE,
@@ -41,6 +25,18 @@ from sim_bridge.teaching import (
     recorded_at_ns,
     write_recording,
 )
+from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours, capacity
+from sim_bridge.scenarios.pouring.novel import (
+    HALF_FULL,
+    DemonstratedPours,
+    PourLevel,
+    learn_pouring,
+    plan,
+    reached_by,
+    seen_as,
+)
+from sim_bridge.scenarios.pouring.pairs import N_BALLS, TASK, container_named, half_full_radius_m
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
 N_PHASES = 50
 """Phases at which paths are compared. Convention."""
@@ -181,8 +177,6 @@ class PouringPractice:
 
     def _planned(self, weights: NDArray[np.float64]) -> _Planned:
         """The path of some weights; the last one is remembered."""
-        from sim_bridge.scenarios.pouring.pour import plan_joints
-
         if self._last is None or not np.array_equal(self._last[0], weights):
             path = self.path(weights)
             joints = plan_joints(path, SideGrasp(self._cup.lip_point, self._cup.height_m))

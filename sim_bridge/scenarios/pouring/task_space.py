@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.kinematics import inverse_kinematics
@@ -31,6 +32,12 @@ FINGERS_M = 0.11
 
 GRASP_SHARE = 0.5
 """At which share of the container's height it is held."""
+
+
+SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])
+"""A posture with the cup held from the side; paths of the arm begin near it."""
+KNOT_S = 0.1
+"""Time between two postures of a planned pour [s]; a spline joins them."""
 
 
 @dataclass(frozen=True)
@@ -131,3 +138,25 @@ def joint_path(hand_poses: NDArray[np.float64], seed: NDArray[np.float64]) -> ND
     for k, pose in enumerate(hand_poses):
         seed = joints[k] = inverse_kinematics(pose, seed)
     return joints
+
+
+def plan_joints(
+    path: PourPath, grasp: SideGrasp, opening_m: NDArray[np.float64] = OPENING_M
+) -> CubicSpline:
+    """Joint angles as a function of time for a path of the lip.
+
+    Args:
+        path: of the lip, relative to the opening.
+        grasp: how the cup is held, and where its lip is taken to be.
+        opening_m: where the second opening's centre is taken to be (3,), world.
+
+    Raises:
+        KinematicsError: a pose is out of reach.
+    """
+    count = max(int(np.ceil(path.times_s[-1] / KNOT_S)), 4) + 1
+    knots = np.linspace(0.0, path.times_s[-1], count)
+    offset = CubicSpline(path.times_s, path.offset_m)(knots)
+    tilt = CubicSpline(path.times_s, path.tilt_rad)(knots)
+    poses = grasp.hand_poses(PourPath(knots, offset, tilt), opening_m)
+    joints = joint_path(poses, SEED_POSTURE)
+    return CubicSpline(knots, joints, bc_type="clamped")

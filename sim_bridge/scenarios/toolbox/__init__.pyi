@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from .gripper import ToolboxGripper, make_gripper
-from .objects import ToolboxObjects
+from .objects import ObjectHolder, ToolboxObjects
 from .other_arms import ToolboxArm
 from .scene import (
     ARM_BRANCH,
@@ -12,7 +12,10 @@ from .scene import (
     arm_posture,
     hand_rotation,
     handover_point,
+    handover_rotation,
+    home_pose,
     pose,
+    stand_pose,
 )
 from .session_scoring import (
     DECIDED_WITHIN_S,
@@ -22,8 +25,6 @@ from .session_scoring import (
     score_session,
     toolbox_places,
 )
-from .teaching import HOME_STD_RAD, SENSOR_NOISE
-from .teaching_path import REACTION_SHARE, TEACHING_STD_M, TEACHING_STD_RAD, teaching_times
 
 __all__ = [
     "ARM_BRANCH",
@@ -32,13 +33,9 @@ __all__ = [
     "EARLIEST_DECISION_S",
     "HOME",
     "HOME_HAND_M",
-    "HOME_STD_RAD",
     "LIFT_M",
-    "REACTION_SHARE",
-    "SENSOR_NOISE",
     "STANDS_M",
-    "TEACHING_STD_M",
-    "TEACHING_STD_RAD",
+    "ObjectHolder",
     "Scoring",
     "ToolboxArm",
     "ToolboxGripper",
@@ -47,9 +44,11 @@ __all__ = [
     "first_sample_ns",
     "hand_rotation",
     "handover_point",
+    "handover_rotation",
+    "home_pose",
     "make_gripper",
     "pose",
     "score_session",
-    "teaching_times",
+    "stand_pose",
     "toolbox_places",
 ]

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.constraints.catching import catch
+from experiments.constraints.trials import FILLING, POURING, TrialBlock, blocks, make
 from intent_recognition.errors import ShapeError
-from sim_bridge.balls.catching import catch
 from sim_bridge.balls.collision import HULL_MARGIN_M, WALL_M, wall_pieces, write_obj
 from sim_bridge.balls.fluid import ball_radius_m, bulk_m3, hollow_of, settled
 from sim_bridge.balls.hollow import Hollow, offset
 from sim_bridge.balls.tilting import WallGuard, gravity_at, level_axes, tilt
-from sim_bridge.balls.trials import FILLING, POURING, TrialBlock, blocks, make
 from sim_bridge.balls.world import BallWorld
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 

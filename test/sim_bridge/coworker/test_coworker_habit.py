@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.demonstrations import read_task_sequences
-from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
-from sim_bridge.coworker.task_list import parse_task_list
-from sim_bridge.scenarios.toolbox.record_sessions import (
+from experiments.teaching.record_sessions import (
     FIRST_SEED,
     INTERACTIONS,
     SESSIONS,
     main,
     record_session,
 )
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.demonstrations import read_task_sequences
+from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
+from sim_bridge.coworker.task_list import parse_task_list
 
 
 def test_the_habit_is_the_chain_it_says(repository):

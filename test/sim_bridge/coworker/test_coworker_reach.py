@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiments.teaching.demonstration import plan_demonstration
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.demonstration import plan_demonstration
 from sim_bridge.coworker.orientation import quaternions
 from sim_bridge.coworker.reach import (
     Hesitation,

@@ -8,12 +8,12 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from experiments.teaching.path import plan_teaching
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes.qos import COMMAND, LATCHED
 from sim_bridge.coworker.styles import PLATE, STYLES
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.objects import ObjectHolder
-from sim_bridge.scenarios.toolbox.teaching_path import plan_teaching
 
 
 def fetch_and_carry() -> JointTrajectory:

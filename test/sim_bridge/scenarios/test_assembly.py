@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.assembly.arm_stand_in import hand_joints
+from experiments.assembly.recordings import messages, orders
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import ArgumentError
@@ -16,7 +17,6 @@ from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.assembly.interaction import plan_interaction
-from sim_bridge.scenarios.assembly.recordings import messages, orders
 from sim_bridge.scenarios.assembly.session import PER_TASK, SESSIONS, plan_session, session_tasks
 from sim_bridge.scenarios.assembly.styles import (
     ASSISTANT,

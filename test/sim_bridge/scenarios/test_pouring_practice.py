@@ -17,8 +17,7 @@ from sim_bridge.scenarios.pouring import (
     seen_as,
 )
 from sim_bridge.scenarios.pouring.ball_pour import BallPours
-from sim_bridge.scenarios.pouring.executed import container_named
-from sim_bridge.scenarios.pouring.recordings import half_full_radius_m
+from sim_bridge.scenarios.pouring.pairs import container_named, half_full_radius_m
 
 
 @pytest.fixture(scope="module")

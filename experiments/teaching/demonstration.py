@@ -5,9 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest
-from sim_bridge.coworker.styles import TASKS
-from sim_bridge.coworker.timeline import WristSamples, sample_wrist
+from sim_bridge.coworker import TASKS, Reach, WristSamples, draw_reach, draw_rest, sample_wrist
 
 OCCLUSION_PROBABILITY = 0.4
 """Share of demonstrations in which the tracker loses the marker now and then. Convention."""

@@ -11,7 +11,7 @@ from hardness import (
     nearest_mean_labels,
 )
 
-from sim_bridge.coworker import TEST_COUNTS, TRAINING_COUNTS
+from experiments.teaching.demonstration import TEST_COUNTS, TRAINING_COUNTS
 
 
 def measured_with(seed):

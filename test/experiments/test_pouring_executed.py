@@ -7,31 +7,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.pouring.executed import (
+    MANNERS,
+    MEAN,
+    SAMPLE,
+    UNWARPED,
+    PourOrder,
+    asked_level,
+    learn_skill,
+    orders,
+    planned,
+)
 from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.share import share_path
 from intent_recognition.warping import EMPTY
 from sim_bridge.containers.generate import make_container
-from sim_bridge.scenarios.pouring.executed import (
-    MANNERS,
-    MEAN,
-    PAIRS,
-    SAMPLE,
-    UNWARPED,
-    PourOrder,
-    container_named,
-    learn_skill,
-    orders,
-    planned,
-    seen_as,
-)
 from sim_bridge.scenarios.pouring.novel import (
-    asked_level,
     plan,
     read_demonstrated,
     read_pour,
+    seen_as,
 )
-from sim_bridge.scenarios.pouring.pour import plan_joints
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp
+from sim_bridge.scenarios.pouring.pairs import PAIRS, container_named
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
 SEED = 1
 

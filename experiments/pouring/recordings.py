@@ -5,21 +5,17 @@ Only the arm is recorded. What moves in the warped space follows from its joints
 holds the cup, which stand in the metadata.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from intent_recognition.kinematics import forward_kinematics
+from experiments.pouring.person import draw_habit, plan_pour
 from intent_recognition.warping import References
-from sim_bridge.balls import CONTAINER_SEED, ball_radius_m
-from sim_bridge.containers import Container, make_container
-from sim_bridge.scenarios.pouring.person import draw_habit, plan_pour
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, seen_path
-from sim_bridge.teaching import (
+from sim_bridge.containers import CONTAINER_SEED, Container, make_container
+from sim_bridge.recording import (
     ANGLE_STEP_RAD,
     JOINT_TOPIC,
     JOINT_TYPE,
@@ -33,16 +29,14 @@ from sim_bridge.teaching import (
     to_counts,
     write_recording,
 )
+from sim_bridge.scenarios.pouring import N_BALLS, OPENING_M, TASK, half_full_radius_m
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.pouring.pour import Poured
+    from experiments.pouring.pour import Poured
 
-TASK = "pouring"
 CUP, SECOND = "tall_mug", "shallow_bowl"
 N_DEMONSTRATIONS = 10
 """Demonstrated pours, as many as in Brandl et al. 2014."""
-N_BALLS = 40
-"""Balls that fill half of a cup. Convention."""
 _STREAM = 61
 """Keeps this scenario's random numbers apart from those of others with the same seed."""
 
@@ -89,14 +83,9 @@ def true_references(container: Container) -> References:
     )
 
 
-def half_full_radius_m(cup: Container) -> float:
-    """Radius of balls of which `N_BALLS` fill half of a container."""
-    return ball_radius_m(0.5 * cup.inner_volume_m3, N_BALLS)
-
-
 def record(order: DemonstrationOrder) -> "Poured":
     """Simulate one demonstration: a person leads the arm, and forty balls are poured."""
-    from sim_bridge.scenarios.pouring.pour import pour
+    from experiments.pouring.pour import pour
 
     rng = order.rng()
     cup, second = (make_container(name, CONTAINER_SEED) for name in (CUP, SECOND))
@@ -142,19 +131,6 @@ def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[
     }
 
 
-def pour_of(
-    times_s: NDArray[np.float64], joints_rad: NDArray[np.float64], custom_data: Mapping[str, str]
-) -> PourPath:
-    """The pour that recorded joints (T, 7) [rad] made, by the metadata of their bag."""
-
-    def vector(name: str) -> NDArray[np.float64]:
-        return np.array([float(part) for part in custom_data[name].split()])
-
-    grasp = SideGrasp(vector("lip_m"), float(custom_data["height_m"]))
-    cup_poses = forward_kinematics(joints_rad) @ grasp.cup_in_hand
-    return seen_path(times_s, cup_poses, grasp.lip_m, vector("opening_m"))
-
-
 def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
     """Messages of the arm's noisy sensors."""
     noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
@@ -172,8 +148,8 @@ def joint_messages(
         noise: of the sensors.
         every: keep one sample of so many.
     """
+    from experiments.teaching.lesson import SENSOR_NOISE
     from sim_bridge.arm import ArmState
-    from sim_bridge.scenarios.toolbox import SENSOR_NOISE
 
     true = ArmState(poured.joints_rad, poured.velocities_rad_s, poured.torques_nm, 0.0)
     said = SENSOR_NOISE.measure(true, noise)

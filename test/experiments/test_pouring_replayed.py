@@ -12,9 +12,8 @@ from intent_recognition.bags.reader import BagReader
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.qos import SENSOR
 from intent_recognition.share import share_path
-from sim_bridge.scenarios.pouring.novel import read_pour
-from sim_bridge.scenarios.pouring.recordings import pour_of
-from sim_bridge.teaching.recording import JOINT_TOPIC
+from sim_bridge.recording import JOINT_TOPIC
+from sim_bridge.scenarios.pouring.novel import pour_of, read_pour
 
 KEPT = 2000
 """More than a pour has samples: none may be lost."""

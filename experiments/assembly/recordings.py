@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
-from sim_bridge.scenarios.assembly.session import MARGIN_S, SESSIONS, AssemblySession, plan_session
-from sim_bridge.scenarios.assembly.styles import ASSISTANT, WORKER
-from sim_bridge.teaching import (
+from sim_bridge.recording import (
     POSE_TYPE,
     PROVENANCE,
     SAMPLE_NS,
@@ -16,6 +14,14 @@ from sim_bridge.teaching import (
     recorded_at_ns,
     to_counts,
     write_recording,
+)
+from sim_bridge.scenarios.assembly import (
+    ASSISTANT,
+    MARGIN_S,
+    SESSIONS,
+    WORKER,
+    AssemblySession,
+    plan_session,
 )
 
 COARSE_POSITION_STEP_M = 2.0**-12

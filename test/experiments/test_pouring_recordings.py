@@ -3,21 +3,21 @@
 
 import numpy as np
 
-from sim_bridge.containers.generate import make_container
-from sim_bridge.scenarios.pouring.person import draw_habit, plan_pour
-from sim_bridge.scenarios.pouring.pour import Poured, plan_joints
-from sim_bridge.scenarios.pouring.recordings import (
+from experiments.pouring.person import draw_habit, plan_pour
+from experiments.pouring.pour import Poured
+from experiments.pouring.recordings import (
     CUP,
     SECOND,
     DemonstrationOrder,
-    half_full_radius_m,
     messages,
     metadata,
     orders,
-    pour_of,
     true_references,
 )
-from sim_bridge.scenarios.pouring.task_space import SideGrasp
+from sim_bridge.containers.generate import make_container
+from sim_bridge.scenarios.pouring.novel import pour_of
+from sim_bridge.scenarios.pouring.pairs import half_full_radius_m
+from sim_bridge.scenarios.pouring.task_space import SideGrasp, plan_joints
 
 
 def poured(order):

@@ -6,12 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.pouring.pour import pour
 from intent_recognition.errors import KinematicsError, ShapeError
 from intent_recognition.kinematics.forward import forward_kinematics
 from sim_bridge.containers.generate import make_container
 from sim_bridge.coworker.reach import minimum_jerk
-from sim_bridge.scenarios.pouring.pour import plan_joints, pour
-from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, seen_path
+from sim_bridge.scenarios.pouring.task_space import (
+    OPENING_M,
+    PourPath,
+    SideGrasp,
+    plan_joints,
+    seen_path,
+)
 
 LIP = np.array([0.04, 0.0, 0.09])
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.coworker import HOLD, PLATE, SCREW, bow_profile, minimum_jerk
-from sim_bridge.scenarios.toolbox.scene import (
+from sim_bridge.scenarios.toolbox import (
     LIFT_M,
     STANDS_M,
     arm_posture,

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.constraints.trials import COLUMNS
 from intent_recognition.errors import ModelError
-from sim_bridge.balls.trials import COLUMNS
 
 TRIALS_FILE = "config/pouring_trials.npz"
 """The shipped trials, below the share folder."""

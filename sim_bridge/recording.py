@@ -34,7 +34,7 @@ QUATERNION_STEP = 2.0**-17
 
 PROVENANCE = {
     "simulated": "true",
-    "generator": "python -m sim_bridge.scenarios.generate",
+    "generator": "python -m experiments.generate",
     "generator_version": __version__,
 }
 """Metadata that every recording of the generator carries."""

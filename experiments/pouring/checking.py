@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.constraints.table import TRIALS_FILE, read_trials
+from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND
 from intent_recognition.share import share_path
 from intent_recognition.warping import (
     FillingConstraint,
@@ -16,10 +18,8 @@ from intent_recognition.warping import (
     References,
     spill_risk,
 )
-from sim_bridge.balls import FILLING, FILLING_TILT_RAD, POURING, SECOND, TRIALS_FILE, read_trials
 from sim_bridge.containers import CONTAINER_NAMES
-from sim_bridge.scenarios.pouring.novel import HALF_FULL, Seen
-from sim_bridge.scenarios.pouring.task_space import PourPath
+from sim_bridge.scenarios.pouring import HALF_FULL, PourPath, Seen
 
 HIGHEST_RISK = 0.5
 """A path is executed if a spill is expected with less than this probability all along."""

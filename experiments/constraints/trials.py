@@ -9,14 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.balls.catching import catch
-from sim_bridge.balls.fluid import ball_radius_m, bulk_m3, hollow_of, settled
-from sim_bridge.balls.tilting import tilt
-from sim_bridge.balls.world import BallWorld
-from sim_bridge.containers import CONTAINER_NAMES, Container, make_container
+from experiments.constraints.catching import catch
+from sim_bridge.balls import BallWorld, ball_radius_m, bulk_m3, hollow_of, settled, tilt
+from sim_bridge.containers import CONTAINER_NAMES, CONTAINER_SEED, Container, make_container
 
-CONTAINER_SEED = 1
-"""Seed of the shapes of the ten containers. Convention."""
 TRIALS_PER_OBJECT = 1000
 """Trials of each kind with each container; a classifier learns from 50 of them. Convention."""
 TRIALS_PER_BLOCK = 50

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge import GRAVITY_M_S2
-from sim_bridge.balls.tilting import Tilted, WallGuard
-from sim_bridge.balls.world import STEP_S, BallWorld
+from sim_bridge.balls import STEP_S, BallWorld, Tilted, WallGuard
 
 LAST_WAIT_S = 0.6
 """Balls are watched so long after the last one was thrown [s]: several falls from the rim."""

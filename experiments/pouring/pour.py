@@ -8,24 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from experiments.teaching.virtual_hand import Grip, HandTarget, pull
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, ArmState, SimulatedArm
 from sim_bridge.containers import Container
-from sim_bridge.scenarios.pouring.table import PouringTable
-from sim_bridge.scenarios.pouring.task_space import (
+from sim_bridge.scenarios.pouring import (
     OPENING_M,
+    PouringTable,
     PourPath,
     SideGrasp,
-    joint_path,
+    plan_joints,
     seen_path,
 )
-from sim_bridge.teaching import Grip, HandTarget, pull
 
-SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])
-"""A posture with the cup held from the side; paths of the arm begin near it."""
-
-KNOT_S = 0.1
-"""Time between two postures of a planned pour [s]; a spline joins them."""
 LAST_WAIT_S = 0.8
 """Balls are watched so long after the movement [s]."""
 STEADY_GRIP = Grip(stiffness_n_m=2500.0, damping_n_s_m=60.0)
@@ -92,28 +87,6 @@ class AssumedGeometry(NamedTuple):
 
     lip_m: NDArray[np.float64]
     opening_m: NDArray[np.float64]
-
-
-def plan_joints(
-    path: PourPath, grasp: SideGrasp, opening_m: NDArray[np.float64] = OPENING_M
-) -> CubicSpline:
-    """Joint angles as a function of time for a path of the lip.
-
-    Args:
-        path: of the lip, relative to the opening.
-        grasp: how the cup is held, and where its lip is taken to be.
-        opening_m: where the second opening's centre is taken to be (3,), world.
-
-    Raises:
-        KinematicsError: a pose is out of reach.
-    """
-    count = max(int(np.ceil(path.times_s[-1] / KNOT_S)), 4) + 1
-    knots = np.linspace(0.0, path.times_s[-1], count)
-    offset = CubicSpline(path.times_s, path.offset_m)(knots)
-    tilt = CubicSpline(path.times_s, path.tilt_rad)(knots)
-    poses = grasp.hand_poses(PourPath(knots, offset, tilt), opening_m)
-    joints = joint_path(poses, SEED_POSTURE)
-    return CubicSpline(knots, joints, bc_type="clamped")
 
 
 def pour(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Make the simulated demonstrations: `python -m sim_bridge.scenarios.generate --scenario toolbox`.
+"""Make the simulated demonstrations: `python -m experiments.generate --scenario toolbox`.
 
 Each recording depends on the seed and its own place in the list alone and runs in a physics world
 of its own: the same seed gives the same bytes, whatever the number of processes.
@@ -20,15 +20,15 @@ from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyEr
 
 SCENARIOS = MappingProxyType(
     {
-        "toolbox": "sim_bridge.scenarios.toolbox.recordings",
+        "toolbox": "experiments.teaching.recordings",
         "pointing": "experiments.pointing.recordings",
-        "assembly": "sim_bridge.scenarios.assembly.recordings",
+        "assembly": "experiments.assembly.recordings",
         "pole": "experiments.pole.recordings",
-        "pouring": "sim_bridge.scenarios.pouring.recordings",
-        "pours": "sim_bridge.scenarios.pouring.executed",
+        "pouring": "experiments.pouring.recordings",
+        "pours": "experiments.pouring.executed",
     }
 )
-"""Per scenario its module, a `Scenario`; what only experiments read is recorded beside them."""
+"""Per scenario its module, a `Scenario`."""
 
 
 class RecordingOrder(Protocol):
@@ -50,13 +50,7 @@ class Scenario(Protocol):
 
 
 def _scenario(name: str) -> Scenario:
-    try:
-        module: Scenario = importlib.import_module(SCENARIOS[name])
-    except ModuleNotFoundError as error:
-        if error.name != "experiments":
-            raise
-        cure = "Clone the repository, and run it there."
-        raise ArgumentError.about("scenario", "one of the package", name, cure) from error
+    module: Scenario = importlib.import_module(SCENARIOS[name])
     return module
 
 
@@ -80,7 +74,7 @@ def generate(
         progress: called with (bag just written, bags written, bags in all).
 
     Raises:
-        ArgumentError: scenario unknown or not installed; jobs or seed out of range.
+        ArgumentError: scenario unknown; jobs or seed out of range.
         ResourceBusyError: a bag of that name exists and `overwrite` is not set.
     """
     if scenario not in SCENARIOS:
@@ -135,7 +129,7 @@ def _make(scenario: str, order: RecordingOrder, output: Path) -> Path:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sim_bridge.scenarios.generate",
+        prog="python -m experiments.generate",
         description="Simulate the demonstrations and test recordings of a scenario.",
     )
     parser.add_argument(

@@ -8,19 +8,14 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from experiments.generate import generate, main
+from experiments.teaching.recordings import ToolboxOrder, demonstrate, orders, write_demonstration
 from intent_recognition.bags.metadata import read_metadata
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
-from sim_bridge.scenarios.generate import generate, main
-from sim_bridge.scenarios.toolbox.recordings import (
-    ToolboxOrder,
-    demonstrate,
-    orders,
-    write_demonstration,
-)
 
 FIRST = ToolboxOrder(1, "train", HOLD, 3)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.warping import References, from_warped
 from sim_bridge.coworker import minimum_jerk
-from sim_bridge.scenarios.pouring.task_space import PourPath
+from sim_bridge.scenarios.pouring import PourPath
 
 SAMPLE_S = 0.05
 """Time between two points of a demonstrated path [s]. Convention."""

@@ -7,67 +7,44 @@ The demonstrations must be below the output folder.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from intent_recognition.errors import KinematicsError, describe
-from intent_recognition.warping import EMPTY, PouringSkill, Reached, WarpedPrimitive
-from sim_bridge.balls import CONTAINER_SEED
-from sim_bridge.containers import (
-    CONTAINER_NAMES,
-    SHAPES,
-    Container,
-    build_container,
-    make_container,
+from experiments.pouring.checking import HIGHEST_RISK, Constraints, learn_constraints
+from experiments.pouring.recordings import joint_messages, labels_of
+from intent_recognition.errors import KinematicsError
+from intent_recognition.warping import (
+    EMPTY,
+    Reached,
+    References,
+    WarpedPrimitive,
+    amount_to_leave,
 )
-from sim_bridge.scenarios.pouring.checking import HIGHEST_RISK, Constraints, learn_constraints
-from sim_bridge.scenarios.pouring.novel import (
-    Seen,
-    annotated_source,
-    asked_level,
-    learn_pouring,
-    look_at,
-    plan,
-    reached_by,
-    read_demonstrated,
-)
-from sim_bridge.scenarios.pouring.recordings import (
+from sim_bridge.recording import PROVENANCE, recorded_at_ns, write_recording
+from sim_bridge.scenarios.pouring import (
+    HALF_FULL,
     N_BALLS,
+    PAIRS,
     TASK,
+    PourLevel,
+    PourPath,
+    Seen,
+    container_named,
     half_full_radius_m,
-    joint_messages,
-    labels_of,
-)
-from sim_bridge.scenarios.pouring.task_space import PourPath
-from sim_bridge.teaching import (
-    PROVENANCE,
-    recorded_at_ns,
-    write_recording,
+    learn_pouring_skill,
+    plan,
+    read_demonstrated,
+    seen_as,
 )
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.pouring.pour import Poured
+    from experiments.pouring.pour import Poured
 
 MEAN, UNWARPED, SAMPLE = MANNERS = ("mean", "unwarped", "sample")
-BIG_BOWL, BIG_BOWL_SCALE = "big_bowl", 1.5
-PAIRS = (
-    ("espresso_cup", BIG_BOWL),
-    ("mug", "tumbler"),
-    ("tumbler", "square_bowl"),
-    ("tall_glass", "round_bowl"),
-    ("paper_cup", "mug"),
-    ("espresso_cup", "tea_cup"),
-    ("tea_cup", "paper_cup"),
-    ("espresso_cup", "espresso_cup"),
-    ("round_bowl", BIG_BOWL),
-)
-"""Cup and second container: a shorter cup into a bigger bowl, into smaller cups, into a square
-bowl, from the tallest, the smallest and a wide one."""
-
 LEVELS = {"tea_cup": (25, 50, 75), "round_bowl": (70, 140, 210)}
 """Millilitres asked of the two cups that a ratio of tilts does not empty."""
 DRAWS = 20
@@ -172,23 +149,6 @@ def _levels(seed: int) -> list[PourOrder]:
     return [PourOrder(seed, k, MEAN, EMPTY) for k in range(len(PAIRS))] + less
 
 
-def container_named(name: str) -> Container:
-    """One of the ten containers, or the bowl that is larger than all of them."""
-    if name != BIG_BOWL:
-        return make_container(name, CONTAINER_SEED)
-    small, scale = SHAPES["round_bowl"], BIG_BOWL_SCALE
-    lengths = {f: scale * getattr(small, f) for f in ("height_m", "base_m", "top_m")}
-    return build_container(BIG_BOWL, replace(small, **lengths))
-
-
-@cache
-def seen_as(name: str, seed: int) -> Seen:
-    """Parameters of a container, estimated from a scan."""
-    index = (*CONTAINER_NAMES, BIG_BOWL).index(name)
-    rng = np.random.default_rng([seed, _STREAM, 1000, index])
-    return look_at(annotated_source(), container_named(name), rng)
-
-
 @cache
 def learn_skill(demonstrations: Path, seed: int) -> Skill:
     """Learn the primitive from a folder of bags, and the constraints from the shipped trials."""
@@ -197,19 +157,6 @@ def learn_skill(demonstrations: Path, seed: int) -> Skill:
     constraints = learn_constraints(shown.cup, lambda name: seen_as(name, seed))
     primitive, far = learn_pouring_skill(demonstrations, seed)
     return Skill(primitive, cup, second, constraints, far)
-
-
-@cache
-def learn_pouring_skill(demonstrations: Path, seed: int) -> PouringSkill:
-    """What is needed to pour with other containers, from a folder of bags.
-
-    Raises:
-        BagError: there are no pours in it.
-    """
-    shown = read_demonstrated(demonstrations)
-    cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))
-    primitive = learn_pouring(shown.pours, cup, second)
-    return PouringSkill(primitive, reached_by(primitive, cup))
 
 
 def planned(order: PourOrder, skill: Skill) -> Planned:
@@ -242,12 +189,29 @@ def planned(order: PourOrder, skill: Skill) -> Planned:
             return Planned(path, cup, second, risk(path), draw)
     cure = "Demonstrate with containers more like these."
     got = f"none of {DRAWS} for {PAIRS[order.pair]}"
-    raise KinematicsError(describe("path", "one expected to spill nothing", got, cure))
+    raise KinematicsError.about("path", "one expected to spill nothing", got, cure)
+
+
+def asked_level(far: Reached, asked: str, cup: Seen, second: References) -> PourLevel:
+    """What is asked of a pour from a cup that is half full.
+
+    Args:
+        far: how far the demonstrated pours go.
+        asked: see `warping.amount_to_leave`.
+        cup: the container in the hand.
+        second: the other one.
+
+    Raises:
+        ArgumentError: it is nothing that can be poured.
+    """
+    volume_m3 = cup.references.volume_m3
+    left_m3 = amount_to_leave(asked, HALF_FULL * volume_m3, second.volume_m3)
+    return PourLevel(far, cup.emptying, HALF_FULL, left_m3 / volume_m3)
 
 
 def execute(order: PourOrder, plan_: Planned) -> "Poured":
     """Let the torque-controlled arm pour forty balls that fill half of the cup."""
-    from sim_bridge.scenarios.pouring.pour import AssumedGeometry, pour
+    from experiments.pouring.pour import AssumedGeometry, pour
 
     cup, second = (container_named(name) for name in PAIRS[order.pair])
     return pour(

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record working sessions of the simulated coworker.
 
-Run as `python -m sim_bridge.scenarios.toolbox.record_sessions`.
+Run as `python -m experiments.teaching.record_sessions`.
 
 Session bags of the coworker's wrist with `demonstration` markers, from which the order of the
 tasks is learned. No arm is in them. The same seed gives the same bytes.
@@ -12,12 +12,12 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from experiments.generate import make_room
 from intent_recognition import __version__
 from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
 from intent_recognition.errors import IntentError
 from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
-from sim_bridge.scenarios.generate import make_room
-from sim_bridge.teaching import (
+from sim_bridge.recording import (
     POSE_TOPIC,
     POSE_TYPE,
     POSITION_STEP_M,
@@ -63,7 +63,7 @@ def record_session(folder: Path, seed: int, number: int, interactions: int) -> P
     path = folder / f"session_{number:02d}"
     metadata = {
         "simulated": "true",
-        "generator": "python -m sim_bridge.scenarios.toolbox.record_sessions",
+        "generator": "python -m experiments.teaching.record_sessions",
         "generator_version": __version__,
         "seed": str(seed),
         "tasks": " ".join(tasks),
@@ -73,7 +73,7 @@ def record_session(folder: Path, seed: int, number: int, interactions: int) -> P
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sim_bridge.scenarios.toolbox.record_sessions",
+        prog="python -m experiments.teaching.record_sessions",
         description="Record sessions of the simulated coworker, who works in a habitual order.",
     )
     parser.add_argument("--output", type=Path, default=Path("bags/sessions"), help="folder")

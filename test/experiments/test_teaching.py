@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from experiments.teaching.path import plan_teaching
+from experiments.teaching.recordings import ToolboxOrder, demonstrate
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.forward import forward_kinematics, hand_position
 from intent_recognition.kinematics.inverse import branch_of
@@ -15,7 +17,6 @@ from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.scenarios.toolbox.gripper import ToolboxGripper, make_gripper
 from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
-from sim_bridge.scenarios.toolbox.recordings import ToolboxOrder, demonstrate
 from sim_bridge.scenarios.toolbox.scene import (
     ARM_BRANCH,
     HOME,
@@ -28,7 +29,6 @@ from sim_bridge.scenarios.toolbox.scene import (
     pose,
     stand_pose,
 )
-from sim_bridge.scenarios.toolbox.teaching_path import plan_teaching
 
 demonstrate_once = cache(demonstrate)
 SHOWN = [(task, k) for task in TASKS for k in range(3)]

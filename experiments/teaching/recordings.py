@@ -6,20 +6,19 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.kinematics import hand_position
-from sim_bridge.coworker import (
-    TASKS,
+from experiments.teaching.demonstration import (
     TEST_COUNTS,
     TRAINING_COUNTS,
     WristDemonstration,
     demonstration_rng,
     plan_demonstration,
 )
-from sim_bridge.scenarios.toolbox.scene import handover_point
-from sim_bridge.scenarios.toolbox.teaching import TaughtArm, teach
-from sim_bridge.scenarios.toolbox.teaching_path import TeachingPath, plan_teaching
-from sim_bridge.teaching import (
+from experiments.teaching.lesson import TaughtArm, teach
+from experiments.teaching.path import TeachingPath, plan_teaching
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import hand_position
+from sim_bridge.coworker import TASKS
+from sim_bridge.recording import (
     PROVENANCE,
     metadata_stamp,
     metadata_vector,
@@ -27,6 +26,7 @@ from sim_bridge.teaching import (
     recorded_at_ns,
     write_recording,
 )
+from sim_bridge.scenarios.toolbox import handover_point
 
 SETS = {"train": (0, TRAINING_COUNTS), "test": (1, TEST_COUNTS)}
 
