@@ -311,7 +311,7 @@ class IntentEstimatorNode(ManagedNode):
 
     def _publish_trajectory(self, robot: Prediction) -> None:
         """Publish a prediction; an unchanged one is not serialized again."""
-        if self._last_robot is None or robot.trajectory is not self._last_robot[0].trajectory:
+        if self._last_robot is None or robot is not self._last_robot[0]:
             entries = self._model.dofs.controlled
             times, positions, velocities, std = numbers_of(entries, robot.trajectory)
             data = self._trajectory_template.build(

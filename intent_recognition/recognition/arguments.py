@@ -4,12 +4,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type, describe
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Misfit, Observation, as_numbers, as_stamp_ns
+from intent_recognition.signals import Misfit, Observation, SignalPast, as_numbers, as_stamp_ns
 
+LARGEST_VALUE = 1e12
+"""Values from this on count as infinite: their squares leave no digits. Convention."""
 LIBRARY_CURE = "Pass what `learn` returns, or `load_model(path).library`."
 
 
@@ -107,6 +109,40 @@ def observation_error(
     cure = "Pass one row and one column per value."
     expected = f"a positive semidefinite matrix of shape ({m}, {m})"
     return ArgumentError(describe("covariance", expected, observation.covariance, cure))
+
+
+def as_times(times_s: ArrayLike) -> NDArray[np.float64]:
+    """Times (T,) [s], or a number for one.
+
+    Raises:
+        ShapeError: there is more than one dimension.
+        ArgumentError: a time is not finite.
+    """
+    times = np.atleast_1d(as_numbers("times_s", times_s))
+    if times.ndim != 1:
+        raise ShapeError.about("times_s", "shape (T,)", times.shape, "Pass one time each.")
+    if not np.all(np.isfinite(times)):
+        raise ArgumentError.about("times_s", "finite numbers", times, "Leave the others out.")
+    return times
+
+
+def values_defect(observation: Observation, n_dofs: int) -> str | None:
+    """What is wrong with the values of a signal of so many DOFs, as a diagnostics key, or None."""
+    expected = n_dofs if observation.dofs is None else len(observation.dofs)
+    if np.shape(observation.values) != (expected,):
+        return "wrong_size"
+    if not np.all(np.abs(observation.values) < LARGEST_VALUE):  # NaN is refused, too
+        return "not_finite"
+    return None
+
+
+def covariance_defect(observation: Observation, past: SignalPast) -> str | None:
+    """What is wrong with the covariance of values that are right, likewise."""
+    covariance, m = observation.covariance, len(observation.values)
+    if covariance is None:
+        return "no_covariance" if observation.derivative else None
+    fits = np.shape(covariance) == (m, m) and past.is_covariance(covariance)
+    return None if fits else "bad_covariance"
 
 
 def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:

@@ -61,6 +61,14 @@ class Estimate(NamedTuple):
         certain[-1] = 1.0
         return cls(stamp_ns, False, 0, certain, zero, zero.copy(), None, labels)
 
+    @classmethod
+    def of(
+        cls, stamp_ns: int, onset_ns: int, posterior: TaskPosterior, labels: tuple[str, ...]
+    ) -> Estimate:
+        """The estimate of a movement under way."""
+        shown = posterior.probabilities, posterior.phase, posterior.log_evidence
+        return cls(stamp_ns, True, onset_ns, *shown, posterior, labels)
+
     @property
     def task(self) -> str:
         """Label of the most probable task, or "none"."""

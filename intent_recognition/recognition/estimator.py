@@ -12,11 +12,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, check_type, first_of
+from intent_recognition.errors import ArgumentError, check_type, first_of
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
 from intent_recognition.promp import (
     NONE,
-    StartPosture,
     TaskLibrary,
     Trajectory,
     as_context,
@@ -26,8 +25,11 @@ from intent_recognition.recognition.arguments import (
     LIBRARY_CURE,
     as_observation,
     as_posture,
+    as_times,
     check_same_dofs,
+    covariance_defect,
     observation_error,
+    values_defect,
 )
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
@@ -37,25 +39,16 @@ from intent_recognition.recognition.motion_detection import MotionDetector, Spar
 from intent_recognition.recognition.movement import Movement, MovementAfterStop
 from intent_recognition.recognition.observed_turns import ObservedTurns
 from intent_recognition.recognition.posterior import TaskPosterior, answered
-from intent_recognition.recognition.start_posture import (
-    POSTURE_UNKNOWN,
-    OnsetPosture,
-    rest_posture,
-)
+from intent_recognition.recognition.predicting import Predictor, at_rest, predict_observed
+from intent_recognition.recognition.start_posture import OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
-from intent_recognition.signals import Observation, as_numbers
+from intent_recognition.signals import Observation
 
-LARGEST_VALUE = 1e12
-"""Values from this on count as infinite: their squares leave no digits. Convention."""
 CLOCK_RESET_AFTER = 50
 """Consecutive late observations of a signal, in order, after which its clock was set back.
 
 Convention: half a second of a motion capture system at 100 Hz.
 """
-HALF_STEP_S = 0.005
-"""Half of the time over which the velocity of a predicted pose is taken [s]. Convention."""
-SMALLEST_SHARE = 1e-12
-"""Probability of a task while `none` is certain. Numerical safeguard."""
 
 
 def _as_it_is(library: TaskLibrary) -> TaskLibrary:
@@ -103,7 +96,8 @@ class IntentEstimator:
         self._context, self._task_prior = KnownContext(library), task_prior
         self._labels = (*library.labels, NONE)
         self._n_scales = n_scales
-        self._posture = OnsetPosture() if start_posture else None
+        self._posture = OnsetPosture(used=start_posture)
+        self._predictor = Predictor(self._posture)
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._turns = ObservedTurns(library)
@@ -176,24 +170,14 @@ class IntentEstimator:
 
     def _defect(self, observation: Observation) -> str | None:
         """`reason_to_reject` of an observation whose clock may begin anywhere."""
-        dofs, past = observation.dofs, self._detector.pasts[observation.group]
-        expected = past.n_dofs if dofs is None else len(dofs)
-        if np.shape(observation.values) != (expected,):
-            return "wrong_size"
-        if not np.all(np.abs(observation.values) < LARGEST_VALUE):  # NaN is refused, too
-            return "not_finite"
-        if past.is_late(observation):
+        past = self._detector.pasts[observation.group]
+        wrong = values_defect(observation, past.n_dofs)
+        if wrong is None and past.is_late(observation):
             if past.count_late(observation) < CLOCK_RESET_AFTER:
                 return "stamp_not_increasing"
             self.reset()
-        if observation.derivative and observation.covariance is None:
-            return "no_covariance"
-        covariance = observation.covariance
-        if covariance is not None:
-            fits = np.shape(covariance) == (expected, expected)
-            if not fits or not past.is_covariance(covariance):
-                return "bad_covariance"
-        return "unit" if self.first_samples.refuse(observation) else None
+        wrong = wrong or covariance_defect(observation, past)
+        return wrong or ("unit" if self.first_samples.refuse(observation) else None)
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
@@ -238,16 +222,8 @@ class IntentEstimator:
             return Estimate.idle(stamp_ns, self._labels)
         phase = self._posterior.phase.copy()
         phase[-1] = 0.0
-        return Estimate(
-            stamp_ns,
-            True,
-            self._movement.onset_ns,
-            self._posterior.probabilities,
-            phase,
-            self._posterior.log_evidence,
-            self._posterior,
-            self._labels,
-        )
+        found = Estimate.of(stamp_ns, self._movement.onset_ns, self._posterior, self._labels)
+        return found._replace(phase=phase)
 
     def observe_controlled(self, stamp_s: float, values: ArrayLike, *, signal: int = 0) -> None:
         """Take the robot's measured position, of which its posture at onset is used.
@@ -262,7 +238,7 @@ class IntentEstimator:
             ArgumentError: a number is not finite, or the stamp is not later than the last.
         """
         observation = as_posture(self.library.n_controlled, stamp_s, values, signal)
-        reason = self._take_posture(observation)
+        reason = self._posture.take(observation)
         if reason is not None:
             raise observation_error(reason, observation, len(observation.values))
 
@@ -272,16 +248,7 @@ class IntentEstimator:
         Only its posture at onset is used (`start_posture`). Groups count the controlled signals,
         in the order of the DOF file.
         """
-        if self._posture is None:
-            return None
-        return "zero_stamp" if observation.stamp_ns <= 0 else self._take_posture(observation)
-
-    def _take_posture(self, observation: Observation) -> str | None:
-        if self._posture is None:
-            return None
-        return self._posture.history.take(
-            observation.stamp_ns, observation.group, observation.values
-        )
+        return "zero_stamp" if observation.stamp_ns <= 0 else self._posture.take(observation)
 
     def observe_context(self, values: ArrayLike) -> None:
         """Take what is known of the scene, from now on and for the movement under way.
@@ -358,15 +325,7 @@ class IntentEstimator:
         task = int(np.argmax(self._posterior.probabilities))
         if task == self.library.n_tasks:
             return None
-        start, used, turns = None, POSTURE_UNKNOWN, np.zeros(self.library.n_controlled)
-        if self._posture is not None:
-            start, used = self._posture.given(self.taught, task, self._movement.onset_ns)
-            turns = self._posture.turns(task, turns)
-        trajectory = self._movement.filter.controlled(task, n_points, start)
-        trajectory = trajectory._replace(positions=trajectory.positions + turns)
-        names, units = self.library.controlled_names, self.library.controlled_units
-        label, onset_ns = self.library.labels[task], self._movement.onset_ns
-        return Prediction(label, onset_ns, trajectory, used, names, units)
+        return self._predictor.controlled(self.taught, self._movement.filter, task, n_points)
 
     def predict_controlled_at(self, times_s: ArrayLike) -> Trajectory:
         """Where the controlled agent is at some times, task and phase unknown.
@@ -385,31 +344,11 @@ class IntentEstimator:
             ShapeError: times_s has more than one dimension.
             ArgumentError: a time is not finite.
         """
-        times = np.atleast_1d(as_numbers("times_s", times_s))
-        if times.ndim != 1:
-            raise ShapeError.about("times_s", "shape (T,)", times.shape, "Pass one time each.")
-        if not np.all(np.isfinite(times)):
-            raise ArgumentError.about("times_s", "finite numbers", times, "Leave the others out.")
-        movement, posterior = self._movement, self._posterior
-        if movement is None or posterior is None:
-            mean, std = (
-                np.tile(part, (len(times), 1))
-                for part in rest_posture(self.library, self.expectation.prior)
-            )
-            return Trajectory(times, mean, np.zeros_like(mean), std)
-        known = np.maximum(posterior.probabilities[:-1], SMALLEST_SHARE)
-        starts: list[StartPosture | None] = [None] * self.library.n_tasks
-        turns = np.zeros(self.library.n_controlled)
-        if self._posture is not None:
-            given = self._posture.given
-            starts = [given(self.taught, k, movement.onset_ns)[0] for k in range(len(starts))]
-            turns = self._posture.turns(int(np.argmax(known)), turns)
-        since_s = np.maximum(times - movement.onset_ns * 1e-9, 0.0)
-        around_s = np.concatenate([since_s, since_s + HALF_STEP_S, since_s - HALF_STEP_S])
-        mean, std = movement.filter.mixture_at(around_s, known, starts)
-        mean, after, before = np.split(mean, 3)
-        velocities = (after - before) / (2.0 * HALF_STEP_S)
-        return Trajectory(times, mean + turns, velocities, std[: len(times)])
+        times, movement = as_times(times_s), self._movement
+        if movement is None or self._posterior is None:
+            return at_rest(self.library, self.expectation.prior, times)
+        run, known = movement.filter, self._posterior.probabilities[:-1]
+        return self._predictor.controlled_at(self.taught, run, known, times)
 
     def predicted_end_std(self) -> dict[str, float] | None:
         """Largest standard deviation at the predicted end over the controlled DOFs of each unit.
@@ -429,10 +368,7 @@ class IntentEstimator:
         if self._movement is None or self._posterior is None:
             return None
         task = int(np.argmax(self._posterior.probabilities))
-        trajectory = self._movement.filter.prediction(task).observed(n_points)
-        names, units = self.library.observed_names, self.library.observed_units
-        label, onset_ns = self._labels[task], self._movement.onset_ns
-        return Prediction(label, onset_ns, trajectory, names=names, units=units)
+        return predict_observed(self._movement.filter, task, n_points)
 
     def explain(self, task: str | None = None, rival: str | None = None) -> Evidence | None:
         """Why a task is more probable than another: evidence by observation and observed DOF.
@@ -461,8 +397,7 @@ class IntentEstimator:
         self._movement = self._posterior = None
         self._answer = ""
         self.expectation.reset()
-        if self._posture is not None:
-            self._posture.clear()
+        self._posture.clear()
         self._detector.clear()
         self._turns.forget()
         self._context.forget_stamps()
@@ -486,8 +421,7 @@ class IntentEstimator:
         self._detector.use(library.onset)
         self.expectation.swap(library, self._task_prior)
         self._make_memory()
-        if self._posture is not None:
-            self._posture.library_changed()
+        self._posture.library_changed()
         if self._movement is not None:
             before = self._movement
             self._begin(before.onset_ns, before.observations)

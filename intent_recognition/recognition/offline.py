@@ -53,16 +53,7 @@ def recognize_task(
     hypotheses = _hypotheses(library, duration_s)
     run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
     posterior = task_posterior(run.log_evidence, hypotheses, (last_ns - run.onset_ns) * 1e-9)
-    return Estimate(
-        last_ns,
-        True,
-        run.onset_ns,
-        posterior.probabilities,
-        posterior.phase,
-        posterior.log_evidence,
-        posterior,
-        (*library.labels, NONE),
-    )
+    return Estimate.of(last_ns, run.onset_ns, posterior, (*library.labels, NONE))
 
 
 def predict_controlled(

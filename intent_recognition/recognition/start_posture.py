@@ -19,7 +19,7 @@ from intent_recognition.promp import (
     controlled_spread,
     distance_to,
 )
-from intent_recognition.signals import ANGLE_UNIT, whole_turns
+from intent_recognition.signals import ANGLE_UNIT, Observation, whole_turns
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
@@ -93,39 +93,42 @@ class PostureHistory:
 
 
 class OnsetPosture:
-    """The posture at the onset of the movement under way, as one task's prediction may use it."""
+    """The posture at the onset of the movement under way, as one task's prediction may use it.
 
-    def __init__(self) -> None:
-        self.history = PostureHistory()
+    Args:
+        used: False leaves it out of account.
+    """
+
+    def __init__(self, *, used: bool = True) -> None:
+        self._used, self._history = used, PostureHistory()
         self._forget_onset(0)
+
+    def take(self, observation: Observation) -> str | None:
+        """Take a sample; returns why it was not taken, as a diagnostics key, or None."""
+        if not self._used:
+            return None
+        return self._history.take(observation.stamp_ns, observation.group, observation.values)
 
     def _forget_onset(self, onset_ns: int) -> None:
         self._onset_ns, self._final = onset_ns, False
         self._position: NDArray[np.float64] | None = None
-        self._known: dict[int, tuple[StartPosture | None, str]] = {}
-        self._turns: dict[int, NDArray[np.float64]] = {}
+        self._known: dict[int, tuple[StartPosture | None, str, NDArray[np.float64]]] = {}
 
     def clear(self) -> None:
         """Forget everything."""
-        self.history.clear()
+        self._history.clear()
         self._forget_onset(0)
 
     def library_changed(self) -> None:
         """Another library has other starts."""
         self._known.clear()
-        self._turns.clear()
-
-    def turns(self, task: int, otherwise: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Whole turns by which the arm is away from where the task was learned, (Q,) [rad].
-
-        Something else where its posture is not used.
-        """
-        return self._turns.get(task, otherwise)
 
     def given(
         self, library: TaskLibrary, task: int, onset_ns: int
-    ) -> tuple[StartPosture | None, str]:
+    ) -> tuple[StartPosture | None, str, NDArray[np.float64]]:
         """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
+
+        Third, the whole turns by which the arm is away from where the task was learned, (Q,) [rad].
 
         Args:
             library: the learned tasks.
@@ -135,20 +138,19 @@ class OnsetPosture:
         if onset_ns != self._onset_ns:
             self._forget_onset(onset_ns)
         if not self._final:
-            self._position = self.history.at(onset_ns)
-            self._final = self.history.passed(onset_ns)
+            self._position = self._history.at(onset_ns)
+            self._final = self._history.passed(onset_ns)
             self.library_changed()
-        position = self._position
-        if position is None or position.shape != (library.n_controlled,):
-            return None, POSTURE_UNKNOWN
+        position, none = self._position, np.zeros(library.n_controlled)
+        if position is None or position.shape != none.shape:
+            return None, POSTURE_UNKNOWN, none
         if task not in self._known:
             turns = _turns_of_start(library, task, position)
             if within_trained_starts(library, task, position - turns):
                 start = StartPosture(position - turns, start_variance(library))
-                self._known[task] = start, POSTURE_USED
-                self._turns[task] = turns
+                self._known[task] = start, POSTURE_USED, turns
             else:
-                self._known[task] = None, POSTURE_OUTSIDE
+                self._known[task] = None, POSTURE_OUTSIDE, none
         return self._known[task]
 
 

@@ -68,15 +68,20 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
 
 
 def test_between_used_observations_the_phase_goes_on(library, truth, rng):
-    """The estimate after an observation that is not used equals the posterior at its time."""
+    """The estimate after an observation that is not used equals the posterior at its time.
+
+    The prediction is the same object, by which a publisher sees that it has not changed.
+    """
     observations = list(merge(movement(truth, 2, rng).observed))
     estimator = IntentEstimator(library)
-    n_used, unused = 0, 0
+    n_used, unused, predicted = 0, 0, None
     for observation in observations:
         estimate = estimator.update(observation)
         if not estimate.moving:
             continue
-        run = estimator._movement.filter
+        run, before = estimator._movement.filter, predicted
+        predicted = estimator.predict_controlled()
+        assert (predicted is before) == (run.n_used == n_used)
         unused, n_used = unused + (run.n_used == n_used), run.n_used
         elapsed_s = (observation.stamp_ns - estimate.onset_ns) * 1e-9
         expected = task_posterior(run.log_evidence, run.grid, elapsed_s, run.born())

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Both agents' predictions from the movement under way and the controlled agent's posture."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.filtering import MovementFilter, TaskPrediction
+from intent_recognition.promp import NONE, StartPosture, TaskLibrary, Trajectory
+from intent_recognition.recognition.estimate import Prediction
+from intent_recognition.recognition.start_posture import OnsetPosture, rest_posture
+
+HALF_STEP_S = 0.005
+"""Half of the time over which the velocity of a predicted pose is taken [s]. Convention."""
+SMALLEST_SHARE = 1e-12
+"""Probability of a task while `none` is certain. Numerical safeguard."""
+
+
+class Predictor:
+    """Predicts the movement under way; remembers the last prediction while nothing changes.
+
+    Args:
+        posture: of the controlled agent at onset.
+    """
+
+    def __init__(self, posture: OnsetPosture):
+        self._posture = posture
+        self._last: tuple[TaskPrediction, StartPosture | None, Prediction] | None = None
+
+    def controlled(
+        self, taught: TaskLibrary, run: MovementFilter, task: int, n_points: int
+    ) -> Prediction:
+        """The controlled agent's whole interaction under a task.
+
+        Args:
+            taught: the library in the known context.
+            run: the movement, filtered with the library in use.
+            task: number of the task.
+            n_points: T.
+        """
+        library, given = run.library, run.prediction(task)
+        start, used, turns = self._posture.given(taught, task, run.onset_ns)
+        if self._last is not None and self._last[0] is given and self._last[1] is start:
+            last = self._last[2]
+            if last.start == used and len(last.trajectory.times_s) == n_points:
+                return last
+        along = run.controlled(task, n_points, start)
+        along = along._replace(positions=along.positions + turns)
+        names, units = library.controlled_names, library.controlled_units
+        found = Prediction(library.labels[task], run.onset_ns, along, used, names, units)
+        self._last = given, start, found
+        return found
+
+    def controlled_at(
+        self,
+        taught: TaskLibrary,
+        run: MovementFilter,
+        known: NDArray[np.float64],
+        times_s: NDArray[np.float64],
+    ) -> Trajectory:
+        """Where the controlled agent is at some times, over all known tasks.
+
+        Args:
+            taught: as in `controlled`.
+            run: as in `controlled`.
+            known: probabilities of the known tasks, (K,).
+            times_s: on the clock of the observations, (T,).
+        """
+        known = np.maximum(known, SMALLEST_SHARE)
+        given = [self._posture.given(taught, task, run.onset_ns) for task in range(len(known))]
+        since_s = np.maximum(times_s - run.onset_ns * 1e-9, 0.0)
+        around_s = np.concatenate([since_s, since_s + HALF_STEP_S, since_s - HALF_STEP_S])
+        mean, std = run.mixture_at(around_s, known, [start for start, _, _ in given])
+        mean, after, before = np.split(mean, 3)
+        velocities = (after - before) / (2.0 * HALF_STEP_S)
+        turns = given[int(np.argmax(known))][2]
+        return Trajectory(times_s, mean + turns, velocities, std[: len(times_s)])
+
+
+def at_rest(
+    library: TaskLibrary, task_prior: NDArray[np.float64], times_s: NDArray[np.float64]
+) -> Trajectory:
+    """Where the controlled agent is expected before the next movement, whatever the time (T,).
+
+    Args:
+        library: the learned tasks.
+        task_prior: their probabilities, (K,).
+        times_s: on the clock of the observations.
+    """
+    posture = rest_posture(library, task_prior)
+    mean, std = (np.tile(part, (len(times_s), 1)) for part in posture)
+    return Trajectory(times_s, mean, np.zeros_like(mean), std)
+
+
+def predict_observed(run: MovementFilter, task: int, n_points: int) -> Prediction:
+    """The rest of the observed agent's movement under a task, or none.
+
+    Args:
+        run: the movement.
+        task: number of the task; K is none.
+        n_points: T.
+    """
+    library, trajectory = run.library, run.prediction(task).observed(n_points)
+    label, units = (*library.labels, NONE)[task], library.observed_units
+    return Prediction(label, run.onset_ns, trajectory, names=library.observed_names, units=units)
