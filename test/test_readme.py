@@ -89,11 +89,6 @@ def test_changelog_names_the_commands_there_are():
     assert command_names() <= set(re.findall(r"``(?:intent )?(\w+)``", text))
 
 
-def test_parameters_of_the_table_are_declared():
-    for node, parameters in table(TEXTS["docs/topics.md"], "Parameters"):
-        assert set(code(parameters)) <= NODES[code(node)[0]].parameters, node
-
-
 def test_parameters_of_the_shipped_file_are_declared():
     shipped = yaml.safe_load((ROOT / "config" / "params.yaml").read_text(encoding="utf-8"))
     for name, content in shipped.items():

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from bag_builder import write_ros1
 from c3d_builder import c3d_file
+from tables.exported_files import entry
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
@@ -47,15 +48,9 @@ def plain(
 def imported(folder, name, content, columns=("x", "y", "z"), **more):
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    entry = {
-        "topic": "/mocap/wrist/pose",
-        "type": "geometry_msgs/msg/PoseStamped",
-        "fields": [f"pose.position.{axis}" for axis in "xyz"],
-        "unit": "m",
-        "columns": list(columns),
-    }
-    entry |= {"columns_unit": more.pop("unit")} if "unit" in more else {}
-    mapping = ImportMap.from_dict({"observed": [entry], "task": "t", **more})
+    unit = {"columns_unit": more.pop("unit")} if "unit" in more else {}
+    observed = [entry(list(columns), **unit)]
+    mapping = ImportMap.from_dict({"observed": observed, "task": "t", **more})
     found = list(import_demonstrations(path, mapping))
     taken = [one for one in found if not isinstance(one, Rejection)]
     said = " ".join(one.reason for one in found if isinstance(one, Rejection))
