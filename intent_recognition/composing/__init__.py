@@ -2,7 +2,6 @@
 """Skills that a person composes of learned ones: via points, and tasks one after the other."""
 
 from intent_recognition.composing.bending import (
-    LARGEST_DISTANCE,
     BentLibrary,
     bend_all,
     check_via_points,
@@ -12,7 +11,6 @@ from intent_recognition.composing.bending import (
 from intent_recognition.composing.sequences import (
     Moment,
     SequenceProgress,
-    Sequences,
     Step,
     advance,
     awaited,
@@ -28,12 +26,10 @@ from intent_recognition.composing.via_points import (
 
 __all__ = [
     "HAND",
-    "LARGEST_DISTANCE",
     "USUAL_STD",
     "BentLibrary",
     "Moment",
     "SequenceProgress",
-    "Sequences",
     "Step",
     "ViaPoint",
     "advance",

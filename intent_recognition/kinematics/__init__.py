@@ -4,7 +4,6 @@
 from intent_recognition.kinematics.arm import Arm
 from intent_recognition.kinematics.bodies import Bodies, Box, Contact, parse_boxes
 from intent_recognition.kinematics.chain import Chain, joint_poses, tip_pose, tip_positions
-from intent_recognition.kinematics.following import FollowedPath
 from intent_recognition.kinematics.forward import (
     forward_kinematics,
     frame_poses,
@@ -28,7 +27,7 @@ from intent_recognition.kinematics.lwr import (
 )
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.refinement import reach_position
-from intent_recognition.kinematics.urdf import UrdfChain, read_chain, read_ranges
+from intent_recognition.kinematics.urdf import read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (
     DEFAULT_EFFORT,
     DEFAULT_SPEED,
@@ -53,9 +52,7 @@ __all__ = [
     "Branch",
     "Chain",
     "Contact",
-    "FollowedPath",
     "JointLimits",
-    "UrdfChain",
     "check_meshes",
     "check_position",
     "forward_kinematics",

@@ -32,7 +32,6 @@ from intent_recognition.warping.object_warp import (
 from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
 from intent_recognition.warping.pour_level import (
     EMPTY,
-    FULL,
     FULL_SHARE,
     Emptying,
     Reached,
@@ -60,7 +59,6 @@ from intent_recognition.warping.wall_checks import check_wall
 
 __all__ = [
     "EMPTY",
-    "FULL",
     "FULL_SHARE",
     "NO_REFERENCES",
     "N_WARPED",

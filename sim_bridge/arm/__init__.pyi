@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
-from .controllers import ControllerGains
 from .fingers import Fingers, with_fingers
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
@@ -22,7 +21,6 @@ __all__ = [
     "TIME_STEP_S",
     "ArmReference",
     "ArmState",
-    "ControllerGains",
     "Edge",
     "FeedbackSettings",
     "Fingers",

@@ -3,8 +3,6 @@ from .gripper import ToolboxGripper, make_gripper
 from .objects import ObjectHolder, ToolboxObjects
 from .other_arms import ToolboxArm
 from .scene import (
-    ARM_BRANCH,
-    ARM_SWIVEL_RAD,
     HOME,
     HOME_HAND_M,
     LIFT_M,
@@ -27,8 +25,6 @@ from .session_scoring import (
 )
 
 __all__ = [
-    "ARM_BRANCH",
-    "ARM_SWIVEL_RAD",
     "DECIDED_WITHIN_S",
     "EARLIEST_DECISION_S",
     "HOME",
