@@ -55,16 +55,6 @@ def test_versions_agree(manifest):
     assert re.search(r"^([\d.]+) \(", changelog, re.MULTILINE)[1] == intent_recognition.__version__
 
 
-def test_licence_and_format_agree(manifest):
-    assert manifest.get("format") == "3"
-    assert manifest.findtext("license") == "Apache-2.0"
-    assert setup_says("--license") == "Apache-2.0"
-    licence = (ROOT / "LICENSE").read_text(encoding="utf-8")
-    assert "Apache License" in licence
-    assert "Version 2.0, January 2004" in licence
-    assert "END OF TERMS AND CONDITIONS" in licence
-
-
 def test_names_agree(manifest):
     assert manifest.findtext("name") == "intent_recognition" == setup_says("--name")
     assert manifest.findtext("export/build_type") == "ament_python"

@@ -18,8 +18,6 @@ from intent_recognition.model import Model
 from intent_recognition.model.array_dofs import dofs_of_arrays
 
 ROOT = Path(__file__).resolve().parents[1]
-MOST_S = 0.5
-"""Longest import of the root, with a margin of five: it takes less than a tenth of a second."""
 ERRORS = [name for name in ir.__all__ if name.endswith("Error")]
 FUNCTIONS = [name for name in ir.__all__ if inspect.isfunction(getattr(ir, name))]
 CLASSES = [name for name in ir.__all__ if inspect.isclass(getattr(ir, name)) and name not in ERRORS]
@@ -36,11 +34,6 @@ def run(code: str) -> str:
 def test_the_root_alone_loads_no_room():
     code = "import sys, intent_recognition; print(*[m for m in sys.modules if m[:6] == 'intent'])"
     assert set(run(code).split()) == {"intent_recognition"}
-
-
-def test_importing_the_root_is_quick():
-    code = "import time; t = time.process_time(); import intent_recognition; "
-    assert float(run(code + "print(time.process_time() - t)")) < MOST_S
 
 
 @pytest.mark.slow
@@ -100,10 +93,6 @@ def test_help_names_the_types_of_arrays_and_the_names_can_be_resolved(name):
 @pytest.mark.parametrize("name", ERRORS)
 def test_errors_are_one_family(name):
     assert issubclass(getattr(ir, name), ir.IntentError)
-
-
-def test_values_are_ready_for_numpy():
-    assert ir.Gaussian(np.zeros(2), np.eye(2)).mean.shape == (2,)
 
 
 @pytest.fixture(scope="module")

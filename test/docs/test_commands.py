@@ -72,10 +72,6 @@ def check_options(shown):
     assert options <= set(parser._option_string_actions)
 
 
-def test_all_exceptions_are_needed():
-    assert {s.words[0] for s in SHOWN} >= SYSTEM
-
-
 def subparsers():
     return next(a for a in cli.make_parser()._actions if a.dest == "command").choices
 

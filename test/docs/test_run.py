@@ -94,11 +94,6 @@ def test_it_runs(words, bench, monkeypatch, capsys):
             assert Path(word).exists(), word
 
 
-def test_all_exceptions_are_needed():
-    shown = {words[1] for words in SHOWN if words[0] == "intent"}
-    assert set(NOT_RUN) | set(UNTIL_CTRL_C) <= shown & set(cli.COMMANDS)
-
-
 def node_of(words):
     """Name of the node that a command is, and what follows; None for other commands."""
     if words[0] == "intent" and words[1] in UNTIL_CTRL_C:
@@ -187,12 +182,12 @@ def _path_with_intent(folder):
     return f"{program.parent}:{os.environ['PATH']}"
 
 
-MODULES = [w for w in SHOWN if w[:2] == ("python", "-m") and w[2].startswith("sim_bridge")]
+MODULES = [w for w in SHOWN if w[:2] == ("python", "-m") and w[2].startswith("experiments")]
 
 
 @pytest.mark.parametrize("words", MODULES, ids=" ".join)
 def test_generators_take_the_options_shown(words):
-    """They take minutes to an hour: test/sim_bridge runs parts of them."""
+    """They take minutes to an hour: test/experiments runs parts of them."""
     done = subprocess.run(
         [sys.executable, "-m", words[2], "--help"],
         cwd=ROOT,
