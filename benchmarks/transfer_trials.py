@@ -7,7 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.transfer import LIGHTEST_N, PATIENCE_S, Holding, Request, carrying_grip
+from intent_recognition.transfer import (
+    LIGHTEST_N,
+    PATIENCE_S,
+    Holding,
+    Request,
+    Situation,
+    TransferMachine,
+    TransferOutput,
+    carrying_grip,
+)
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import CompliantHand, Giver, Manner, SeenRobot, Strength, Taker
@@ -46,6 +55,29 @@ WET, SLIDES_M_S = (0.45, 0.6), 0.01
 in the hand from which it slides [m/s]. Convention."""
 BESIDE_M = np.array([0.08, 0.0, 0.0])
 """From where the object is held to a hand that does not take it [m]. Convention."""
+
+
+class ClockMachine(TransferMachine):
+    """For comparison: what it feels on the way is the object, and then what a clock says.
+
+    An offer feels taken over from a time after its begin on, so that the hand opens 0.2 s later,
+    whoever holds the object; what was received feels like the robot's as soon as the fingers have
+    closed.
+    """
+
+    def __init__(self, patience_s: float, clock_s: float) -> None:
+        super().__init__(patience_s)
+        self._clock_s, self._offered_s = clock_s, np.inf
+
+    def step(self, request: Request, now: Situation) -> TransferOutput:
+        """As that of a machine that feels."""
+        if self.holding is not Holding.OFFERING:
+            self._offered_s = now.time_s
+        if self.holding is not Holding.CARRYING:
+            is_time = now.time_s - self._offered_s >= self._clock_s
+            up_n = LIGHTEST_N if is_time else -max(self.weight_n, LIGHTEST_N)
+            now = now._replace(force_n=np.array([0.0, 0.0, up_n]), near=True)
+        return super().step(request, now)
 
 
 class TransferTrial(NamedTuple):
@@ -93,7 +125,10 @@ def run_trial(trial: TransferTrial) -> TransferOutcome:
     manner = Manner.draw(rng, weight_n)
     with TransferCell(trial.robot, thing, STAND_M, rng) as cell:
         patience_s = WAIT_S if trial.kind in DISTURBANCES else PATIENCE_S
-        robot = RobotSide(cell, rng, patience_s, trial.clock_s)
+        machine = TransferMachine(patience_s)
+        if trial.clock_s is not None:
+            machine = ClockMachine(patience_s, trial.clock_s)
+        robot = RobotSide(cell, rng, machine)
         run = _Run(cell, robot, offer_m, float(rng.uniform(*WAY_S)))
         if trial.kind == "take":
             run.receive(hand, manner)

@@ -131,12 +131,10 @@ class TransferMachine:
 
     Args:
         patience_s: time after which an offer ends.
-        clock_s: for comparison: take no notice of the force, let go so long after the offer began,
-            and go when the fingers have closed.
     """
 
-    def __init__(self, patience_s: float = PATIENCE_S, clock_s: float | None = None) -> None:
-        self._patience_s, self._clock_s, self._feels = patience_s, clock_s, clock_s is None
+    def __init__(self, patience_s: float = PATIENCE_S) -> None:
+        self._patience_s = patience_s
         self.holding, self.weight_n = Holding.EMPTY, 0.0
         self._share, self._factor = 0.0, 1.0
         self._loads: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=REMEMBERED)
@@ -202,7 +200,7 @@ class TransferMachine:
         mean = loads.mean(axis=0)
         carries = mean[2] < -0.25 * LIGHTEST_N and np.hypot(*mean[:2]) < max(1.0, -0.5 * mean[2])
         gone = now.near is False
-        if not self._feels or gone or (steady and carries):
+        if gone or (steady and carries):
             self.carry()
 
     def _carrying(self, request: Request, now: Situation) -> None:
@@ -215,13 +213,10 @@ class TransferMachine:
     def _offering(self, request: Request, now: Situation) -> None:
         if request is not Request.GIVE or now.moving:
             self._enter(Holding.CARRYING, now.time_s)
-        elif self._share >= TAKEN_SHARE or self._is_time(now):
+        elif self._share >= TAKEN_SHARE:
             self._enter(Holding.RELEASING, now.time_s)
         elif now.time_s - self._entered_s > self._patience_s and self._share < LEFT_SHARE:
             self._enter(Holding.RETURNING, now.time_s)
-
-    def _is_time(self, now: Situation) -> bool:
-        return self._clock_s is not None and now.time_s - self._entered_s >= self._clock_s
 
     def _returning(self, request: Request, now: Situation) -> None:
         if request is Request.PUT_DOWN:
@@ -238,7 +233,7 @@ class TransferMachine:
             return 0.0
         if self.holding is Holding.CLOSING:
             return FIRST_N
-        load_n = float(np.linalg.norm(now.force_n)) if self._feels else 0.0
+        load_n = float(np.linalg.norm(now.force_n))
         grip_n = carrying_grip(max(load_n, self.weight_n))
         if load_n < HARD * max(self.weight_n, LIGHTEST_N):
             grip_n = min(grip_n, offering_grip(self._share, self.weight_n))
@@ -246,13 +241,13 @@ class TransferMachine:
 
     def _felt_share(self, now: Situation) -> float:
         """What the person has taken over of an offer; nobody near, nobody takes."""
-        if self.holding is not Holding.OFFERING or now.near is False or not self._feels:
+        if self.holding is not Holding.OFFERING or now.near is False:
             return 0.0
         return load_share(now.force_n, self.weight_n, now.toward)
 
     def _slips(self, now: Situation) -> bool:
         """Less than the weight is carried, and nobody takes it: grip harder from now on."""
-        if not self._feels or self._share > 0.0 or self.weight_n < 2.0 * SLIP_N:
+        if self._share > 0.0 or self.weight_n < 2.0 * SLIP_N:
             return False
         missing_n = self.weight_n + float(now.force_n[2])
         less = missing_n > max(SLIP_SHARE * self.weight_n, SLIP_N)

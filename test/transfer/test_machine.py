@@ -21,8 +21,8 @@ AHEAD = np.array([1.0, 0.0, 0.0])
 class Course:
     """Steps a machine through made-up time."""
 
-    def __init__(self, machine=None, noise_n=0.0):
-        self.machine, self.time_s = machine or TransferMachine(), 0.0
+    def __init__(self, noise_n=0.0):
+        self.machine, self.time_s = TransferMachine(), 0.0
         self.rng, self.noise_n = np.random.default_rng(0), noise_n
         self.outputs = []
 
@@ -155,9 +155,3 @@ def test_fingers_that_close_on_nothing_open_again():
     course.run(0.3, Request.TAKE, (0, 0, 0), half_opening_m=0.04)
     outputs = course.run(0.25, Request.TAKE, (0, 0, 0), half_opening_m=0.0)
     assert Holding.EMPTY in states(outputs)
-
-
-def test_by_the_clock_it_lets_go_whoever_holds():
-    course = Course(TransferMachine(clock_s=1.0))
-    course.offer()
-    assert course.run(1.0, Request.GIVE, near=False)[-1].holding is Holding.RELEASING

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.transfer import (
-    PATIENCE_S,
     Holding,
     LoadEstimator,
     Request,
@@ -68,8 +67,7 @@ class RobotSide:
     Args:
         cell: the physics.
         rng: of the tracker's noise.
-        patience_s: of the machine.
-        clock_s: of the machine.
+        machine: decides; of its own if None.
 
     Attributes:
         request: what it is about to do; set it.
@@ -80,11 +78,10 @@ class RobotSide:
         self,
         cell: TransferCell,
         rng: np.random.Generator,
-        patience_s: float = PATIENCE_S,
-        clock_s: float | None = None,
+        machine: TransferMachine | None = None,
     ) -> None:
         self._cell, self._rng = cell, rng
-        self.machine = TransferMachine(patience_s, clock_s)
+        self.machine = machine or TransferMachine()
         self._estimator = LoadEstimator(cell.model)
         self.request = Request.NOTHING
         self.samples: list[TransferSample] = []
