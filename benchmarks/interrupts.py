@@ -102,6 +102,8 @@ def main() -> int:
     parser.add_argument("--times", type=int, default=20, help="interrupts of each")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="some of them")
     args = parser.parse_args()
+    # As a terminal: a shell lets what runs in the background ignore SIGINT, and all that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with TemporaryDirectory() as folder:
         found = commands(needed(Path(folder)))
         names = [name for name in found if not args.only or name in args.only]

@@ -45,6 +45,7 @@ def fit_context(
     signals: Sequence[SignalNames],
     n_observed: int,
     floor: NDArray[np.float64],
+    borrowed: float,
 ) -> InContext:
     """Regress the weights on the context; what that leaves is shrunk as without a context.
 
@@ -56,6 +57,7 @@ def fit_context(
         signals: names of the context.
         n_observed: number of observed DOFs.
         floor: variance floor per DOF, (D,).
+        borrowed: equivalent sample size of the other tasks in the target of each.
     """
     statistics = list(tasks.values())
     spread = np.diag(CONTEXT_STRENGTH * _typical_variance(statistics))
@@ -70,7 +72,7 @@ def fit_context(
         mean_factor = 1.0 + 1.0 / task.n
         of_context = s * (mean_factor / (task.n - 1 + CONTEXT_STRENGTH))
         explained = g @ of_context @ g.T
-        target = structured_target(own, pooled, floor).covariance()
+        target = structured_target(own, pooled, floor, borrowed).covariance()
         rest = own.matrix + REGRESSION_STRENGTH * target
         rest *= mean_factor / (own.freedom + REGRESSION_STRENGTH)
         covariance.append(of_context)

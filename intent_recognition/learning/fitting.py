@@ -21,6 +21,7 @@ from intent_recognition.learning.statistics import (
     variance_scales,
 )
 from intent_recognition.promp import (
+    OTHERS_SAMPLE_SIZE,
     ContextModel,
     TaskLibrary,
     observed_block,
@@ -113,9 +114,9 @@ def learned_from(
     none = none_primitive(means, covariance, departed)
     mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
     context = None
-    weight_covariance = predictive_covariances(over, REGRESSION_STRENGTH, floor)
+    weight_covariance = predictive_covariances(over, REGRESSION_STRENGTH, floor, chosen.borrowed)
     if preprocessing.context:
-        found = fit_context(over, preprocessing.context, n_observed, floor)
+        found = fit_context(over, preprocessing.context, n_observed, floor, chosen.borrowed)
         context, weight_covariance, covariance = found
     return {
         "weight_mean": np.array([task.mean.ravel() for task in over.values()]),
@@ -151,7 +152,10 @@ def statistics_of(
 
 
 def predictive_covariances(
-    tasks: Mapping[str, TaskStatistics], strength: float, floor: NDArray[np.float64]
+    tasks: Mapping[str, TaskStatistics],
+    strength: float,
+    floor: NDArray[np.float64],
+    borrowed: float = OTHERS_SAMPLE_SIZE,
 ) -> NDArray[np.float64]:
     """Predictive covariance of each task's next demonstration, (K, D N, D N).
 
@@ -159,11 +163,12 @@ def predictive_covariances(
         tasks: statistics of each label.
         strength: equivalent sample size of the target, in demonstrations.
         floor: variance floor per DOF, (D,).
+        borrowed: equivalent sample size of the other tasks in the target of each.
     """
     pooled = pooled_moments(tasks.values())
     covariances = []
     for task in tasks.values():
-        target = structured_target(task.moments, pooled, floor).covariance()
+        target = structured_target(task.moments, pooled, floor, borrowed).covariance()
         covariances.append(shrunk_covariance(task.scatter, task.n, target, strength))
     return np.array(covariances)
 

@@ -3,7 +3,8 @@
 
 Demonstrations are left out in turn. From samples of the observed agent the filter recognises the
 task and predicts the controlled agent. What is chosen is the pace of both agents
-(`learning.timing`) and the noise of an observation; the coupling of the residuals is learned beside
+(`learning.timing`), the noise of an observation, and whether a task's regression borrows from the
+other tasks; the coupling of the residuals is learned beside
 each (`learning.coupling`). The score of a candidate is in nats: the log loss of the task, plus that
 of the controlled agent's Q DOFs under a normal error of fitted variance, Q / 2 log(mean squared
 error).
@@ -36,6 +37,7 @@ from intent_recognition.learning.held_out import (
 from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
+    OTHERS_SAMPLE_SIZE,
     ResidualCoupling,
     Scatter,
     TaskLibrary,
@@ -70,6 +72,8 @@ class Hyperparameters(NamedTuple):
         pace: one of `PACES`.
         noise_scale: factor of the observed DOFs' noise variance.
         duration_evidence: exponent of the evidence in the posterior of the duration.
+        borrowed: equivalent sample size of the other tasks in the target of each task's own
+            covariance, in demonstrations.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
         score: both together, in nats; NaN where nothing could be left out.
@@ -78,6 +82,7 @@ class Hyperparameters(NamedTuple):
     pace: str = "own"
     noise_scale: float = 4.0
     duration_evidence: float = EXPONENTS[0]
+    borrowed: float = OTHERS_SAMPLE_SIZE
     log_loss: float = float("nan")
     error: float = float("nan")
     score: float = float("nan")
@@ -113,7 +118,7 @@ def choose(
         recorded: statistics of the examples as they were recorded.
     """
     left_out = {
-        pace: _leave_out(tasks, recorded, library.units)
+        (pace, OTHERS_SAMPLE_SIZE): _leave_out(tasks, recorded, library.units)
         for pace, (library, tasks) in candidates.items()
     }
     if not all(left_out.values()):
@@ -122,14 +127,18 @@ def choose(
     def scored(one: Hyperparameters) -> Hyperparameters:
         library, tasks = candidates[one.pace]
         scaled = replace(library, noise_scale=one.noise_scale)
-        log_loss, error = validate(scaled, left_out[one.pace], tasks)
+        log_loss, error = validate(scaled, left_out[one.pace, one.borrowed], tasks)
         score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
         return one._replace(log_loss=log_loss, error=error, score=score)
 
     tried = [scored(Hyperparameters(pace, scale)) for pace in candidates for scale in NOISE_SCALES]
     best = min(tried, key=lambda one: one.score)
+    library, tasks = candidates[best.pace]
+    left_out[best.pace, 0.0] = _leave_out(tasks, recorded, library.units, borrowed=0.0)
+    tried.append(scored(best._replace(borrowed=0.0)))
+    best = min(best, tried[-1], key=lambda one: one.score)
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
-    at_once, of_best = _at_once(library, N_DURATIONS), left_out[best.pace]
+    at_once, of_best = _at_once(library, N_DURATIONS), left_out[best.pace, best.borrowed]
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
     tried[tried.index(best)] = best = best._replace(duration_evidence=exponent)
@@ -249,6 +258,7 @@ def _leave_out(
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
     units: Sequence[str],
+    borrowed: float = OTHERS_SAMPLE_SIZE,
 ) -> list[LeftOutExample]:
     """Demonstrations of tasks that have two or more, each with its task without it.
 
@@ -262,13 +272,15 @@ def _leave_out(
     pairs = paired_examples(several, recorded, MAX_VALIDATED)
     others = {name: without_group(statistics, name) for name in {e.group for _, e, _ in pairs}}
     if pairs and all(rest is not None and people(rest) > 1 for rest in others.values()):
-        found = {name: _of_others(rest, floor, units) for name, rest in others.items() if rest}
+        found = {
+            name: _of_others(rest, floor, units, borrowed) for name, rest in others.items() if rest
+        }
         return [
             _left_out(statistics, k, found[example.group][k], units, example, as_recorded)
             for k, example, as_recorded in pairs
         ]
     return [
-        _without(statistics, k, pooled, floor, units, example, as_recorded)
+        _without(statistics, k, pooled, floor, units, borrowed, example, as_recorded)
         for k, example, as_recorded in pairs
     ]
 
@@ -283,7 +295,10 @@ class _Rest(NamedTuple):
 
 
 def _of_others(
-    rest: Sequence[TaskStatistics], floor: NDArray[np.float64], units: Sequence[str]
+    rest: Sequence[TaskStatistics],
+    floor: NDArray[np.float64],
+    units: Sequence[str],
+    borrowed: float,
 ) -> list[_Rest]:
     """Every task of other people's demonstrations."""
     n_observed = rest[0].examples[0].observed.shape[1]
@@ -293,7 +308,7 @@ def _of_others(
     shared = covariance_of_strangers(examples, *of_observed)
     found = []
     for task in rest:
-        target = structured_target(task.moments, pooled, floor).covariance()
+        target = structured_target(task.moments, pooled, floor, borrowed).covariance()
         covariance = shrunk_covariance(task.scatter, task.n, target, REGRESSION_STRENGTH)
         gain = _gain(symmetrize(covariance), size)
         found.append(_Rest(task.mean.ravel(), shared, gain, task.log_duration_mean))
@@ -311,6 +326,7 @@ def _without(
     pooled: Scatter,
     floor: NDArray[np.float64],
     units: Sequence[str],
+    borrowed: float,
     example: TrainingExample,
     as_recorded: TrainingExample,
 ) -> LeftOutExample:
@@ -319,7 +335,7 @@ def _without(
     deviation, own = example.weights - task.mean, task.moments
     if pooled.freedom > 1:
         part, rest = without_demonstration(pooled, own, deviation.ravel())
-        target = structured_target(part, rest, floor).covariance()
+        target = structured_target(part, rest, floor, borrowed).covariance()
     else:  # two demonstrations in all: nothing would be left to estimate a target from
         part, rest = Scatter(np.zeros_like(own.matrix), 0), pooled
         target = structured_target(own, pooled, floor).covariance()

@@ -39,6 +39,7 @@ from intent_recognition.promp.prediction import (
     least_end_std,
 )
 from intent_recognition.promp.prior import (
+    OTHERS_SAMPLE_SIZE,
     Scatter,
     observed_block,
     shared_covariance,
@@ -60,6 +61,7 @@ __all__ = [
     "CONTEXT_STRENGTH",
     "NONE",
     "NO_ODDS",
+    "OTHERS_SAMPLE_SIZE",
     "STEADY",
     "USUAL_END_STD",
     "Blend",

@@ -40,8 +40,10 @@ OTHERS_SAMPLE_SIZE = 5.0
 
 Convention.
 """
-PHASE_WIDTH = 0.15
-"""Width in phase over which the correlation over DOFs is averaged. Convention."""
+PHASE_WIDTH, OWN_PHASE_WIDTH = 0.15, 0.03
+"""Width in phase over which the correlation over DOFs is averaged, and where nothing is borrowed
+from other tasks. Convention; validation on held-out demonstrations chooses between the two
+(docs/decisions/covariance_target.md)."""
 AMPLITUDE_SAMPLE_SIZE = 4.0
 """Equivalent sample size of the assumption that a DOF varies alike at all phases.
 
@@ -123,20 +125,27 @@ def weight_floor(
 
 
 def structured_target(
-    own: Scatter, pooled: Scatter, floor: NDArray[np.float64]
+    own: Scatter,
+    pooled: Scatter,
+    floor: NDArray[np.float64],
+    borrowed: float = OTHERS_SAMPLE_SIZE,
 ) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
-    The task's own demonstrations count fully; all others together count `OTHERS_SAMPLE_SIZE`.
-    Where their equivalent sample size is below `FEW`, the amplitudes are inflated and the
-    correlation along the phase is mixed with a smooth one (small-sample inflation).
+    The task's own demonstrations count fully; all others together count `borrowed`, or
+    `OTHERS_SAMPLE_SIZE` if there are fewer than `FEW` of the task's own. Where the equivalent
+    sample size of all is below `FEW`, the amplitudes are inflated and the correlation along the
+    phase is mixed with a smooth one (small-sample inflation).
 
     Args:
         own: scatter of the task the target is for.
         pooled: sum over all tasks, this one included; some task has two demonstrations.
         floor: variance floor per DOF, (D,).
+        borrowed: equivalent sample size of all other tasks together.
     """
-    scatter, demonstrations = _borrow(own, pooled)
+    if own.freedom < FEW:
+        borrowed = OTHERS_SAMPLE_SIZE
+    scatter, demonstrations = _borrow(own, pooled, borrowed)
     n_dofs = len(floor)
     variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
@@ -148,7 +157,7 @@ def structured_target(
     scaled = (scatter / np.outer(scale, scale)).reshape(n_dofs, n_basis, n_dofs, n_basis)
     phase = np.linspace(0.0, 1.0, n_basis)
     distance = phase[:, None] - phase
-    kernel = np.exp(-0.5 * (distance / PHASE_WIDTH) ** 2)
+    kernel = np.exp(-0.5 * (distance / (PHASE_WIDTH if borrowed else OWN_PHASE_WIDTH)) ** 2)
     kernel /= kernel.sum(axis=1, keepdims=True)
     local = np.einsum("dkek->kde", scaled)
     dofs = np.einsum("kl,lde->kde", kernel, local)
@@ -202,14 +211,14 @@ def observed_block(scatter: Scatter, size: int) -> Scatter:
     return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
-def _borrow(own: Scatter, pooled: Scatter) -> tuple[NDArray[np.float64], float]:
+def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[NDArray[np.float64], float]:
     """Covariance of a task from its own and all demonstrations, and its equivalent sample size.
 
     Each task's outer products are divided by its degrees of freedom, so that they estimate a
     covariance without bias; these estimates are averaged by their equivalent sample sizes.
     """
     others = float(pooled.freedom - own.freedom)
-    borrowed = min(OTHERS_SAMPLE_SIZE, others)
+    borrowed = min(borrowed, others)
     share = borrowed / others if others else 0.0
     size = own.freedom + borrowed
     return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size

@@ -278,6 +278,31 @@ def test_where_nothing_can_be_left_out_the_defaults_are_taken():
     assert chosen[:2] == Hyperparameters()[:2]
 
 
+@pytest.mark.parametrize(
+    ("ways", "noise", "borrowed"), [((1.0, -1.0), 0.01, 0.0), ((1.0, 1.0), 0.05, 5.0)]
+)
+def test_a_regression_borrows_from_tasks_in_which_the_robot_follows_alike(ways, noise, borrowed):
+    """The robot ends where the human does, or mirrors it, more or less exactly."""
+    rng, phase = np.random.default_rng(3), np.linspace(0.0, 1.0, 81)
+    stamps, recordings = START_NS + np.round(phase * 2e9).astype(np.int64), []
+    for task, number in np.ndindex(2, 8):
+        goal = np.array([1.0, task, 0.0]) + 0.1 * rng.normal(size=3)
+        place = ways[task] * goal[:2] + noise * rng.normal(size=2)
+        human, robot = (np.outer(minimum_jerk(phase), end) for end in (goal, place))
+        human, robot = (part + 0.003 * rng.normal(size=part.shape) for part in (human, robot))
+        signals = (
+            (Signal(("x", "y", "z"), stamps, human, "m"),),
+            (Signal(("q", "r"), stamps, robot, "rad"),),
+        )
+        name = f"{task}_{number}"
+        whole = START_NS, int(stamps[-1])
+        recordings.append(Demonstration(name, "", f"task_{task}", *signals, *whole))
+    data = accumulate(recordings, SETTINGS)
+    chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
+    assert chosen.borrowed == borrowed
+    assert chosen.score == min(one.score for one in tried)
+
+
 def test_one_task_has_nothing_to_tell_apart():
     data = accumulated(6, counts=(4,))
     *_, tried = choose_hyperparameters(data.tasks, data.preprocessing)

@@ -66,6 +66,15 @@ def test_a_task_of_one_demonstration_borrows_from_the_others(rng):
     assert np.trace(covariance) > np.trace(np.cov(weights[1:].reshape(4, -1).T))
 
 
+@pytest.mark.parametrize("n", [3, 4, 5, 9])
+def test_other_tasks_count_where_they_are_borrowed_and_for_a_task_of_few(rng, n):
+    weights, floor = rng.normal(size=(n, 2, 6)), np.full(2, 1e-6)
+    own, others = scatter_of(weights), scatter_of(rng.normal(size=(20, 2, 6)))
+    alone = structured_target(own, own, floor, borrowed=0.0).covariance()
+    borrowing = structured_target(own, pooled_with(others, own), floor, borrowed=0.0).covariance()
+    assert np.array_equal(alone, borrowing) == (n > 4)
+
+
 @given(seeds, st.floats(1e-3, 1e3))
 def test_target_scales_with_the_unit(seed, unit):
     weights = np.random.default_rng(seed).normal(size=(5, 2, 6))
