@@ -76,6 +76,8 @@ MAX_FLOATS = 1_500_000
 observation."""
 MAX_TASKS = 8
 """Tasks that hypotheses are born of at a time, the most probable ones. Convention: likewise."""
+LEAST_LOG_WEIGHT = -700.0
+"""Of tasks that cannot be. Numerical safeguard: two of them may be compared."""
 NEGLIGIBLE_SHARE = 1e-4
 """Probability, as a share of the most probable one's, below which a born hypothesis is left out of
 a prediction. Convention."""
@@ -143,9 +145,16 @@ class Births:
         self._log_prior = known - np.logaddexp.reduce(known)
         self.clear()
 
-    def clear(self) -> None:
-        """Begin with another movement: nothing is born yet."""
+    def clear(self, log_weight: NDArray[np.float64] | None = None) -> None:
+        """Begin with another movement: nothing is born yet.
+
+        Args:
+            log_weight: log of what the posterior of the known tasks will be multiplied by, (K,).
+                It is known of the task at the onset: who turns to another one keeps it.
+        """
         self._table.clear()
+        known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
+        self._log_weight = np.append(np.maximum(known, LEAST_LOG_WEIGHT), 0.0)
         self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
         self._made: dict[tuple[int, ...], NDArray[np.float64]] = {}
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
@@ -206,13 +215,13 @@ class Births:
         settled = rows["seen"] == self._settling
         if settled.any():
             shares = birth_shares(
-                total,
+                total + self._log_weight,
                 self._log_prior,
                 self._between_s / self.usual_s,
                 none_margin=self._grid.none_margin,
                 switch_margin=self._library.switch_margin,
             )
-            of_kind = shares[rows["kind"]] + rows["log_share"]
+            of_kind = shares[rows["kind"]] + rows["log_share"] - self._log_weight[rows["task"]]
             rows["log_prior"] = np.where(settled, of_kind, rows["log_prior"])
         table.drop(self._hopeless(float(np.logaddexp.reduce(total))))
         if self._n_used % self._every == 0:

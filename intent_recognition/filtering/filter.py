@@ -108,7 +108,7 @@ class MovementFilter:
         with np.errstate(divide="ignore"):
             self._log_weight = np.log(np.ones(n_tasks - 1) if task_weight is None else task_weight)
         if self.births is not None:
-            self.births.clear()
+            self.births.clear(self._log_weight)
         self._measurements: list[Measurement] = []
         self._peaks = np.zeros(1)  # highest log density of so many measurements
         self._seen = np.zeros(n_tasks, dtype=np.int64)  # of how many each task was conditioned on

@@ -42,9 +42,9 @@ def changed(library, rng, tasks, change_s, times_s):
     return values + rng.normal(size=values.shape) * np.sqrt(library.noise_variance[:3])
 
 
-def filtered(library, times_s, values, run=None, *, switching=True):
+def filtered(library, times_s, values, run=None, *, switching=True, task_weight=None):
     run = run or MovementFilter(library, make_prior_grid(library), START_NS, switching=switching)
-    run.restart(START_NS)
+    run.restart(START_NS, task_weight)
     for elapsed_s, row in zip(times_s, values, strict=True):
         run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
     return run
@@ -86,6 +86,19 @@ def test_a_margin_makes_turning_to_another_task_rarer(rng):
     turning = np.exp(birth_shares(total, log_prior, 0.02))[:3] - detours
     rarer = np.exp(birth_shares(total, log_prior, 0.02, switch_margin=2.0))[:3] - detours
     np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
+
+
+def test_who_turns_to_another_task_has_the_habit_of_the_task_before(library, rng, monkeypatch):
+    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
+    times_s = np.arange(0.0, 1.2, 0.05)
+    values = course(library, draw_weights(library, 0, rng), times_s)
+    ratio = np.array([0.1, 2.4, 0.5])
+    joint = [
+        filtered(library, times_s, values, task_weight=weight).births.log_joint[:-1]
+        for weight in (None, ratio)
+    ]
+    assert np.argmax(posterior(filtered(library, times_s, values), 1.2).probabilities) == 0
+    np.testing.assert_allclose(joint[1] + np.log(ratio) - joint[0], np.log(ratio[0]), atol=0.1)
 
 
 def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
