@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
 from intent_recognition.tables.cells import numbers, texts
@@ -17,7 +18,7 @@ from intent_recognition.tables.files import find_tables, has_tables
 from intent_recognition.tables.suggested_bags import suggest_of_bags
 from intent_recognition.tables.suggested_entries import SeenColumn, body_entry, flow, joints_entry
 from intent_recognition.tables.table import Table
-from intent_recognition.tables.times import stamps_ns, usual_unit
+from intent_recognition.tables.times import PER_UNIT, stamps_ns, usual_unit
 
 READ_AT_ONCE = 50
 """Columns that are read together. Convention."""
@@ -209,7 +210,8 @@ def _time(
         if not named or not steps.size:
             continue
         if np.all(steps > 0.0) and (unit := usual_unit(steps)):
-            return {"column": column.name, "unit": unit}, "by the usual step between samples"
+            rate_hz = NANOSECONDS / (PER_UNIT[unit] * float(np.median(steps)))
+            return {"column": column.name, "unit": unit}, f"{rate_hz:.4g} Hz then"
         if np.all(steps >= 0.0) and np.all(np.floor(column.values) == column.values):
             for more in columns.values():
                 if NANOSECONDS_NAME.search(more.name) and more.values.size == column.values.size:

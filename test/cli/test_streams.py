@@ -4,14 +4,13 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from cli.recorded import DOFS, TRUTH, write_all
 from model_builder import perform, write_recording
 from rich.console import Console
 
 from intent_recognition.cli.rejections import print_left_out
-from intent_recognition.signals import Known, Rejection, Signal, StreamFinding, misfit
+from intent_recognition.signals import Rejection, StreamFinding
 
 PER_TASK = 4
 SPOILED = ("off", "part", "shifted")
@@ -111,14 +110,3 @@ def test_recordings_with_one_fault_are_one_line(capsys):
     names = ", ".join(["bags/a00", *(f"a{k:02}" for k in range(1, 10))])
     assert first == f"left out {names} and 2 more: {said.format(140)}"
     assert rest == [f"left out {name}: the clock of 2 s is off" for name in "bcb"]
-
-
-@pytest.mark.parametrize("beyond", [1.0, 1.1])
-def test_degrees_are_named_also_where_the_arm_went_a_little_beyond_its_limits(beyond):
-    limits = np.array([-2.0]), np.array([2.0])
-    way = np.linspace(0.0, 2.0 * beyond, 50)[:, None]
-    stamps = (1e9 + 2e7 * np.arange(50)).astype(np.int64)
-    found = misfit(Signal(("q",), stamps, np.degrees(way), "rad"), Known(*limits))
-    assert found.certain and "Likely degrees" in found.reason
-    turned = misfit(Signal(("q",), stamps, way + 3.0, "rad"), Known(*limits))
-    assert not turned.certain and "whole turns" in turned.reason
