@@ -27,7 +27,6 @@ from experiments.constraints.features import (
 )
 from experiments.constraints.report import AREA, GAIN
 from experiments.constraints.study import NOVEL, score
-from experiments.constraints.table import TRIALS_FILE, Trials, read_trials
 from experiments.constraints.trials import (
     COLUMNS,
     FILLING,
@@ -36,6 +35,7 @@ from experiments.constraints.trials import (
     TrialBlock,
     make,
 )
+from experiments.constraints.trials_file import TRIALS_FILE, Trials, read_trials
 from experiments.pouring.executed import (
     MEAN,
     SAMPLE,

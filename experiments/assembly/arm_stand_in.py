@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.recording import SAMPLE_NS
 from intent_recognition.activation import (
     Activation,
     ActivationSettings,
@@ -24,7 +25,6 @@ from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition import DecisionSettings, IntentEstimator, start_mean
 from intent_recognition.signals import Demonstration, Observation, merge
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
-from sim_bridge.recording import SAMPLE_NS
 from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation, pose
 
 UPDATE_S = 0.08

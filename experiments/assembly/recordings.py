@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
-from sim_bridge.recording import (
+from experiments.recording import (
     POSE_TYPE,
     PROVENANCE,
     SAMPLE_NS,
@@ -15,6 +14,7 @@ from sim_bridge.recording import (
     to_counts,
     write_recording,
 )
+from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
 from sim_bridge.scenarios.assembly import (
     ASSISTANT,
     MARGIN_S,

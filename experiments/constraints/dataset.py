@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.constraints.table import write_trials
 from experiments.constraints.trials import COLUMNS, TRIALS_PER_OBJECT, TrialBlock, blocks, make
+from experiments.constraints.trials_file import write_trials
 from intent_recognition import __version__
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 from sim_bridge.containers import CONTAINER_SEED

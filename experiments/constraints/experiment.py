@@ -22,8 +22,8 @@ from experiments.constraints.features import (
 )
 from experiments.constraints.report import blocks, conditions, findings, numbers
 from experiments.constraints.study import ConstraintScores, score
-from experiments.constraints.table import TRIALS_FILE, read_trials
 from experiments.constraints.trials import FILLING, POURING
+from experiments.constraints.trials_file import TRIALS_FILE, read_trials
 from experiments.results import ExperimentResult
 from experiments.settings import Settings
 from intent_recognition.share import share_path

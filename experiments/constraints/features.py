@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.constraints.table import Trials
 from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND, container
+from experiments.constraints.trials_file import Trials
 from intent_recognition.warping import (
     NO_REFERENCES,
     FillingConstraint,

@@ -18,8 +18,8 @@ from experiments.constraints.features import (
 )
 from experiments.constraints.figures import RocBand, RocPanel, roc_figure
 from experiments.constraints.study import N_TRAINING, NOVEL, SAME, ConstraintScores, CurveTable
-from experiments.constraints.table import Trials
 from experiments.constraints.trials import FILLING, POURING
+from experiments.constraints.trials_file import Trials
 from experiments.results import Finding
 from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, readable, to_svg
 from sim_bridge.containers import CONTAINER_NAMES

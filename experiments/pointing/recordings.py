@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from experiments.pointing.lesson import TaughtPointing, plan_path, stand, teach
 from experiments.pointing.person import PersonPointing, marker_placement, point
 from experiments.pointing.scene import SPOTS_M, TASK, spot
-from sim_bridge.recording import (
+from experiments.recording import (
     PROVENANCE,
     metadata_stamp,
     metadata_vector,

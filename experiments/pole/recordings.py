@@ -15,9 +15,7 @@ from experiments.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
 from experiments.pole.lesson import PoleLesson, lead_around
 from experiments.pole.person import WandPointing, draw_pointing
 from experiments.pole.plan import can_reach, plan_way
-from experiments.teaching.path import REACTION_SHARE
-from intent_recognition.errors import KinematicsError, describe
-from sim_bridge.recording import (
+from experiments.recording import (
     PROVENANCE,
     metadata_stamp,
     metadata_vector,
@@ -25,6 +23,8 @@ from sim_bridge.recording import (
     recorded_at_ns,
     write_recording,
 )
+from experiments.teaching.path import REACTION_SHARE
+from intent_recognition.errors import KinematicsError, describe
 
 WAND_TOPIC = "mocap/wand/pose"
 DEPTHS_M = (0.53, 0.57, 0.61)

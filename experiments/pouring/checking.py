@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.constraints.table import TRIALS_FILE, read_trials
 from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND
+from experiments.constraints.trials_file import TRIALS_FILE, read_trials
 from intent_recognition.share import share_path
 from intent_recognition.warping import (
     FillingConstraint,

@@ -16,6 +16,7 @@ import numpy as np
 
 from experiments.pouring.checking import HIGHEST_RISK, Constraints, learn_constraints
 from experiments.pouring.recordings import joint_messages, labels_of
+from experiments.recording import PROVENANCE, recorded_at_ns, write_recording
 from intent_recognition.errors import KinematicsError
 from intent_recognition.warping import (
     EMPTY,
@@ -24,7 +25,6 @@ from intent_recognition.warping import (
     WarpedPrimitive,
     amount_to_leave,
 )
-from sim_bridge.recording import PROVENANCE, recorded_at_ns, write_recording
 from sim_bridge.scenarios.pouring import (
     HALF_FULL,
     N_BALLS,

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.pouring.person import draw_habit, plan_pour
-from intent_recognition.warping import References
-from sim_bridge.containers import CONTAINER_SEED, Container, make_container
-from sim_bridge.recording import (
+from experiments.recording import (
     ANGLE_STEP_RAD,
     JOINT_TOPIC,
     JOINT_TYPE,
@@ -29,6 +27,8 @@ from sim_bridge.recording import (
     to_counts,
     write_recording,
 )
+from intent_recognition.warping import References
+from sim_bridge.containers import CONTAINER_SEED, Container, make_container
 from sim_bridge.scenarios.pouring import N_BALLS, OPENING_M, TASK, half_full_radius_m
 
 if TYPE_CHECKING:

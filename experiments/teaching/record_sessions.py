@@ -13,11 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from experiments.generate import make_room
-from intent_recognition import __version__
-from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
-from intent_recognition.errors import IntentError
-from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
-from sim_bridge.recording import (
+from experiments.recording import (
     POSE_TOPIC,
     POSE_TYPE,
     POSITION_STEP_M,
@@ -28,6 +24,10 @@ from sim_bridge.recording import (
     to_counts,
     write_recording,
 )
+from intent_recognition import __version__
+from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
+from intent_recognition.errors import IntentError
+from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
 
 FIRST_SEED = 1001
 """Seed of the first session; the next has the next one."""

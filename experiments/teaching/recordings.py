@@ -6,6 +6,14 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from experiments.recording import (
+    PROVENANCE,
+    metadata_stamp,
+    metadata_vector,
+    pose_and_joint_messages,
+    recorded_at_ns,
+    write_recording,
+)
 from experiments.teaching.demonstration import (
     TEST_COUNTS,
     TRAINING_COUNTS,
@@ -18,14 +26,6 @@ from experiments.teaching.path import TeachingPath, plan_teaching
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics import hand_position
 from sim_bridge.coworker import TASKS
-from sim_bridge.recording import (
-    PROVENANCE,
-    metadata_stamp,
-    metadata_vector,
-    pose_and_joint_messages,
-    recorded_at_ns,
-    write_recording,
-)
 from sim_bridge.scenarios.toolbox import handover_point
 
 SETS = {"train": (0, TRAINING_COUNTS), "test": (1, TEST_COUNTS)}

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.recording import EPOCH_NS, SAMPLE_NS
 from intent_recognition.kinematics import hand_position
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import (
@@ -23,7 +24,6 @@ from intent_recognition.recognition import (
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 from sim_bridge.coworker import Interaction, SessionPlan, WristSamples
-from sim_bridge.recording import EPOCH_NS, SAMPLE_NS
 from sim_bridge.scenarios.toolbox import HOME, handover_point
 
 HAND_TASKS = ("plate_handover", "hold_screwdriver")

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from experiments.constraints import dataset
-from experiments.constraints.table import read_trials, write_trials
 from experiments.constraints.trials import COLUMNS, blocks
+from experiments.constraints.trials_file import read_trials, write_trials
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError
 
 

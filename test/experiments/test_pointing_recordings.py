@@ -25,6 +25,7 @@ from experiments.pointing.scene import (
     pointing_pose,
     spot,
 )
+from experiments.recording import POSITION_STEP_M, to_counts
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import ArgumentError
@@ -32,7 +33,6 @@ from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.recording import POSITION_STEP_M, to_counts
 from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH
 
 record_once = cache(record)

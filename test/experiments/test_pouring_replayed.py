@@ -8,11 +8,11 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+from experiments.recording import JOINT_TOPIC
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.qos import SENSOR
 from intent_recognition.share import share_path
-from sim_bridge.recording import JOINT_TOPIC
 from sim_bridge.scenarios.pouring.novel import pour_of, read_pour
 
 KEPT = 2000

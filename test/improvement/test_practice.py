@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.recording import JOINT_TOPIC, JOINT_TYPE, joint_fields, write_recording
 from intent_recognition.bags import BagReader
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError
 from intent_recognition.improvement import (
@@ -18,7 +19,6 @@ from intent_recognition.improvement import (
     compare,
     load_cost,
 )
-from sim_bridge.recording import JOINT_TOPIC, JOINT_TYPE, joint_fields, write_recording
 
 MISSED = Cost("missed", lambda rollout: rollout.outcome["missed"])
 ABOUT = {"task": "reach", "seed": 3}

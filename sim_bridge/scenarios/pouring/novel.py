@@ -36,10 +36,10 @@ from intent_recognition.warping import (
     warp_object,
 )
 from sim_bridge.containers import CONTAINER_NAMES, Container, scan
-from sim_bridge.recording import JOINT_TOPIC
 from sim_bridge.scenarios.pouring.pairs import BIG_BOWL, container_named, half_full_radius_m
 from sim_bridge.scenarios.pouring.task_space import PourPath, SideGrasp, seen_path
 
+JOINT_TOPIC = "joint_states"
 ANNOTATED = "mug"
 """The shipped object whose parts are annotated."""
 AHEAD_M = 0.2

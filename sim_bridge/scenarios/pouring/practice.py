@@ -11,23 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from intent_recognition import __version__
+from intent_recognition.bags import JOINT_STATE, BagWriter
 from intent_recognition.errors import ArgumentError, KinematicsError, describe
 from intent_recognition.improvement import Rollout, SearchSpace, search_space
-from intent_recognition.kinematics import LWR_LIMITS
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.warping import PouringSkill
 from sim_bridge.containers import CONTAINER_SEED
-from sim_bridge.recording import (
-    JOINT_TOPIC,
-    JOINT_TYPE,
-    PROVENANCE,
-    joint_fields,
-    metadata_vector,
-    recorded_at_ns,
-    write_recording,
-)
 from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours, capacity
 from sim_bridge.scenarios.pouring.novel import (
     HALF_FULL,
+    JOINT_TOPIC,
     DemonstratedPours,
     PourLevel,
     learn_pouring,
@@ -40,6 +34,8 @@ from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGra
 
 N_PHASES = 50
 """Phases at which paths are compared. Convention."""
+EPOCH_NS, MINUTE_NS = 1_767_765_600_000_000_000, 60_000_000_000
+"""Stamp of rollout 0, on the day of all recordings, and time to the next one [ns]. Convention."""
 LOGGED_NS = 20_000_000
 """Time between two samples of a logged rollout [ns]. Convention."""
 SHORT_STD_RADII = 0.3
@@ -153,27 +149,32 @@ class PouringPractice:
         (rollout,) = rollouts
         joints, zero = rollout.joints_rad, np.zeros(rollout.joints_rad.shape[1])
         rates = np.gradient(joints, rollout.times_s, axis=0)
-        start = recorded_at_ns(9000 + int(labels["rollout"]))
+        start = EPOCH_NS + int(labels["rollout"]) * MINUTE_NS
         metadata = {
             "task": TASK,
             "set": "practice",
-            **PROVENANCE,
+            "simulated": "true",
             "generator": "intent improve",
+            "generator_version": __version__,
             "cup": self.names[0],
             "second": self.names[1],
             "container_seed": str(CONTAINER_SEED),
-            "opening_m": metadata_vector(OPENING_M),
-            "lip_m": metadata_vector(self._cup.lip_point),
+            "opening_m": _vector(OPENING_M),
+            "lip_m": _vector(self._cup.lip_point),
             "height_m": f"{self._cup.height_m:.6f}",
             **{name: f"{value:g}" for name, value in rollout.outcome.items()},
             **labels,
         }
-        stamps = [start + k * LOGGED_NS for k in range(len(joints))]
-        said = (
-            (JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, q, qd, zero))
-            for stamp, q, qd in zip(stamps, joints, rates, strict=True)
-        )
-        write_recording(folder, metadata, said)
+        with BagWriter(folder, metadata, flush_period_s=None) as bag:
+            for k, (q, qd) in enumerate(zip(joints, rates, strict=True)):
+                stamp = start + k * LOGGED_NS
+                said = {"header": {"stamp": stamp}, "name": list(JOINT_NAMES)}
+                bag.write_message(
+                    JOINT_TOPIC,
+                    JOINT_STATE,
+                    said | {"position": q, "velocity": qd, "effort": zero},
+                    stamp,
+                )
 
     def _planned(self, weights: NDArray[np.float64]) -> _Planned:
         """The path of some weights; the last one is remembered."""
@@ -211,3 +212,8 @@ def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> Pour
         pours.append(PourPath(pour.times_s, moved, pour.tilt_rad))
     primitive = learn_pouring(pours, cup, second)
     return PouringSkill(primitive, reached_by(primitive, cup))
+
+
+def _vector(values: NDArray[np.float64]) -> str:
+    """As metadata write it: six decimals, separated by spaces."""
+    return " ".join(f"{value:.6f}" for value in values)
