@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.handover.cell import OBJECTS
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.transfer_trials import (
     DISTURBANCES,
@@ -21,7 +22,6 @@ from benchmarks.transfer_trials import (
     TransferTrial,
     run_trial,
 )
-from sim_bridge.scenarios.transfer import OBJECTS
 
 N_TRIALS = 200
 """Of the transfers, and of the disturbances."""

@@ -7,6 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.handover.cell import HELD_SHARE, OBJECTS, TransferCell
+from benchmarks.handover.grip import CompliantHand, Strength
+from benchmarks.handover.partner import Giver, Manner, SeenRobot, Taker
+from benchmarks.handover.robot_side import RobotSide, TransferSample
 from intent_recognition.transfer import (
     LIGHTEST_N,
     PATIENCE_S,
@@ -19,14 +23,6 @@ from intent_recognition.transfer import (
 )
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.coworker import CompliantHand, Giver, Manner, SeenRobot, Strength, Taker
-from sim_bridge.scenarios.transfer import (
-    HELD_SHARE,
-    OBJECTS,
-    RobotSide,
-    TransferCell,
-    TransferSample,
-)
 
 TRANSFERS = ("give", "take")
 DISTURBANCES = ("bump", "bump on the way", "pull on the way", "tug", "wrong way", "partly")

@@ -2,7 +2,6 @@
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
 from sim_bridge.coworker.change import USUAL_BLEND, ChangedReach, change_of_mind
-from sim_bridge.coworker.grip import CompliantHand, Strength
 from sim_bridge.coworker.reach import (
     Reach,
     WristMovement,
@@ -22,7 +21,6 @@ from sim_bridge.coworker.session import (
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.coworker.task_list import change_some, parse_task_list
 from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
-from sim_bridge.coworker.transferring import Giver, Manner, SeenRobot, Taker, progress
 
 __all__ = [
     "HOLD",
@@ -34,16 +32,10 @@ __all__ = [
     "USUAL_BLEND",
     "WITHOUT_PAUSE",
     "ChangedReach",
-    "CompliantHand",
-    "Giver",
     "Interaction",
-    "Manner",
     "Reach",
-    "SeenRobot",
     "SessionPlan",
     "SessionTiming",
-    "Strength",
-    "Taker",
     "WristMovement",
     "WristSamples",
     "bow_profile",
@@ -55,6 +47,5 @@ __all__ = [
     "minimum_jerk",
     "parse_task_list",
     "plan_session",
-    "progress",
     "sample_wrist",
 ]

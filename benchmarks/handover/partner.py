@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.coworker.grip import CompliantHand
+from benchmarks.handover.grip import CompliantHand
 
 REACTION_S = (0.18, 0.30)
 """From what is seen to the begin of a movement [s] (Woods, Wyma, Yund, Herron and Reed 2015, simple

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.handover.cell import OBJECTS
 from benchmarks.transfer import plan, results
 from benchmarks.transfer_trials import (
     DISTURBANCES,
@@ -13,7 +14,6 @@ from benchmarks.transfer_trials import (
 )
 from intent_recognition.transfer import Holding
 from sim_bridge.physics import end_world, start_world
-from sim_bridge.scenarios.transfer import OBJECTS
 
 LARGEST_N, RELEASE_S, NOTICED_S = 15.0, 0.3, 0.05
 

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from benchmarks.handover.cell import TransferCell
+from benchmarks.handover.partner import progress
 from intent_recognition.transfer import (
     Holding,
     LoadEstimator,
@@ -22,8 +24,6 @@ from intent_recognition.transfer import (
 )
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import TIME_STEP_S, SimulatedArm
-from sim_bridge.coworker import progress
-from sim_bridge.scenarios.transfer.cell import TransferCell
 
 SAMPLE_STEPS = 5
 """Physics steps between two joint states: 200 Hz, as `arm_sim` publishes them."""

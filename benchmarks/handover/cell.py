@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.handover.grip import CompliantHand
 from intent_recognition.kinematics import Arm
 from sim_bridge.arm import (
     TIME_STEP_S,
@@ -20,7 +21,6 @@ from sim_bridge.arm import (
     find_robot,
     with_fingers,
 )
-from sim_bridge.coworker import CompliantHand
 from sim_bridge.physics import pybullet
 
 FRICTION = 0.6
