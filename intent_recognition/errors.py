@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One exception family; messages name the argument, what was expected, what came and the cure."""
 
+import difflib
 import importlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeVar
 
 from intent_recognition.extras import installing
@@ -160,3 +161,9 @@ def first_of(names: Sequence[str], most: int = 5) -> str:
     """Names in words, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
+
+
+def nearest(name: str, known: Iterable[str], otherwise: str) -> str:
+    """The cure against a misspelt name: the one that it is most like, if there is one."""
+    near = difflib.get_close_matches(name, list(known), 1)
+    return f"Did you mean {near[0]}?" if near else otherwise

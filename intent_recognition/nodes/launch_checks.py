@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must hold before the first node of a graph starts: a launch that fails later leaves some."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, nearest
 from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall
 from intent_recognition.nodes.parameter_sources import holds_for, sections
 from intent_recognition.parameter_table import PARTS, parameters_of
@@ -39,8 +38,7 @@ def check_arguments(graph: str, command: Sequence[str]) -> None:
     for word in command:
         name, assigned, _ = word.partition(":=")
         if assigned and name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            cure = f"Did you mean {near[0]}?" if near else "Leave it away."
+            cure = nearest(name, known, "Leave it away.")
             raise ArgumentError.about(
                 f"argument of {graph}", f"one of {', '.join(known)}", name, cure
             )
@@ -93,8 +91,7 @@ def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
             _check_names(f"params_file {path}, {last}", values, executable)
         if executable in executables.values() or any(holds_for(section, n) for n in started):
             continue
-        near = difflib.get_close_matches(last, NODES, 1)
-        cure = f"Did you mean {near[0]}?" if near else f"Nodes are {', '.join(NODES)}."
+        cure = nearest(last, NODES, f"Nodes are {', '.join(NODES)}.")
         raise ArgumentError.about(f"params_file {path}", "sections of nodes", section, cure)
 
 
@@ -103,6 +100,5 @@ def _check_names(where: str, values: Mapping[str, object], executable: str) -> N
     known = parameters_of(executable)
     for name in values:
         if name not in known and name.partition(".")[0] not in OF_EVERY_NODE:
-            near = difflib.get_close_matches(name, known, 1)
-            cure = f"Did you mean {near[0]}?" if near else f"They are {', '.join(sorted(known))}."
+            cure = nearest(name, known, f"They are {', '.join(sorted(known))}.")
             raise ArgumentError.about(where, "parameters of the node", name, cure)

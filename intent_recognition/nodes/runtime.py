@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starting, spinning and ending a node."""
 
-import difflib
 import faulthandler
 import gc
 import os
@@ -29,7 +28,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
-from intent_recognition.errors import ArgumentError, IntentError, one_line
+from intent_recognition.errors import ArgumentError, IntentError, nearest, one_line
 from intent_recognition.nodes.parameter_sources import COMMAND_LINE, parameter_sources
 
 SPIN_PERIOD_S = 0.1
@@ -116,8 +115,7 @@ def check_given(node: Node, arguments: Sequence[str]) -> None:
     known = node.get_parameters_by_prefix("")
     for name, source in parameter_sources(arguments, node.get_fully_qualified_name()).items():
         if source == COMMAND_LINE and name not in known and name.partition(".")[0] != QOS:
-            near = difflib.get_close_matches(name, known, 1)
-            cure = f"Did you mean {near[0]}?" if near else f"They are {', '.join(sorted(known))}."
+            cure = nearest(name, known, f"They are {', '.join(sorted(known))}.")
             raise ArgumentError.about("-p", "a parameter of the node", name, cure)
 
 

@@ -82,16 +82,16 @@ def open_frames(folder: Path) -> Table:
     """
     files = sorted(folder.glob(f"*{FRAMES}"))
     numbers = [re.search(r"(\d+)" + re.escape(FRAMES), path.name) for path in files]
-    frames, groups = [], set()
+    frames = []
     for path in files:
-        people = _load(path).get("people")
+        content = _load(path)
+        people = content.get("people") if isinstance(content, dict) else None
         if not isinstance(people, list) or len(people) > 1:
             got = "none" if not isinstance(people, list) else f"{len(people)} people"
             raise unusable(path, "one person of OpenPose", got, "Keep one person in the files.")
         frames.append(_read(path, _openpose, people[0]) if people else {})
-        groups |= set(frames[-1])
     rows = [int(number[1]) if number else k for k, number in enumerate(numbers)]
-    return _table(folder, frames, np.array(rows) - min(rows, default=0))
+    return table_of(folder, _columns(frames, np.array(rows) - min(rows, default=0)))
 
 
 def open_landmarks(path: Path) -> Table:
@@ -111,22 +111,19 @@ def open_landmarks(path: Path) -> Table:
         kinds = ", ".join((*WORLD[:2], *IMAGE[:2]))
         raise unusable(path, f"landmarks under {kinds}", "none", "Check the file.")
     in_image = any(_has(frames, key) for key in IMAGE) and not any(_has(frames, k) for k in WORLD)
-    notes = [OF_IMAGE] if in_image else []
-    table = _table(path, found, np.arange(len(frames)))
+    columns = _columns(found, np.arange(len(frames)))
     key = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
-    rate = content.get("fps", content.get("frame_rate")) if isinstance(content, dict) else None
-    time: dict[str, object] | None = {"rate": float(rate)} if rate else None
-    if key is None:
-        return _with(table, {}, time, notes)
-    times = _read(path, lambda all: np.array([f.get(key) for f in all], np.float64), frames)
-    unit = "ms" if key.endswith("_ms") else usual_unit(np.diff(times)) or "s"
-    return _with(table, {"time": times}, {"column": "time", "unit": unit}, notes)
-
-
-def _with(table: Table, more: Mapping[str, NDArray], time: object, notes: Sequence[str]) -> Table:
-    columns = dict(zip(table.names, table.read(range(len(table.names))), strict=True))
+    said = content if isinstance(content, dict) else {}
+    time: dict[str, object] = {}
+    if key is not None:
+        stamps = [frame.get(key) if isinstance(frame, dict) else None for frame in frames]
+        columns["time"] = _read(path, lambda all: np.array(all, np.float64), stamps)
+        unit = "ms" if key.endswith("_ms") else usual_unit(np.diff(columns["time"])) or "s"
+        time = {"column": "time", "unit": unit}
+    elif rate := said.get("fps", said.get("frame_rate")):
+        time = {"rate": _read(path, float, rate)}
     defaults = {"time": time} if time else {}
-    return table_of(table.source, {**columns, **more}, defaults=defaults, notes=notes)
+    return table_of(path, columns, defaults=defaults, notes=[OF_IMAGE] if in_image else [])
 
 
 def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
@@ -137,7 +134,7 @@ def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
     """
     try:
         return read(content)
-    except (TypeError, ValueError, AttributeError, KeyError) as error:
+    except (TypeError, ValueError, OverflowError, AttributeError, KeyError) as error:
         raise unusable(path, "landmarks in JSON", one_line(error), "Write it again.") from error
 
 
@@ -145,16 +142,16 @@ def _has(frames: Sequence[Any], key: str) -> bool:
     return any(isinstance(frame, dict) and key in frame for frame in frames)
 
 
-def _table(source: Path, frames: Sequence[Points], rows: NDArray[np.int64]) -> Table:
+def _columns(frames: Sequence[Points], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
     """One column for each axis of each landmark, NaN where a frame has none of it."""
-    columns: dict[str, NDArray[np.float64]] = {}
     count = int(rows.max(initial=-1)) + 1
+    columns: dict[str, NDArray[Any]] = {"frame": np.arange(count)}
     for row, frame in zip(rows.tolist(), frames, strict=True):
         for name, point in frame.items():
             for axis, value in zip("xyz", point, strict=False):
                 column = columns.setdefault(f"{name}.{axis}", np.full(count, np.nan))
                 column[row] = value
-    return table_of(source, {"frame": np.arange(count), **columns})
+    return columns
 
 
 def _openpose(person: Mapping[str, Any]) -> Points:

@@ -48,8 +48,9 @@ class Stamps(NamedTuple):
 
 def usual_unit(steps: NDArray[np.float64]) -> str:
     """The unit in which steps between samples are usual, "" where there is none."""
+    step = float(np.median(steps)) if steps.size else 0.0
     for unit, per in PER_UNIT.items():
-        if USUAL_PERIODS_S[0] <= float(np.median(steps)) * per / NANOSECONDS <= USUAL_PERIODS_S[1]:
+        if USUAL_PERIODS_S[0] <= step * per / NANOSECONDS <= USUAL_PERIODS_S[1]:
             return unit
     return ""
 

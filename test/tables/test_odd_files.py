@@ -333,7 +333,10 @@ def test_landmarks_in_any_json(kind, tmp_path):
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=200)
 
 
-@pytest.mark.parametrize("content", ["null", "3", "[[]]", json.dumps([landmarks(0, "abc")])])
+@pytest.mark.parametrize(
+    "content",
+    ["null", "3", "[[]]", '{"fps": "a", "frames": [[[0, 0]]]}', json.dumps([landmarks(0, "abc")])],
+)
 def test_json_of_something_else_is_refused(content, tmp_path):
     assert imported(tmp_path, "a.json", content, time={"rate": 100})[0] is None
 
