@@ -4,16 +4,10 @@
 import argparse
 import sys
 import time
-from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.table import Table
-
-from intent_recognition import __version__
 from intent_recognition.cli.completion import offer
-from intent_recognition.cli.console import busy, escape, say
+from intent_recognition.cli.console import busy, say
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
@@ -25,13 +19,6 @@ from intent_recognition.cli.output import (
 )
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.share import source_tree
-
-if TYPE_CHECKING:
-    from experiments.catalogue import Experiment
-    from experiments.results import ExperimentResult
-    from experiments.runs import ExperimentRun
-
-MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
 
 
 def are_here() -> bool:
@@ -115,6 +102,7 @@ def run(args: argparse.Namespace) -> int:
         what = "the source tree, in which the experiments lie beside the package"
         cure = "Clone the repository, install it with `pip install -e .[all]`, and run this there."
         raise IntentError.about("intent experiments", what, "an installed package", cure)
+    from experiments import output
     from experiments.catalogue import EXPERIMENTS, chosen
     from experiments.runs import run_all
     from experiments.settings import Settings
@@ -122,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
     console = console_beside(args.json)
     if args.list:
         if args.json != PRINTED:
-            _print_list(console, EXPERIMENTS)
+            output.print_list(console, EXPERIMENTS)
         listed = [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
         write_json(args.json, listed)
         return 0
@@ -137,76 +125,15 @@ def run(args: argparse.Namespace) -> int:
     failures = {name: run.failure for name, run in runs.items() if run.failure}
     outcomes = {name: run.outcome for name, run in runs.items() if run.outcome}
     for name, outcome in outcomes.items() if args.json != PRINTED else ():
-        _print_outcome(console, name, outcome, runs[name].seconds)
-    numbers = numbers_json(runs, args.seed, args.quick)
+        output.print_outcome(console, name, outcome, runs[name].seconds)
+    numbers = output.numbers_json(runs, args.seed, args.quick)
     with busy(console, "writing the report"):
-        report = _write(args.output, outcomes, failures, numbers, args.json)
+        report = output.write_report(args.output, outcomes, failures, numbers)
+        for path in (args.output / "numbers.json", args.json):
+            write_json(path, numbers)
     for name, reason in failures.items():
         sys.stderr.write(f"intent experiments: {name} broke off: {reason}\n")
     taken_s = time.monotonic() - started
     say(console, f"{len(outcomes)} experiments in {taken_s:.0f} s, report: {report}")
-    console.file.write(summary_line(outcomes.values()) + "\n")
+    console.file.write(output.summary_line(outcomes.values()) + "\n")
     return 1 if failures else 0
-
-
-def summary_line(outcomes: Iterable["ExperimentResult"]) -> str:
-    """How many of the papers' figures are met."""
-    findings = [finding.holds for outcome in outcomes for finding in outcome.findings]
-    return (
-        f"summary: {findings.count(True)} of {len(findings)} figures met or beaten,"
-        f" {findings.count(False)} missed, {findings.count(None)} not like for like"
-    )
-
-
-def numbers_json(runs: Mapping[str, "ExperimentRun"], seed: int, quick: bool) -> dict:
-    """All numbers and findings, ready for JSON."""
-    content: dict = {"version": __version__, "seed": seed, "quick": quick, "experiments": {}}
-    for name, run in runs.items():
-        if run.outcome is None:
-            content["experiments"][name] = {"failure": run.failure}
-            continue
-        findings = [vars(finding) for finding in run.outcome.findings]
-        content["experiments"][name] = {"findings": findings, "numbers": dict(run.outcome.numbers)}
-    return content
-
-
-def _write(
-    folder: Path,
-    outcomes: Mapping[str, "ExperimentResult"],
-    failures: Mapping[str, str],
-    numbers: dict,
-    extra: Path | None,
-) -> Path:
-    from experiments.report import write_experiments_report, write_figures
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, outcome in outcomes.items():
-        write_figures(folder / "figures", name, outcome)
-    for path in (folder / "numbers.json", extra):
-        write_json(path, numbers)
-    mode = ", quick" if numbers["quick"] else ""
-    footer = f"intent_recognition {__version__}, seed {numbers['seed']}{mode}."
-    return write_experiments_report(folder / "report.html", outcomes, failures, footer)
-
-
-def _print_list(console: Console, entries: Iterable["Experiment"]) -> None:
-    table = Table(box=None, header_style="bold")
-    for title in ("name", "stands beside", "what"):
-        table.add_column(title)
-    for entry in entries:
-        table.add_row(entry.name, entry.source, entry.summary)
-    console.print(table)
-
-
-def _print_outcome(
-    console: Console, name: str, outcome: "ExperimentResult", seconds: float
-) -> None:
-    title = f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)"
-    console.print(title, highlight=True)
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    for title in ("", "paper", "ours", "met", ""):
-        table.add_column(title, overflow="fold")
-    for f in outcome.findings:
-        cells = (escape(f.quantity), f.paper or "-", f.ours, MARKS[f.holds])
-        table.add_row(*cells, f"[dim]{escape(f.remark)}[/]")
-    console.print(table)

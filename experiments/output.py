@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What came of experiments: in the terminal, as JSON, as the report and its figures."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from experiments.catalogue import Experiment
+from experiments.report import write_experiments_report, write_figures
+from experiments.results import ExperimentResult
+from experiments.runs import ExperimentRun
+from intent_recognition import __version__
+from intent_recognition.errors import printable
+
+MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
+
+
+def summary_line(outcomes: Iterable[ExperimentResult]) -> str:
+    """How many of the papers' figures are met."""
+    findings = [finding.holds for outcome in outcomes for finding in outcome.findings]
+    return (
+        f"summary: {findings.count(True)} of {len(findings)} figures met or beaten,"
+        f" {findings.count(False)} missed, {findings.count(None)} not like for like"
+    )
+
+
+def numbers_json(runs: Mapping[str, ExperimentRun], seed: int, quick: bool) -> dict:
+    """All numbers and findings, ready for JSON."""
+    content: dict = {"version": __version__, "seed": seed, "quick": quick, "experiments": {}}
+    for name, run in runs.items():
+        if run.outcome is None:
+            content["experiments"][name] = {"failure": run.failure}
+            continue
+        findings = [vars(finding) for finding in run.outcome.findings]
+        content["experiments"][name] = {"findings": findings, "numbers": dict(run.outcome.numbers)}
+    return content
+
+
+def write_report(
+    folder: Path,
+    outcomes: Mapping[str, ExperimentResult],
+    failures: Mapping[str, str],
+    numbers: Mapping,
+) -> Path:
+    """Write report.html and figures/ into a folder; returns the report's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, outcome in outcomes.items():
+        write_figures(folder / "figures", name, outcome)
+    mode = ", quick" if numbers["quick"] else ""
+    footer = f"intent_recognition {__version__}, seed {numbers['seed']}{mode}."
+    return write_experiments_report(folder / "report.html", outcomes, failures, footer)
+
+
+def print_list(console: Console, entries: Iterable[Experiment]) -> None:
+    """Print name, source and summary of each."""
+    table = Table(box=None, header_style="bold")
+    for title in ("name", "stands beside", "what"):
+        table.add_column(title)
+    for entry in entries:
+        table.add_row(entry.name, entry.source, entry.summary)
+    console.print(table)
+
+
+def print_outcome(console: Console, name: str, outcome: ExperimentResult, seconds: float) -> None:
+    """Print the findings of one experiment."""
+    title = f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)"
+    console.print(title, highlight=True)
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for title in ("", "paper", "ours", "met", ""):
+        table.add_column(title, overflow="fold")
+    for f in outcome.findings:
+        cells = (escape(printable(f.quantity)), f.paper or "-", f.ours, MARKS[f.holds])
+        table.add_row(*cells, f"[dim]{escape(printable(f.remark))}[/]")
+    console.print(table)
