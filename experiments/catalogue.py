@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from experiments.settings import Settings
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 if TYPE_CHECKING:
     from experiments.results import ExperimentResult
@@ -66,5 +66,5 @@ def chosen(names: Iterable[str]) -> list[Experiment]:
     for name in wanted:
         if name not in known:
             cure = "`intent experiments --list` shows all."
-            raise ArgumentError(describe("NAME", f"one of {', '.join(known)}", name, cure))
+            raise ArgumentError.about("NAME", f"one of {', '.join(known)}", name, cure)
     return [entry for entry in EXPERIMENTS if entry.name in wanted]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.report import Block
 
 
@@ -33,7 +33,7 @@ class Finding:
         """Ask for the reason where the paper's figure is not met."""
         if self.holds is not True and not self.remark:
             cure = "Say in one sentence why."
-            raise ArgumentError(describe("remark", "the reason", "nothing", cure))
+            raise ArgumentError.about("remark", "the reason", "nothing", cure)
 
     @classmethod
     def wanted(

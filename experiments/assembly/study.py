@@ -17,7 +17,7 @@ from experiments.assembly.scores import N_OBSERVATIONS, Scored, score
 from experiments.settings import Settings
 from intent_recognition.alignment import Alignment, align, even_trajectory
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.evaluation import sample
 from intent_recognition.learning import (
     Timing,
@@ -145,7 +145,7 @@ def read(settings: Settings) -> list[Demonstration]:
     if not demonstrations:
         got = rejections[0] if rejections else "none"
         cure = "Generate them: python -m experiments.generate --scenario assembly."
-        raise BagError(describe(str(folder), "demonstrations of two humans", got, cure))
+        raise BagError.about(str(folder), "demonstrations of two humans", got, cure)
     return demonstrations
 
 

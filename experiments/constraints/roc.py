@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 GRID = np.linspace(0.0, 1.0, 201)
 """False positive rates at which curves are averaged."""
@@ -35,7 +35,7 @@ def roc_curve(scores: NDArray[np.float64], labels: NDArray[np.float64]) -> RocCu
     positive = np.asarray(labels, dtype=bool)
     if positive.all() or not positive.any():
         cure = "Test on samples of both kinds."
-        raise ArgumentError(describe("labels", "both 0 and 1", np.unique(labels), cure))
+        raise ArgumentError.about("labels", "both 0 and 1", np.unique(labels), cure)
     order = np.argsort(-np.asarray(scores, dtype=float), kind="stable")
     ranked = np.asarray(scores, dtype=float)[order]
     last = np.append(np.flatnonzero(np.diff(ranked)), len(ranked) - 1)

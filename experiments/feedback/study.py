@@ -15,7 +15,7 @@ from experiments.feedback.controller import (
 from experiments.pointing.study import condition_on_end, final_wrist
 from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
-from intent_recognition.errors import TrainingError, describe
+from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import jacobian
 from intent_recognition.learning import learn_with_report
@@ -82,7 +82,7 @@ def learn_handover(settings: Settings) -> tuple[TaskLibrary, Gaussian, Demonstra
     held_out = sorted(settings.recordings("toolbox/test").glob(f"{TASK}_*"))
     tests, _ = read_demonstrations(held_out[:1], dofs)
     if not tests:
-        raise TrainingError(describe("bags", f"a test recording of {TASK}", "none", "Add one."))
+        raise TrainingError.about("bags", f"a test recording of {TASK}", "none", "Add one.")
     report = learn_with_report(recordings)
     library = report.library
     examples = report.trained.tasks[TASK].examples

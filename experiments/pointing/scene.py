@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import forward_kinematics
 from sim_bridge.scenarios.toolbox import arm_posture, pose
 
@@ -64,7 +64,7 @@ def spot(purpose: str, index: int) -> NDArray[np.float64]:
     """
     if purpose not in SPOTS_M or not 0 <= index < len(SPOTS_M[purpose]):
         expected = f"a set of {sorted(SPOTS_M)} and an index below 9"
-        raise ArgumentError(describe("purpose, index", expected, (purpose, index), "Correct it."))
+        raise ArgumentError.about("purpose, index", expected, (purpose, index), "Correct it.")
     return np.append(SPOTS_M[purpose][index], TABLE_HEIGHT_M)
 
 
@@ -99,7 +99,7 @@ def pointed_at(q: NDArray[np.float64]) -> NDArray[np.float64]:
     hand = forward_kinematics(q)
     direction = hand[..., :3, 2]
     if np.any(direction[..., 2] > -1e-3):
-        raise ArgumentError(describe("q", "a finger that points down", direction, "Lower it."))
+        raise ArgumentError.about("q", "a finger that points down", direction, "Lower it.")
     share = (TABLE_HEIGHT_M - hand[..., 2, 3]) / direction[..., 2]
     return hand[..., :3, 3] + share[..., None] * direction
 

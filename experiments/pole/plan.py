@@ -20,7 +20,7 @@ from experiments.pole.geometry import (
     chain,
     planned_clearance,
 )
-from intent_recognition.errors import KinematicsError, describe
+from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import LWR_LIMITS
 from sim_bridge.coworker import minimum_jerk
 
@@ -114,14 +114,12 @@ def plan_way(
     swing = swing + (0.0 if swing_error_rad is None else swing_error_rad)
     clearance = float(planned_clearance(_curve(start, swing, end, np.linspace(0, 1, 80))).min())
     if missed > REACHED_M or clearance < LEAST_CLEARANCE_M:
-        raise KinematicsError(
-            describe(
-                "spot_m",
-                f"a spot that can be pointed at by the {way} of the pole",
-                f"{np.round(spot_m, 3).tolist()}: {1e3 * missed:.0f} mm off,"
-                f" {1e3 * clearance:.0f} mm from the pole",
-                "Go by the other side.",
-            )
+        raise KinematicsError.about(
+            "spot_m",
+            f"a spot that can be pointed at by the {way} of the pole",
+            f"{np.round(spot_m, 3).tolist()}: {1e3 * missed:.0f} mm off,"
+            f" {1e3 * clearance:.0f} mm from the pole",
+            "Go by the other side.",
         )
     return Way(start, swing, end, clearance)
 

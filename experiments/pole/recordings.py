@@ -24,7 +24,7 @@ from experiments.recording import (
     write_recording,
 )
 from experiments.teaching.path import REACTION_SHARE
-from intent_recognition.errors import KinematicsError, describe
+from intent_recognition.errors import KinematicsError
 
 WAND_TOPIC = "mocap/wand/pose"
 DEPTHS_M = (0.53, 0.57, 0.61)
@@ -122,13 +122,11 @@ def demonstrate(order: PoleOrder) -> PoleDemonstration:
         if lesson.clearance_m.min() > TOUCH_M and way_of(path) == order.way:
             reachable = tuple(way for way in WAYS if can_reach(spot, way))
             return PoleDemonstration(order, pointing, lesson, reachable, attempt + 1)
-    raise KinematicsError(
-        describe(
-            f"spot {np.round(spot, 3).tolist()}",
-            f"a demonstration by the {order.way} of the pole",
-            f"none in {ATTEMPTS} attempts",
-            "Move the spot.",
-        )
+    raise KinematicsError.about(
+        f"spot {np.round(spot, 3).tolist()}",
+        f"a demonstration by the {order.way} of the pole",
+        f"none in {ATTEMPTS} attempts",
+        "Move the spot.",
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.pouring.executed import MEAN, SAMPLE, UNWARPED, PourOrder, Skill
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from sim_bridge.scenarios.pouring import PAIRS, PourPath, read_pour, seen_as
 
 BALLS_IN_VOLUME = 2
@@ -78,7 +78,7 @@ def read_recorded(folder: Path) -> list[RecordedPour]:
         found.append(replace(RecordedPour(order, path, *counts, *measured), left_m3=left))
     if not found:
         cure = "Make them with `python -m experiments.generate --scenario pours`."
-        raise BagError(describe(str(folder), "recorded pours", "none", cure))
+        raise BagError.about(str(folder), "recorded pours", "none", cure)
     return found
 
 

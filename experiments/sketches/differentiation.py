@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 MIN_SAMPLES = 5
 HIGHEST_CUTOFF = 0.95
@@ -60,22 +60,18 @@ def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> NDA
         ArgumentError: too few samples, or an invalid filter.
     """
     if n_samples < MIN_SAMPLES or not step > 0:
-        raise ArgumentError(
-            describe(
-                "n_samples, step",
-                f"at least {MIN_SAMPLES} samples a positive step apart",
-                f"{n_samples}, {step}",
-                "Sparse samples have no second derivative; interpolate them first.",
-            )
+        raise ArgumentError.about(
+            "n_samples, step",
+            f"at least {MIN_SAMPLES} samples a positive step apart",
+            f"{n_samples}, {step}",
+            "Sparse samples have no second derivative; interpolate them first.",
         )
     if not min(smoother) > 0 or (isinstance(smoother, SavitzkyGolay) and smoother.order < 2):
-        raise ArgumentError(
-            describe(
-                "smoother",
-                "positive numbers, polynomials of degree 2 or more",
-                smoother,
-                "Try SavitzkyGolay(0.2).",
-            )
+        raise ArgumentError.about(
+            "smoother",
+            "positive numbers, polynomials of degree 2 or more",
+            smoother,
+            "Try SavitzkyGolay(0.2).",
         )
     unit = np.eye(n_samples)
     if isinstance(smoother, SavitzkyGolay):
@@ -128,13 +124,11 @@ def spline_operators(
     """
     gap = np.diff(phase)
     if len(phase) < 3 or not np.all(gap > 0) or not roughness >= 0:
-        raise ArgumentError(
-            describe(
-                "phase, roughness",
-                "at least three increasing phases, no negative roughness",
-                f"{phase}, {roughness}",
-                "Sort the samples and merge those of one phase.",
-            )
+        raise ArgumentError.about(
+            "phase, roughness",
+            "at least three increasing phases, no negative roughness",
+            f"{phase}, {roughness}",
+            "Sort the samples and merge those of one phase.",
         )
     rows = np.arange(len(phase) - 2)
     second = np.zeros((len(phase) - 2, len(phase)))

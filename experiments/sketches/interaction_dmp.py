@@ -22,7 +22,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
 from experiments.sketches.differentiation import Smoother, derivative_operators
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 
 N_ENDS = 3
@@ -46,7 +46,7 @@ class SpringDamper:
 
     def __post_init__(self) -> None:
         if not self.alpha > 0:
-            raise ArgumentError(describe("alpha", "a positive number", self.alpha, "Try 25."))
+            raise ArgumentError.about("alpha", "a positive number", self.alpha, "Try 25.")
 
     @property
     def stiffness(self) -> float:
@@ -124,13 +124,11 @@ class DmpModel:
             ShapeError: phase and motion do not fit each other.
         """
         if any(part.ndim != 2 or len(part) != len(phase) for part in motion):
-            raise ShapeError(
-                describe(
-                    "motion",
-                    f"arrays ({len(phase)}, D)",
-                    tuple(part.shape for part in motion),
-                    "Differentiate each DOF at the phases given.",
-                )
+            raise ShapeError.about(
+                "motion",
+                f"arrays ({len(phase)}, D)",
+                tuple(part.shape for part in motion),
+                "Differentiate each DOF at the phases given.",
             )
         goal = motion.position[-1]
         weights = fit_weights(self.basis, phase, self.forcing(motion, goal), ridge).weights

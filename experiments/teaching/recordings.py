@@ -23,7 +23,7 @@ from experiments.teaching.demonstration import (
 )
 from experiments.teaching.lesson import TaughtArm, teach
 from experiments.teaching.path import TeachingPath, plan_teaching
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import hand_position
 from sim_bridge.coworker import TASKS
 from sim_bridge.scenarios.toolbox import handover_point
@@ -91,8 +91,8 @@ def demonstrate(order: ToolboxOrder) -> ToolboxDemonstration:
         ArgumentError: unknown task or set.
     """
     if order.purpose not in SETS:
-        raise ArgumentError(
-            describe("purpose", f"one of {sorted(SETS)}", order.purpose, "Correct the set.")
+        raise ArgumentError.about(
+            "purpose", f"one of {sorted(SETS)}", order.purpose, "Correct the set."
         )
     rng = demonstration_rng(order.seed, SETS[order.purpose][0], order.task, order.index)
     wrist = plan_demonstration(rng, order.task)

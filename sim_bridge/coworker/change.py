@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker.reach import (
     Reach,
     WristMovement,
@@ -107,7 +107,7 @@ def blend(first: WristMovement, second: Reach, share: float, blend_share: float)
     if not 0.0 < blend_share <= 1.0 - share + 1e-9:
         got = f"{blend_share:g} after {share:g}"
         expected = "a positive share of what remains"
-        raise ArgumentError(describe("blend_share", expected, got, "Change earlier, or faster."))
+        raise ArgumentError.about("blend_share", expected, got, "Change earlier, or faster.")
     timing = _last(first)
     second = replace(second, nominal_s=timing.nominal_s, hesitations=timing.hesitations)
     duration_s = first.duration_s
@@ -197,4 +197,4 @@ def _last(movement: WristMovement) -> Reach:
 def _check(share: float) -> None:
     if not 0.0 < share < 1.0:
         cure = "Give a share of the movement's time."
-        raise ArgumentError(describe("share", "a number between 0 and 1", share, cure))
+        raise ArgumentError.about("share", "a number between 0 and 1", share, cure)

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker.styles import (
     DURATION_RANGE_S,
     LONGEST_MOVEMENT_S,
@@ -215,8 +215,8 @@ def draw_reach(
         ArgumentError: the task is unknown.
     """
     if task not in STYLES:
-        raise ArgumentError(
-            describe("task", f"one of {sorted(STYLES)}", repr(task), "Correct the label.")
+        raise ArgumentError.about(
+            "task", f"one of {sorted(STYLES)}", repr(task), "Correct the label."
         )
     style = STYLES[task]
     goal = style.goal_centre_m + style.goal_half_width_m * rng.uniform(-1.0, 1.0, 3)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind
 from sim_bridge.coworker.reach import WristMovement, draw_reach, draw_rest, draw_retract
 from sim_bridge.coworker.styles import STYLES
@@ -101,8 +101,8 @@ def plan_session(
         ArgumentError: an unknown label, or no task at all.
     """
     if not tasks:
-        raise ArgumentError(
-            describe("tasks", "at least one label", "none", f"Name some of {sorted(STYLES)}.")
+        raise ArgumentError.about(
+            "tasks", "at least one label", "none", f"Name some of {sorted(STYLES)}."
         )
     timing = timing or SessionTiming()
     rng = np.random.default_rng([seed, 2])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 from sim_bridge.coworker.habit import habitual_tasks
 from sim_bridge.coworker.styles import STYLES, TASKS
@@ -51,7 +51,7 @@ def read_intention(text: str) -> Intention:
         share = np.nan
     if task == then or not 0.0 < share < 1.0:
         expected = "OLD>NEW@SHARE, two tasks and a share of the movement between 0 and 1"
-        raise ArgumentError(describe("task_list", expected, repr(text), "Correct the entry."))
+        raise ArgumentError.about("task_list", expected, repr(text), "Correct the entry.")
     return Intention(task, then, share)
 
 
@@ -69,7 +69,7 @@ def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...
     plain = [k for k, text in enumerate(tasks) if not read_intention(text).then]
     if count > len(plain):
         cure = "Let fewer be changed, or do more interactions."
-        raise ArgumentError(describe("changes", f"at most {len(plain)}", count, cure))
+        raise ArgumentError.about("changes", f"at most {len(plain)}", count, cure)
     rng = np.random.default_rng([seed, 13])
     changed = list(tasks)
     for k in sorted(rng.choice(plain, count, replace=False).tolist()) if count else ():
@@ -81,7 +81,7 @@ def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...
 def _known(label: str) -> str:
     if label not in STYLES:
         cure = "Correct the label or the path."
-        raise ArgumentError(describe("task_list", f"labels of {sorted(STYLES)}", repr(label), cure))
+        raise ArgumentError.about("task_list", f"labels of {sorted(STYLES)}", repr(label), cure)
     return label
 
 
@@ -100,8 +100,8 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
         ArgumentError: an unknown label, an empty list, or a file that is neither.
     """
     if interactions < 0:
-        raise ArgumentError(
-            describe("interactions", "0 or more", interactions, "Give the number of reaches.")
+        raise ArgumentError.about(
+            "interactions", "0 or more", interactions, "Give the number of reaches."
         )
     text = task_list.strip()
     if text == "habit":
@@ -114,8 +114,8 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
     labels = _labels_of(text)
     if not labels:
         expected = "labels, a file of them, 'random' or 'habit'"
-        raise ArgumentError(
-            describe("task_list", expected, repr(task_list), f"Name some of {sorted(STYLES)}.")
+        raise ArgumentError.about(
+            "task_list", expected, repr(task_list), f"Name some of {sorted(STYLES)}."
         )
     for label in labels:
         read_intention(label)
@@ -130,8 +130,8 @@ def _labels_of(text: str) -> tuple[str, ...]:
         try:
             content = load_yaml(read_text(Path(text)))
         except (OSError, UntrustedError) as error:
-            raise ArgumentError(
-                describe("task_list", "a text or YAML file", text, f"Repair it: {error}.")
+            raise ArgumentError.about(
+                "task_list", "a text or YAML file", text, f"Repair it: {error}."
             ) from error
         if isinstance(content, dict):
             content = content.get("task_list", content.get("tasks", []))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker import Reach, draw_hesitations
 from sim_bridge.scenarios.assembly.styles import (
     EARLY_S,
@@ -142,7 +142,7 @@ def plan_interaction(
         ArgumentError: the task is unknown.
     """
     if task not in GOALS:
-        raise ArgumentError(describe("task", f"one of {TASKS}", repr(task), "Correct the label."))
+        raise ArgumentError.about("task", f"one of {TASKS}", repr(task), "Correct the label.")
     tempo = float(np.exp(TEMPO_LOG_STD * rng.standard_normal()))
     worker = _Person(rng, task, worker_m, onset_s, tempo)
     assistant = _Person(rng, task, assistant_m, onset_s, tempo)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker import Interaction, Reach, SessionPlan, WristSamples, sample_wrist
 from sim_bridge.scenarios.assembly.interaction import AssemblyInteraction, Timed, plan_interaction
 from sim_bridge.scenarios.assembly.styles import ASSISTANT, RESTS, TASKS, WORKER, Place
@@ -46,7 +46,7 @@ def session_tasks(seed: int, index: int) -> tuple[str, ...]:
     """The tasks of a session in their order: 40 of each over the three sessions, shuffled."""
     if not 0 <= index < SESSIONS:
         expected = f"0 to {SESSIONS - 1}"
-        raise ArgumentError(describe("index", expected, index, "There are no more sessions."))
+        raise ArgumentError.about("index", expected, index, "There are no more sessions.")
     dealt = np.repeat(TASKS, PER_TASK)[
         np.random.default_rng([seed, 40]).permutation(PER_TASK * len(TASKS))
     ]

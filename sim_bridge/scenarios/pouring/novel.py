@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.bags import BagReader
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError
 from intent_recognition.kinematics import forward_kinematics
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.promp import NormalizedRBFBasis
@@ -134,7 +134,7 @@ def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
     if len(stamps) < 2 or not {"cup", "second"} <= labels.keys():
         expected = f"{JOINT_TOPIC}, and cup and second among the labels"
         got = f"{len(stamps)} messages, labels {', '.join(sorted(labels)) or 'none'}"
-        raise BagError(describe(str(folder), expected, got, "Give a recorded pour."))
+        raise BagError.about(str(folder), expected, got, "Give a recorded pour.")
     times = (stamps - stamps[0]) * 1e-9
     return pour_of(times, np.array(postures), labels), labels
 
@@ -148,7 +148,7 @@ def read_demonstrated(folder: Path) -> DemonstratedPours:
     found = [read_pour(path.parent) for path in sorted(folder.glob("*/metadata.yaml"))]
     if not found:
         cure = "Name a folder of recorded pours."
-        raise BagError(describe(str(folder), "a folder of bags", "none in it", cure))
+        raise BagError.about(str(folder), "a folder of bags", "none in it", cure)
     labels = found[0][1]
     return DemonstratedPours([pour for pour, _ in found], labels["cup"], labels["second"])
 

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from intent_recognition import __version__
 from intent_recognition.bags import JOINT_STATE, BagWriter
-from intent_recognition.errors import ArgumentError, KinematicsError, describe
+from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.improvement import Rollout, SearchSpace, search_space
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.warping import PouringSkill
@@ -86,7 +86,7 @@ class PouringPractice:
         most = min(N_BALLS, capacity(poured_into, radius_m))
         if not 1 <= wanted <= most:
             cure = f"{second} holds no more. Ask for fewer, or name a larger one."
-            raise ArgumentError(describe("wanted", f"1 to {most} balls", wanted, cure))
+            raise ArgumentError.about("wanted", f"1 to {most} balls", wanted, cure)
         self._seen, self._seen_second = (seen_as(name, seed) for name in self.names)
         left = HALF_FULL * (1.0 - wanted / N_BALLS)
         self._level = PourLevel(skill.far, self._seen.emptying, HALF_FULL, left)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import inverse_kinematics
 
 POUR_DIRECTION = np.array([0.0, 1.0, 0.0])
@@ -64,7 +64,7 @@ class PourPath:
         if self.offset_m.shape != (count, 3) or self.tilt_rad.shape != (count,):
             got = (self.times_s.shape, self.offset_m.shape, self.tilt_rad.shape)
             cure = "Give one offset and one tilt per time."
-            raise ShapeError(describe("path", "shapes (T,), (T, 3), (T,)", got, cure))
+            raise ShapeError.about("path", "shapes (T,), (T, 3), (T,)", got, cure)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, TASKS
 from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
@@ -106,7 +106,7 @@ def make_gripper(arm: SimulatedArm, scene: str) -> ToolboxGripper | None:
         ArgumentError: another scene.
     """
     if scene not in ("toolbox", "none"):
-        raise ArgumentError(
-            describe("scene", "'toolbox' or 'none'", repr(scene), "Choose one of them.")
+        raise ArgumentError.about(
+            "scene", "'toolbox' or 'none'", repr(scene), "Choose one of them."
         )
     return ToolboxGripper(arm, ToolboxObjects(arm)) if scene == "toolbox" else None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
 from sim_bridge.physics import pybullet
@@ -131,9 +131,7 @@ class ToolboxObjects:
 
     def _checked(self, task: str) -> int:
         if task not in self.bodies:
-            raise ArgumentError(
-                describe("task", f"one of {TASKS}", repr(task), "Correct the label.")
-            )
+            raise ArgumentError.about("task", f"one of {TASKS}", repr(task), "Correct the label.")
         return self.bodies[task]
 
     def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour: Rgba) -> int:

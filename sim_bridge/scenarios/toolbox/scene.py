@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Branch, solve
 from sim_bridge.coworker import HOLD, PLATE, SCREW, STYLES, TASKS
 
@@ -113,15 +113,15 @@ def stand_pose(task: str) -> NDArray[np.float64]:
         ArgumentError: the task has no stand.
     """
     if task not in STANDS_M:
-        raise ArgumentError(
-            describe("task", f"one of {sorted(STANDS_M)}", repr(task), "Others need no stand.")
+        raise ArgumentError.about(
+            "task", f"one of {sorted(STANDS_M)}", repr(task), "Others need no stand."
         )
     return pose(STANDS_M[task], hand_rotation(*_HOME_YAW_ROLL_RAD))
 
 
 def _check_task(task: str) -> None:
     if task not in STYLES:
-        raise ArgumentError(describe("task", f"one of {TASKS}", repr(task), "Correct the label."))
+        raise ArgumentError.about("task", f"one of {TASKS}", repr(task), "Correct the label.")
 
 
 HOME = arm_posture(home_pose())
