@@ -28,6 +28,7 @@ COMMANDS = {
     "train": (*TRAIN, "--output", "NEW.npz"),
     "evaluate": ("evaluate", "bags", "--dofs", "dofs.yaml", "--protocol", "kfold:2"),
     "replay": ("replay", "bag", "--model", "model.npz"),
+    "explain": ("explain", "bag", "--model", "model.npz"),
     "inspect": ("inspect", "bag"),
     "recover": ("recover", "bag", "--output", "NEW"),
     "segment": ("segment", "bag", "--model", "model.npz", "--output", "NEW"),
