@@ -29,11 +29,16 @@ from benchmarks.measure import Result, at_most
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import TrajectoryBuilder, stamp_ns, to_pose, to_stamp
+from intent_recognition.nodes.conversions import (
+    TrajectoryBuilder,
+    stamp_ns,
+    to_odometry,
+    to_pose,
+    to_stamp,
+)
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.runtime import make_executor, settle
-from intent_recognition.nodes.serialized import SerializedOdometry
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 from intent_recognition.tracking import TrackedPose
@@ -247,7 +252,6 @@ def _keeping_up(model: Path, recorded: Demonstration) -> Iterator[Result]:
         seconds = signal.seconds(int(signal.stamps_ns[0]))
         at_s = np.arange(int(FAST_S * FAST_HZ) + 1) / FAST_HZ
         path = np.stack([np.interp(at_s, seconds, c) for c in signal.values.T], axis=1)
-        template = SerializedOdometry("wrist", "world", 4e-4)
         covariance = 4e-6 * np.eye(3)
         sent, start_s = 0, time.time()
         while (now_s := time.time() - start_s) < FAST_S:
@@ -255,7 +259,7 @@ def _keeping_up(model: Path, recorded: Demonstration) -> Iterator[Result]:
                 stamp = round((start_s + at_s[sent]) * 1e9)
                 turn = np.array([0.0, 0.0, 0.0, 1.0])
                 pose = TrackedPose(stamp, path[sent], turn, True, covariance)
-                publisher.publish(template.build(pose))
+                publisher.publish(to_odometry(pose, "wrist", "world", 4e-4))
                 sent += 1
             graph.executor.spin_once(timeout_sec=0.0005)
         late = float(np.percentile(ages[len(ages) // 2 :], 99)) if ages else float("inf")

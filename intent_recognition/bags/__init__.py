@@ -14,7 +14,6 @@ from intent_recognition.bags.cdr.layout import (
     LayoutCache,
     header_stamp_ns,
 )
-from intent_recognition.bags.cdr.template import SerializedTemplate
 from intent_recognition.bags.copying import BagPart, copy_message, cut_bag
 from intent_recognition.bags.definitions import message_class
 from intent_recognition.bags.files import cure_of, is_bag
@@ -46,7 +45,6 @@ __all__ = [
     "PoseColumns",
     "RawMessage",
     "RecoveryReport",
-    "SerializedTemplate",
     "TopicInfo",
     "copy_message",
     "cure_of",

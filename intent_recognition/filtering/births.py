@@ -333,7 +333,9 @@ class Births:
             library, basis = self._library, self._library.basis
             mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
             courses = GaussianBatch.of(mean, covariance, basis.n_basis)
-            known = GaussianBatch(courses.state[:-1], basis.n_basis)  # none begins at its birth
+            known = GaussianBatch(
+                courses.state[:-1], library.n_observed, basis.n_basis
+            )  # none begins at its birth
             row = basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
             for dofs, values, noise in self._first:
                 known.condition(LinearMeasurement(dofs, row, values, noise))

@@ -114,6 +114,7 @@ class MovementFilter:
         self._seen = np.zeros(n_tasks, dtype=np.int64)  # of how many each task was conditioned on
         self._follows = np.ones(n_tasks, dtype=bool)
         self._predictions: dict[int, TaskPrediction] = {}
+        self._controlled: dict[tuple[int, int], tuple[StartPosture | None, Trajectory]] = {}
 
     @property
     def n_used(self) -> int:  # noqa: D102
@@ -133,6 +134,7 @@ class MovementFilter:
         if self.births is not None:
             self.births.observe(measurement, self._model, self.table, self.log_evidence)
         self._predictions.clear()
+        self._controlled.clear()
 
     def _condition(self, measurement: Measurement) -> None:
         """Condition the tasks that do not lag; choose anew which do."""
@@ -204,7 +206,11 @@ class MovementFilter:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
         if task not in self._control_grids:
             self._control_grids[task] = ControlGrid(self.library, task)
-        return self.prediction(task).controlled(n_points, start, self._control_grids[task])
+        asked = task, n_points
+        if asked not in self._controlled or self._controlled[asked][0] is not start:
+            grid = self._control_grids[task]
+            self._controlled[asked] = start, self.prediction(task).controlled(n_points, start, grid)
+        return self._controlled[asked][1]
 
     def mixture_at(
         self,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.table import Deviations
@@ -76,20 +77,14 @@ class TaskPrediction:
         model, durations = self.library.phase_deviation, self.durations_s
         return deviations_at(model, durations, self._deviations, times_s)
 
-    def controlled_phases_at(
-        self, times_s: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Reference phases of the controlled agent, and their probabilities, (S, T, E) each."""
-        model, durations = self.library.phase_deviation, self.durations_s
-        if not model.controlled_follows:
-            phase = np.clip(times_s / durations[:, None], 0.0, 1.0)[..., None]
-            return phase, np.ones_like(phase)
-        phase = reference_phase(model, times_s / durations[:, None])
-        return phase, self.deviations_at(times_s)
-
     def phases_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Probability of each tabulated reference phase of the controlled agent, (S, T, G)."""
-        return _tabulated(*self.controlled_phases_at(times_s))
+        model, durations = self.library.phase_deviation, self.durations_s
+        if model.controlled_follows:
+            phase = reference_phase(model, times_s / durations[:, None])
+            return _tabulated(phase, self.deviations_at(times_s))
+        phase = np.clip(times_s / durations[:, None], 0.0, 1.0)[..., None]
+        return _tabulated(phase, np.ones_like(phase))
 
     def mixture_at(
         self, times_s: NDArray[np.float64], start: StartPosture | None = None
@@ -182,7 +177,9 @@ class TaskPrediction:
         along = grid.predict(self.observed_weights(), 1.0, start)
         times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
         phase, phase_variance, rate = self._path(times_s, controlled=True)
-        positions, slope, std = _between(along, phase)
+        course = CubicHermiteSpline(along.times_s, along.positions, along.velocities)
+        positions, slope = course(phase), course(phase, 1)
+        std = np.stack([np.interp(phase, along.times_s, of) for of in along.std.T], axis=1)
         variance, velocities = std**2 + slope**2 * phase_variance[:, None], slope * rate[:, None]
         if self._seen:
             shift, unexplained = self._coupled(times_s)
@@ -329,24 +326,3 @@ def _smoothed(
             later = np.matmul(moved[k - 1], (later * likelihood[k])[..., None])[..., 0]
             later /= later.max(axis=1, keepdims=True)
     return np.stack(smoothed[::-1], axis=1)
-
-
-def _between(
-    along: Trajectory, phase: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Positions, slopes and standard deviations at phases (T,), each (T, Q).
-
-    Cubic Hermite polynomials between evenly spaced phases; the deviation is linear there.
-    """
-    last = len(along.times_s) - 1
-    place = phase * last
-    cell = np.clip(place.astype(np.int64), 0, last - 1)
-    share = (place - cell)[:, None]
-    start, end = along.positions[cell], along.positions[cell + 1]
-    first, second = along.velocities[cell] / last, along.velocities[cell + 1] / last
-    step = end - start
-    square, cube = 3.0 * step - 2.0 * first - second, first + second - 2.0 * step
-    positions = start + share * (first + share * (square + share * cube))
-    slope = (first + share * (2.0 * square + 3.0 * share * cube)) * last
-    low = along.std[cell]
-    return positions, slope, low + share * (along.std[cell + 1] - low)

@@ -66,14 +66,14 @@ class HypothesisTable:
 
     def __init__(self, room: int, library: TaskLibrary, *, offsets: bool = False):
         self._model = STEADY if offsets else library.phase_deviation
-        n_dofs, n_basis, self._offsets = library.n_observed, library.basis.n_basis, offsets
-        self._n_basis = n_basis + OFFSET_BASIS * offsets
+        self._offsets, n_dofs, n_basis = offsets, library.n_observed, library.basis.n_basis
+        self._shape = n_dofs, n_basis + OFFSET_BASIS * offsets
         # The system hands out memory when it is touched: now, not later.
-        self._state = np.full((room, state_width(n_dofs * self._n_basis)), 0.0)
+        self._state = np.full((room, state_width(n_dofs * self._shape[1])), 0.0)
         self._columns = np.zeros(room, dtype=ROW)
         self._prior = deviation_prior(self._model)
         self.deviation = np.ones((room, len(self._prior)))
-        own = self._n_basis * np.arange(n_dofs)[:, None] + np.arange(n_basis)
+        own = self._shape[1] * np.arange(n_dofs)[:, None] + np.arange(n_basis)
         self._own = own.ravel() if offsets else None
         self.clear()
 
@@ -124,7 +124,7 @@ class HypothesisTable:
         where = slice(self.n) if index is None else index
         rows, deviation = self._columns[where], self.deviation[: self.n]
         linear = model.linear(measurement, rows, self._model, offsets=self._offsets)
-        batch = GaussianBatch(self._state[: self.n], self._n_basis)
+        batch = GaussianBatch(self._state[: self.n], *self._shape)
         density, likelihood = batch.condition(linear, deviation, index)
         rows["seen"] += 1
         rows["log_evidence"] += np.where(rows["seen"] > rows["settling"], density, 0.0)
@@ -148,12 +148,12 @@ class HypothesisTable:
         observations do not touch the rest, which follows by regression when asked for
         (`promp.controlled_weights`).
         """
-        batch, own = GaussianBatch(self._state[index], self._n_basis), self._own
+        batch, own = GaussianBatch(self._state[index], *self._shape), self._own
         if own is None:
             return batch
         mean, covariance = batch.moments()
         some = mean[:, own], covariance[:, own[:, None], own]
-        return GaussianBatch.of(*some, self._n_basis - OFFSET_BASIS)
+        return GaussianBatch.of(*some, self._shape[1] - OFFSET_BASIS)
 
     def deviations(self, first: int, stop: int) -> Deviations:
         """What was believed of rows that were always conditioned together."""

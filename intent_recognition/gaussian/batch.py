@@ -11,6 +11,7 @@ The work is done by `_kernel.c` where it was built, else by `_condition`, which 
 
 import os
 from functools import cache
+from importlib import import_module
 from math import inf
 from typing import NamedTuple
 
@@ -21,23 +22,23 @@ from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.gaussian.linalg import cholesky, solve_lower, student_log_density
 from intent_recognition.gaussian.normal import Gaussian
 
-_wanted = os.environ.get("INTENT_KERNEL", "")
-if _wanted not in ("", "c", "numpy"):
-    raise ArgumentError(describe("INTENT_KERNEL", "c or numpy", _wanted, "Unset it."))
-KERNEL = "numpy"
+KERNEL = os.environ.get("INTENT_KERNEL", "")
 """The update in use, "c" or "numpy": what INTENT_KERNEL says, else "c" where it was built."""
-if _wanted != "numpy":
+if KERNEL not in ("", "c", "numpy"):
+    raise ArgumentError.about("INTENT_KERNEL", "c or numpy", KERNEL, "Unset it.")
+if KERNEL != "numpy":
     try:
-        from intent_recognition.gaussian._kernel import condition as _compiled
-
-        KERNEL = "c"
+        _compiled = import_module("intent_recognition.gaussian._kernel").condition
     except ImportError as error:
-        if _wanted == "c":
-            cure = "Install a C compiler and the package again, or unset it."
-            came = f"none ({error})"
-            raise ArgumentError(
-                describe("INTENT_KERNEL", "a compiled update", came, cure)
-            ) from error
+        if KERNEL == "c":
+            got, cure = (
+                f"none ({error})",
+                "Install a C compiler and the package again, or unset it.",
+            )
+            raise ArgumentError.about("INTENT_KERNEL", "a compiled update", got, cure) from error
+        KERNEL = "numpy"
+    else:
+        KERNEL = "c"
 
 
 class LinearMeasurement(NamedTuple):
@@ -71,9 +72,8 @@ class GaussianBatch:
         mean: the means, (n, D), a part of it.
     """
 
-    def __init__(self, state: NDArray[np.float64], n_basis: int):
-        self.state, self._n_basis = state, n_basis
-        self._size = _state_size(state.shape[1])
+    def __init__(self, state: NDArray[np.float64], n_dofs: int, n_basis: int):
+        self.state, self._shape, self._size = state, (n_dofs, n_basis), n_dofs * n_basis
         self.mean = state[:, : self._size]
 
     @classmethod
@@ -81,14 +81,15 @@ class GaussianBatch:
         cls, mean: NDArray[np.float64], covariance: NDArray[np.float64], n_basis: int
     ) -> "GaussianBatch":
         """From means (n, D) and covariances (n, D, D), copied."""
-        return cls(np.concatenate([mean, _packed(covariance)], axis=1), n_basis)
+        state = np.concatenate([mean, _packed(covariance)], axis=1)
+        return cls(state, mean.shape[1] // n_basis, n_basis)
 
     def moments(
         self, index: NDArray[np.int64] | slice = slice(None)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Means (k, D) and covariances (k, D, D) of some, copied."""
         state, size = self.state[index], self._size
-        covariance = np.take(state, _square(size).ravel(), axis=1)
+        covariance = np.take(state, _layout(size)[1].ravel(), axis=1)
         return state[:, :size].copy(), covariance.reshape(len(state), size, size)
 
     def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
@@ -100,7 +101,7 @@ class GaussianBatch:
         both = weight @ self.state
         mean = both[: self._size]
         apart = (self.mean - mean) * np.sqrt(weight)[:, None]
-        return Gaussian(mean, both[_square(self._size)] + apart.T @ apart)
+        return Gaussian(mean, both[_layout(self._size)[1]] + apart.T @ apart)
 
     def condition(
         self,
@@ -127,14 +128,13 @@ class GaussianBatch:
         if deviation is None:
             deviation = np.ones((len(self.state), 1))
         n, n_deviations = len(self.state) if index is None else len(index), deviation.shape[1]
-        given = _checked(measurement, n, n_deviations, self._n_basis)
+        given = _checked(measurement, n, n_deviations, self._shape[1])
         if KERNEL != "c":
             some = np.arange(n) if index is None else index
             return _condition(self, deviation, some, *given, *measurement[5:])
         found = np.empty(n), np.empty((n, n_deviations))
-        n_dofs = self._size // self._n_basis
         refused = _compiled(
-            self.state, index, deviation, *given, *found, n_dofs, self._n_basis, *measurement[5:]
+            self.state, index, deviation, *given, *found, *self._shape, *measurement[5:]
         )
         if refused >= 0:
             expected, got = "a finite positive definite matrix", f"none for number {refused}"
@@ -144,47 +144,33 @@ class GaussianBatch:
 
 
 @cache
-def _stored(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Lines and columns of what is stored of a covariance (D, D), in order.
+def _layout(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """What is stored of a covariance of D weights, padded to a multiple of four columns.
 
     Lines come in blocks of four, which begin at one column and end at a multiple of four: the
     compiled update handles them together.
+
+    Returns:
+        Places in the flat, padded covariance, in order; and where in a state each element is,
+        (D, D).
     """
     line, column = np.arange(size)[:, None], np.arange(-(-size // 4) * 4)
-    lines, columns = np.nonzero(column >= line // 4 * 4)
-    return lines, columns
+    stored = column >= line // 4 * 4
+    upper = np.triu((size - 1 + np.cumsum(stored).reshape(stored.shape))[:, :size])
+    return np.flatnonzero(stored), upper + np.triu(upper, 1).T
 
 
 def _packed(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     """What is stored of covariances (n, D, D)."""
     n, size, _ = covariance.shape
     whole = np.pad(covariance, ((0, 0), (0, 0), (0, -size % 4)))
-    lines, columns = _stored(size)
-    return np.take(whole.reshape(n, -1), lines * whole.shape[2] + columns, axis=1)
+    return np.take(whole.reshape(n, -1), _layout(size)[0], axis=1)
 
 
+@cache
 def state_width(size: int) -> int:
     """Numbers of a state with D weights."""
-    blocks, rest = divmod(size, 4)
-    columns = -(-size // 4) * 4
-    return size + 4 * blocks * (columns - 2 * (blocks - 1)) + rest * (columns - 4 * blocks)
-
-
-@cache
-def _state_size(width: int) -> int:
-    """D of states of so many numbers."""
-    return next(size for size in range(width) if state_width(size) == width)
-
-
-@cache
-def _square(size: int) -> NDArray[np.int64]:
-    """Where in a state each element of the covariance is, (D, D)."""
-    lines, columns = _stored(size)
-    upper = (columns >= lines) & (columns < size)
-    lines, columns, places = lines[upper], columns[upper], size + np.flatnonzero(upper)
-    where = np.empty((size, size), dtype=np.int64)
-    where[lines, columns] = where[columns, lines] = places
-    return where
+    return size + len(_layout(size)[0])
 
 
 def _checked(

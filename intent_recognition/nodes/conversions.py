@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import Odometry
 from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import MessageError, ShapeError
+from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose
 
 
 def message_class(type_name: str) -> type:
@@ -75,6 +77,32 @@ def to_quaternion(quaternion: NDArray[np.float64]) -> Quaternion:
 def to_pose(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> Pose:
     """Pose message of (3,) [m] and (4,) xyzw."""
     return Pose(position=to_point(position), orientation=to_quaternion(quaternion))
+
+
+def to_odometry(
+    pose: TrackedPose, body: str, world_frame: str, orientation_variance: float
+) -> Odometry:
+    """Odometry message of a tracked pose; what was not measured has `UNKNOWN_VARIANCE`.
+
+    Args:
+        pose: in the world frame.
+        body: the tracked body.
+        world_frame: frame of the pose.
+        orientation_variance: of a measured orientation [rad^2].
+    """
+    message = Odometry(child_frame_id=f"{body}_world_aligned")
+    message.header.frame_id, message.header.stamp = world_frame, to_stamp(pose.stamp_ns)
+    message.pose.pose = to_pose(pose.position, pose.orientation)
+    placed, moving = UNKNOWN_VARIANCE * np.eye(6), UNKNOWN_VARIANCE * np.eye(6)
+    placed[:3, :3] = pose.position_covariance
+    if pose.orientation_measured:
+        placed[3:, 3:] = orientation_variance * np.eye(3)
+    if pose.velocity is not None:
+        linear = message.twist.twist.linear
+        linear.x, linear.y, linear.z = pose.velocity.tolist()
+        moving[:3, :3] = pose.velocity_covariance
+    message.pose.covariance, message.twist.covariance = placed.ravel(), moving.ravel()
+    return message
 
 
 def to_joint_state(

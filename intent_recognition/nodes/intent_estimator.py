@@ -6,31 +6,17 @@ from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from nav_msgs.msg import Path
-from numpy.typing import NDArray
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
-from visualization_msgs.msg import MarkerArray
 
-from intent_recognition.demonstrations import (
-    DofSpec,
-    load_dofs,
-    numbers_of,
-    orientation_beside,
-    position_columns,
-    reference_of,
-)
+from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.model import Model, check_dofs, frames_of, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
 from intent_recognition.nodes.diagnostics import MODEL, Diagnostics, Level, values_of
-from intent_recognition.nodes.frames import FrameOutput
+from intent_recognition.nodes.intent_output import IntentOutput
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
 from intent_recognition.nodes.plan_follower import PLAN, PlanFollower
@@ -41,12 +27,10 @@ from intent_recognition.nodes.runtime import (
     steady_timer,
     when_clock_goes_back,
 )
-from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.via_points import VIA_POINTS, ViaPointInput
-from intent_recognition.promp import NONE
-from intent_recognition.recognition import Estimate, IntentEstimator, Prediction
-from intent_recognition.signals import Observation, from_tangent
+from intent_recognition.recognition import Estimate, IntentEstimator
+from intent_recognition.signals import Observation
 
 STREAM_TIMEOUT_S = 0.5
 """Silence of the observed agent during a movement that is reported [s]; the default `timeout` of
@@ -80,16 +64,7 @@ class IntentEstimatorNode(ManagedNode):
         self._plan = PlanFollower(self, self._diagnostics)
         keep_live(self, LIVE, self._check, self._change)
         self._next_task = NextTaskOutput(self)
-        self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
-        self._trajectory = self.create_publisher(
-            JointTrajectory, "intent/robot_trajectory", qos.COMMAND
-        )
-        self._path = self.create_publisher(Path, "intent/human_path", qos.COMMAND)
-        self._human_trajectory = self.create_publisher(
-            JointTrajectory, "intent/human_trajectory", qos.COMMAND
-        )
-        self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
-        self._frames = FrameOutput(self)
+        self._output = IntentOutput(self, self._diagnostics)
         serve(self, "reset", self._reset)
         serve(self, "reload_model", self._reload)
         self.create_subscription(
@@ -163,15 +138,9 @@ class IntentEstimatorNode(ManagedNode):
             switching=self._switching,
         )
         self._plan.follow(self._estimator)
-        self._trajectory_template = SerializedTrajectory(self._model.dofs.controlled_message_names)
-        self._human_template = SerializedTrajectory(self._model.library.observed_names)
         self._estimator.expect(self._step)
-        self._tasks_template = SerializedNamedVector((*self._model.labels, NONE))
-        self._marker_builder = MarkerBuilder(self._model.labels)
-        columns = map(position_columns, self._model.dofs.observed)
-        self._shown = next(((g, c) for g, c in enumerate(columns) if c is not None), None)
+        self._output.configure(self._model)
         self._moving = self._silent = False
-        self._last_robot: tuple[Prediction, bytes] | None = None
         self._last_arrival_s = 0.0
         self._last_publication_ns = 0
         self._configured = True
@@ -202,7 +171,7 @@ class IntentEstimatorNode(ManagedNode):
     def _forget(self) -> None:
         self._estimator.reset()
         self._tell_next()
-        self._marker_builder.forget()
+        self._output.forget()
         self._moving = self._silent = False
         self._last_publication_ns = 0
 
@@ -270,12 +239,7 @@ class IntentEstimatorNode(ManagedNode):
         """Publish the prediction before the tasks: who decides on them needs its certain end."""
         if estimate.moving:
             self._publish_prediction(estimate, observation)
-        self._tasks.publish(
-            self._tasks_template.build(
-                estimate.stamp_ns, estimate.probabilities, estimate.phase, estimate.log_evidence
-            )
-        )
-        self._diagnostics.tick("intent/tasks")
+        self._output.publish_tasks(estimate)
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False
             self._diagnostics.status(
@@ -284,10 +248,7 @@ class IntentEstimatorNode(ManagedNode):
         self._tell_next()
 
     def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
-        group, columns = self._shown or (None, [])
-        whole = observation.dofs is None and not observation.derivative
-        if observation.group == group and whole:
-            self._marker_builder.observe(observation.stamp_ns, observation.values[columns])
+        self._output.observe(observation)
         since_s = abs(estimate.stamp_ns - self._last_publication_ns) * 1e-9
         if since_s < 0.999 / self._publish_rate:
             return
@@ -295,75 +256,11 @@ class IntentEstimatorNode(ManagedNode):
         robot = self._estimator.predict_controlled()
         if robot is not None:
             self._postures.note(robot)
-            self._publish_trajectory(robot)
-            self._diagnostics.tick("intent/robot_trajectory")
-        shown = (
-            self._path.get_subscription_count()
-            or self._markers.get_subscription_count()
-            or self._frames.heard
-        )
-        told = self._human_trajectory.get_subscription_count()
-        human = self._estimator.predict_observed() if shown or told else None
-        if human is not None and shown:
-            self._publish_human(estimate, human)
-        if human is not None and told:
-            self._publish_human_trajectory(human)
-
-    def _publish_trajectory(self, robot: Prediction) -> None:
-        """Publish a prediction; an unchanged one is not serialized again."""
-        if self._last_robot is None or robot is not self._last_robot[0]:
-            entries = self._model.dofs.controlled
-            times, positions, velocities, std = numbers_of(entries, robot.trajectory)
-            data = self._trajectory_template.build(
-                robot.onset_ns, times, positions, velocities, std, frame_id=robot.task
-            )
-            self._last_robot = robot, data
-        self._trajectory.publish(self._last_robot[1])
-
-    def _publish_human_trajectory(self, human: Prediction) -> None:
-        trajectory = human.trajectory
-        self._human_trajectory.publish(
-            self._human_template.build(
-                human.onset_ns,
-                trajectory.times_s,
-                trajectory.positions,
-                trajectory.velocities,
-                trajectory.std,
-                frame_id=human.task,
-            )
-        )
-
-    def _publish_human(self, estimate: Estimate, human: Prediction) -> None:
-        if self._shown is None:
-            return
-        group, of_signal = self._shown
-        columns = self._model.library.observed_dofs(group)[of_signal]
-        positions = human.trajectory.positions[:, columns]
-        turned = self._orientations(group, human)
-        path = to_path(estimate.stamp_ns, self._inputs.frame, human, positions, turned)
-        self._path.publish(path)
-        end = path.poses[-1].pose
-        self._frames.send(estimate.stamp_ns, self._inputs.frame, "predicted_hand", end)
-        if self._markers.get_subscription_count():
-            self._markers.publish(
-                self._marker_builder.build(
-                    estimate.stamp_ns,
-                    self._inputs.frame,
-                    human.task,
-                    float(np.max(estimate.probabilities)),
-                    positions,
-                    human.trajectory.std[:, columns],
-                )
-            )
-
-    def _orientations(self, group: int, human: Prediction) -> NDArray[np.float64] | None:
-        """Predicted quaternions (T, 4) of the body that is shown; None where it has none."""
-        entries = self._model.dofs.observed
-        beside = orientation_beside(entries, group)
-        if beside is None:
-            return None
-        vectors = human.trajectory.positions[:, self._model.library.observed_dofs(beside)]
-        return from_tangent(vectors, reference_of(entries[beside]))
+            self._output.publish_robot(robot)
+        if self._output.human_shown or self._output.human_told:
+            human = self._estimator.predict_observed()
+            if human is not None:
+                self._output.publish_human(estimate, human, self._inputs.frame)
 
     def _check_stream(self) -> None:
         if not self.active:
@@ -398,8 +295,7 @@ class IntentEstimatorNode(ManagedNode):
             raise
         self._model = model
         self._inputs.learned_in(frames_of(model.library))
-        self._tasks_template = SerializedNamedVector((*model.labels, NONE))
-        self._marker_builder.set_labels(model.labels)
+        self._output.swap(model)
         self._tell_next()
         self._diagnostics.value(MODEL, self.get_parameter("model").value)
         self.get_logger().info(f"model changed; {self._told_tasks()}")

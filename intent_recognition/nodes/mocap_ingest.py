@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import to_pose
+from intent_recognition.nodes.conversions import to_odometry, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput, hear_frames
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
@@ -26,7 +26,7 @@ from intent_recognition.nodes.runtime import (
     steady_timer,
     when_clock_goes_back,
 )
-from intent_recognition.nodes.serialized import PoseNumbers, SerializedOdometry, read_pose
+from intent_recognition.nodes.serialized import PoseNumbers, read_pose
 from intent_recognition.signals import place_misfit
 from intent_recognition.tracking import (
     IngestSettings,
@@ -67,7 +67,6 @@ class MocapIngest(Node):
             extrinsics=parse_extrinsics(values["extrinsics"]),
             **{field: values[name] for name, field in LIVE.items()},
         )
-        variance = self._settings.orientation_std_rad**2
         self._diagnostics = Diagnostics(self)
         self._states = dict.fromkeys(bodies, IngestState())
         self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {
@@ -90,9 +89,6 @@ class MocapIngest(Node):
         )
         self._outputs = {
             body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
-        }
-        self._templates = {
-            body: SerializedOdometry(body, self._settings.world_frame, variance) for body in bodies
         }
         self._inputs = [
             self.create_subscription(
@@ -127,8 +123,6 @@ class MocapIngest(Node):
     def _change(self, changes: Changes) -> None:
         """Apply new values; the tracks stay."""
         self._settings = self._changed(changes)
-        for template in self._templates.values():
-            template.orientation_variance = self._settings.orientation_std_rad**2
 
     def _on_pose(self, body: str, data: bytes) -> None:
         """Take the bytes of a PoseStamped."""
@@ -204,7 +198,8 @@ class MocapIngest(Node):
         if result.reanchored:
             self._diagnostics.count("track_restarted")
             self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")
-        self._outputs[body].publish(self._templates[body].build(result))
+        world_frame, variance = self._settings.world_frame, self._settings.orientation_std_rad**2
+        self._outputs[body].publish(to_odometry(result, body, world_frame, variance))
         if self._frames.heard:
             pose = to_pose(result.position, result.orientation)
             self._frames.send(result.stamp_ns, self._settings.world_frame, f"human_{body}", pose)

@@ -4,8 +4,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import MovementFilter, TaskPrediction
-from intent_recognition.promp import NONE, StartPosture, TaskLibrary, Trajectory
+from intent_recognition.filtering import MovementFilter
+from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.estimate import Prediction
 from intent_recognition.recognition.start_posture import OnsetPosture, rest_posture
 
@@ -24,7 +24,7 @@ class Predictor:
 
     def __init__(self, posture: OnsetPosture):
         self._posture = posture
-        self._last: tuple[TaskPrediction, StartPosture | None, Prediction] | None = None
+        self._last: tuple[Trajectory, Prediction] | None = None
 
     def controlled(
         self, taught: TaskLibrary, run: MovementFilter, task: int, n_points: int
@@ -37,18 +37,16 @@ class Predictor:
             task: number of the task.
             n_points: T.
         """
-        library, given = run.library, run.prediction(task)
+        library = run.library
         start, used, turns = self._posture.given(taught, task, run.onset_ns)
-        if self._last is not None and self._last[0] is given and self._last[1] is start:
-            last = self._last[2]
-            if last.start == used and len(last.trajectory.times_s) == n_points:
-                return last
         along = run.controlled(task, n_points, start)
-        along = along._replace(positions=along.positions + turns)
-        names, units = library.controlled_names, library.controlled_units
-        found = Prediction(library.labels[task], run.onset_ns, along, used, names, units)
-        self._last = given, start, found
-        return found
+        if self._last is None or self._last[0] is not along or self._last[1].start != used:
+            turned = along._replace(positions=along.positions + turns)
+            names, units = library.controlled_names, library.controlled_units
+            label = library.labels[task]
+            found = Prediction(label, run.onset_ns, turned, used, names, units)
+            self._last = along, found
+        return self._last[1]
 
     def controlled_at(
         self,

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.bags.cdr.layout import LayoutCache, find_layout, header_stamp_ns
-from intent_recognition.bags.cdr.template import SerializedTemplate
-from intent_recognition.bags.definitions import jazzy_types, make_message, serialize
+from intent_recognition.bags.definitions import make_message, serialize
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 TEXTS = st.text(st.characters(min_codepoint=1, codec="utf-8"), max_size=6)
@@ -48,32 +47,12 @@ def test_everything_stands_where_the_layout_says(message):
     stamp = message.header.stamp
     assert header_stamp_ns(data) == stamp.sec * 10**9 + stamp.nanosec
     assert layout.values(data, "header.stamp").tolist() == [stamp.sec, stamp.nanosec]
-    template = SerializedTemplate(TRAJECTORY, data)
     for k, point in enumerate(message.points):
         for field in POINT:
             place, expected = f"points[{k}].{field}", getattr(point, field).tolist()
             assert layout.values(data, place).tolist() == expected
-            assert template.view(place).tolist() == expected
-            if expected:
-                assert template.doubles[template.indices(place)].tolist() == expected
         place, time = f"points[{k}].time_from_start", point.time_from_start
-        assert template.integers[template.indices(place)].tolist() == [time.sec, time.nanosec]
-
-
-def test_what_is_written_to_a_template_is_in_the_message():
-    points = [{field: np.zeros(n) for field, n in zip(POINT, (2, 3, 0, 1), strict=True)}] * 3
-    message = make_message(TRAJECTORY, {"header": {"frame_id": "x"}, "points": points})
-    template = SerializedTemplate(TRAJECTORY, serialize(TRAJECTORY, message))
-    template.stamp(5_000_000_007)
-    for k in range(3):
-        template.doubles[template.indices(f"points[{k}].velocities")] = (k, 1.0, 2.0)
-        template.view(f"points[{k}].time_from_start")[:] = (k, 9)
-    found = jazzy_types().deserialize_cdr(template.to_bytes(), TRAJECTORY)
-    assert (found.header.stamp.sec, found.header.stamp.nanosec) == (5, 7)
-    for k, point in enumerate(found.points):
-        assert point.velocities.tolist() == [k, 1.0, 2.0]
-        assert (point.time_from_start.sec, point.time_from_start.nanosec) == (k, 9)
-        assert not point.positions.any() and not point.effort.any()
+        assert layout.values(data, place).tolist() == [time.sec, time.nanosec]
 
 
 @pytest.mark.parametrize("kind", TYPES)

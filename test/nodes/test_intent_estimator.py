@@ -276,7 +276,7 @@ def test_the_predicted_path_of_the_human(harness, wrist):
 def test_the_human_s_tube_is_told_to_who_listens(harness, wrist):
     graph = Graph(harness, wrist, listen=False)
     told = harness.collect(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
-    harness.connect(graph.node._human_trajectory)
+    harness.connect(graph.node._output.human_trajectory)
     observations = wrist.observations()
     graph.feed(observations[: len(observations) // 2])
     harness.spin_until(lambda: told)
@@ -496,7 +496,7 @@ def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
     """What arrives meanwhile waits, even hundreds of samples."""
     graph = Graph(harness, wrist)
     tasks = harness.collect(JointState, "intent/tasks", 1000)
-    harness.spin_until(lambda: graph.node._tasks.get_subscription_count() == 2)
+    harness.spin_until(lambda: graph.node._output.tasks.get_subscription_count() == 2)
     observations = wrist.observations(1)
     graph.feed(observations[:70])
     client = harness.probe.create_client(Trigger, "intent_estimator/reload_model")

@@ -99,7 +99,7 @@ def test_ingest_takes_noise_and_speed(harness):
     assert change(harness, node, position_std=0.01, max_speed=2.0, orientation_std_rad=0.1) == ""
     assert node._settings.max_speed_m_s == 2.0
     assert np.allclose(node._settings.covariances["world"], np.eye(3) * 1e-4)
-    assert node._templates["wrist"].orientation_variance == pytest.approx(0.01)
+    assert node._settings.orientation_std_rad == pytest.approx(0.1)
     assert node._settings.max_gap_s == 0.5
 
 

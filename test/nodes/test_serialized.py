@@ -5,24 +5,18 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
+from rclpy.serialization import serialize_message
 
 from intent_recognition.bags import header_stamp_ns
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes.conversions import (
-    TrajectoryBuilder,
     orientation_array,
     position_array,
     stamp_ns,
-    to_joint_state,
+    to_odometry,
     to_stamp,
 )
 from intent_recognition.nodes.serialized import (
-    SerializedNamedVector,
-    SerializedOdometry,
-    SerializedTrajectory,
     read_odometry,
     read_pose,
 )
@@ -36,32 +30,9 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(3)
 
 
-@pytest.mark.parametrize("n_points", [1, 2, 50])
-@pytest.mark.parametrize("names", [["a"], ["lwr_a1_joint", "b", "c"], [f"j{i}" for i in range(7)]])
-def test_a_trajectory_is_the_builders(rng, n_points, names):
-    serialized, builder = SerializedTrajectory(names), TrajectoryBuilder(names)
-    for frame_id in ("", "x", "plate_handover", "", "screw"):
-        times = np.linspace(0.0, rng.uniform(0.1, 5.0), n_points)
-        values = rng.normal(size=(3, n_points, len(names)))
-        data = serialized.build(STAMP_NS, times, *values, frame_id=frame_id)
-        expected = builder.build(STAMP_NS, times, *values, frame_id=frame_id)
-        assert deserialize_message(data, JointTrajectory) == expected
-
-
-def test_a_named_vector_is_the_joint_states(rng):
-    names = ["plate", "screw", "none"]
-    serialized = SerializedNamedVector(names)
-    for time_ns in (1, STAMP_NS):
-        values = rng.normal(size=(3, 3))
-        values[2, 0] = -np.inf
-        found = deserialize_message(serialized.build(time_ns, *values), JointState)
-        assert found == to_joint_state(names, *values, time_ns=time_ns)
-
-
 @pytest.mark.parametrize("has_velocity", [True, False])
 @pytest.mark.parametrize("measured", [True, False])
 def test_an_odometry_holds_the_pose(rng, has_velocity, measured):
-    serialized = SerializedOdometry("wrist", "world", 4e-4)
     for _ in range(3):
         root = rng.normal(size=(3, 3))
         pose = TrackedPose(
@@ -73,7 +44,7 @@ def test_an_odometry_holds_the_pose(rng, has_velocity, measured):
             rng.normal(size=3) if has_velocity else None,
             2.0 * root @ root.T if has_velocity else None,
         )
-        found = deserialize_message(serialized.build(pose), Odometry)
+        found = to_odometry(pose, "wrist", "world", 4e-4)
         assert stamp_ns(found) == STAMP_NS
         assert (found.header.frame_id, found.child_frame_id) == ("world", "wrist_world_aligned")
         p, q = found.pose.pose.position, found.pose.pose.orientation

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the estimator node publishes: the tasks, and the predictions of both agents."""
+
+import numpy as np
+from nav_msgs.msg import Path
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from intent_recognition.demonstrations import (
+    numbers_of,
+    orientation_beside,
+    position_columns,
+    reference_of,
+)
+from intent_recognition.model import Model
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import TrajectoryBuilder, to_joint_state
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.frames import FrameOutput
+from intent_recognition.nodes.markers import MarkerBuilder, to_path
+from intent_recognition.recognition import Estimate, Prediction
+from intent_recognition.signals import Observation, from_tangent
+
+
+class IntentOutput:
+    """Turns estimates and predictions into messages.
+
+    Args:
+        node: that publishes.
+        diagnostics: what is published is counted there.
+
+    Attributes:
+        tasks: publisher of `intent/tasks`.
+        trajectory: publisher of `intent/robot_trajectory`.
+        human_trajectory: publisher of `intent/human_trajectory`.
+    """
+
+    _model: Model
+    """From `configure` on."""
+
+    def __init__(self, node: Node, diagnostics: Diagnostics):
+        publish = node.create_publisher
+        self._diagnostics = diagnostics
+        self.tasks = publish(JointState, "intent/tasks", qos.STATE)
+        self.trajectory = publish(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self._path = publish(Path, "intent/human_path", qos.COMMAND)
+        self.human_trajectory = publish(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
+        self._markers = publish(MarkerArray, "intent/markers", qos.COMMAND)
+        self._frames = FrameOutput(node)
+
+    def configure(self, model: Model) -> None:
+        """Begin with a model."""
+        self._robot_builder = TrajectoryBuilder(model.dofs.controlled_message_names)
+        self._human_builder = TrajectoryBuilder(model.library.observed_names)
+        self._marker_builder = MarkerBuilder(model.labels)
+        columns = map(position_columns, model.dofs.observed)
+        self._shown = next(((g, c) for g, c in enumerate(columns) if c is not None), None)
+        self._last_robot: tuple[Prediction, bytes] | None = None
+        self._model = model
+
+    def swap(self, model: Model) -> None:
+        """Go on with a model of the same DOFs."""
+        self._model = model
+        self._marker_builder.set_labels(model.labels)
+
+    def forget(self) -> None:
+        """Forget what has been observed."""
+        self._marker_builder.forget()
+
+    def observe(self, observation: Observation) -> None:
+        """Take a part of the path that the markers show."""
+        group, columns = self._shown or (None, [])
+        if observation.group == group and observation.dofs is None and not observation.derivative:
+            self._marker_builder.observe(observation.stamp_ns, observation.values[columns])
+
+    def publish_tasks(self, estimate: Estimate) -> None:
+        """Publish the probabilities of the tasks."""
+        numbers = estimate.probabilities, estimate.phase, estimate.log_evidence
+        self.tasks.publish(to_joint_state(estimate.labels, *numbers, time_ns=estimate.stamp_ns))
+        self._diagnostics.tick("intent/tasks")
+
+    def publish_robot(self, robot: Prediction) -> None:
+        """Publish a prediction of the robot; an unchanged one is not serialized again."""
+        if self._last_robot is None or robot is not self._last_robot[0]:
+            numbers = numbers_of(self._model.dofs.controlled, robot.trajectory)
+            built = self._robot_builder.build(robot.onset_ns, *numbers, frame_id=robot.task)
+            self._last_robot = robot, serialize_message(built)
+        self.trajectory.publish(self._last_robot[1])
+        self._diagnostics.tick("intent/robot_trajectory")
+
+    @property
+    def human_shown(self) -> bool:
+        """Whether anybody looks at the predicted path of the human."""
+        outputs = self._path, self._markers
+        return self._frames.heard or any(one.get_subscription_count() for one in outputs)
+
+    @property
+    def human_told(self) -> bool:
+        """Whether anybody takes all its numbers."""
+        return bool(self.human_trajectory.get_subscription_count())
+
+    def publish_human(self, estimate: Estimate, human: Prediction, frame: str) -> None:
+        """Publish a prediction of the human to who listens.
+
+        Args:
+            estimate: at the same time.
+            human: the prediction.
+            frame: that its poses are in.
+        """
+        along = human.trajectory
+        if self.human_told:
+            build = self._human_builder.build
+            self.human_trajectory.publish(build(human.onset_ns, *along, frame_id=human.task))
+        if self._shown is None or not self.human_shown:
+            return
+        group, of_signal = self._shown
+        columns = self._model.library.observed_dofs(group)[of_signal]
+        positions, turned = along.positions[:, columns], self._orientations(group, human)
+        path = to_path(estimate.stamp_ns, frame, human, positions, turned)
+        self._path.publish(path)
+        self._frames.send(estimate.stamp_ns, frame, "predicted_hand", path.poses[-1].pose)
+        if self._markers.get_subscription_count():
+            best = float(np.max(estimate.probabilities))
+            shown = human.task, best, positions, along.std[:, columns]
+            self._markers.publish(self._marker_builder.build(estimate.stamp_ns, frame, *shown))
+
+    def _orientations(self, group: int, human: Prediction) -> NDArray[np.float64] | None:
+        """Predicted quaternions (T, 4) of the body that is shown; None where it has none."""
+        entries = self._model.dofs.observed
+        beside = orientation_beside(entries, group)
+        if beside is None:
+            return None
+        vectors = human.trajectory.positions[:, self._model.library.observed_dofs(beside)]
+        return from_tangent(vectors, reference_of(entries[beside]))
