@@ -140,7 +140,9 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     if not (too_wide or turned or extent > WIDEST[unit] or speed > FASTEST[unit]):
         return None
     reason = f"{in_words(signal)} moves over {extent:.3g} {unit}"
-    reason += f" at up to {speed:.3g} {unit}/s" if speed > FAST_RAD_S else ""
+    reason += (
+        f" at up to {speed:.3g} {unit}/s" if speed > FAST_RAD_S else ""
+    )  # few samples say less
     reason += f" and is at {farthest:.3g} {unit}" if turned else ""
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
     name, factor = _nearest_usual(unit, extent)

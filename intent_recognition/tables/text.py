@@ -127,8 +127,9 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
     if max(counts) >= LEAST_CELLS and counts[0] < 2:
         titles = next(k for k, count in enumerate(counts) if count > 1)
-        below_them = _plain_header(path, head[titles:])
-        return replace(below_them, skip=below_them.skip + titles)
+        if not all(_is_number(cell.strip()) for cell in head[titles]):
+            below_them = _plain_header(path, head[titles:])
+            return replace(below_them, skip=below_them.skip + titles)
     first = head[0]
     names = tuple(name.strip().lstrip("#").strip() for name in first)
     if all(_is_number(name) for name in names):

@@ -94,6 +94,12 @@ def test_a_csv_that_can_be_read_in_one_way_is(kind, tmp_path):
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
 
 
+def test_a_line_of_one_name_is_no_title_above_numbers(tmp_path):
+    content = plain(scale=10.0, head="t,,,")
+    samples, said = imported(tmp_path, "a.csv", content, [1, 2, 3], unit="mm", time={"column": "t"})
+    assert not said and len(samples.values) == ROWS
+
+
 @pytest.mark.parametrize("name", ["x [mm]", "x (mm)", "x_mm"])
 def test_a_unit_in_a_name_is_taken(name, tmp_path):
     names = [name.replace("x", axis) for axis in "xyz"]
