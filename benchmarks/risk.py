@@ -6,11 +6,12 @@ does not know it, as the nodes do; how certain the end of the robot's motion is 
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import binomtest
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.evaluation import make_folds
@@ -27,9 +28,18 @@ from intent_recognition.recognition import (
     learned_risk,
     possible_tasks,
 )
+from intent_recognition.report import (
+    DASHED,
+    PALETTE,
+    SOFT,
+    new_figure,
+    shared_legend,
+    styled,
+    to_png,
+)
 from intent_recognition.signals import Demonstration, merge
 
-RISKS = (0.2, 0.1, 0.05, 0.02)
+RISKS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02)
 """Shares of wrong actions that are asked for."""
 MOST_FOLDS = 6
 """Models that are learned. Convention: it bounds the time."""
@@ -72,8 +82,8 @@ def judge(library: TaskLibrary, recorded: Demonstration, seen: list[Estimate], s
     return Row(bool(active), wrong, asked, risk.bound if risk else np.nan)
 
 
-def table(recordings: Sequence[Demonstration], protocol: str) -> list[str]:
-    """A line for each risk."""
+def follow(recordings: Sequence[Demonstration], protocol: str) -> dict[float, list[Row]]:
+    """What becomes of each recording under each risk."""
     rows: dict[float, list[Row]] = {share: [] for share in RISKS}
     movements = [where_both_were_recorded(one) for one in cut_to_movement(recordings)]
     for train, test in merge_folds(make_folds(recordings, protocol), MOST_FOLDS):
@@ -82,6 +92,11 @@ def table(recordings: Sequence[Demonstration], protocol: str) -> list[str]:
             seen = estimates(library, recorded)
             for share in RISKS:
                 rows[share].append(judge(library, recorded, seen, share))
+    return rows
+
+
+def lines(rows: dict[float, list[Row]]) -> list[str]:
+    """A line for each risk."""
     return [
         f"max_wrong {share:4.2f}: stated {np.mean([row.bound for row in found]):4.2f}"
         f"  wrong {np.mean([row.wrong for row in found]):4.2f}"
@@ -91,17 +106,53 @@ def table(recordings: Sequence[Demonstration], protocol: str) -> list[str]:
     ]
 
 
+@styled
+def draw(sets: Mapping[str, dict[float, list[Row]]], path: Path) -> None:
+    """Share wrong over the stated bound, with its interval; acted on and asked over the risk."""
+    figure = new_figure(9.6, 3.6)
+    wrong, others = figure.subplots(1, 2)
+    wrong.plot([0, 0.5], [0, 0.5], color=SOFT, linestyle=DASHED, label="the bound itself")
+    for k, (name, rows) in enumerate(sets.items()):
+        colour, shift = PALETTE[k], 0.004 * k
+        for share, found in rows.items():
+            n_wrong, n = sum(row.wrong for row in found), len(found)
+            bound = float(np.mean([row.bound for row in found]))
+            low, high = binomtest(n_wrong, n).proportion_ci(0.95, method="exact")
+            at, label = bound + shift, f"{name} ({n})" if share == RISKS[0] else None
+            wrong.plot([at, at], [low, high], color=colour, linewidth=1.2)
+            wrong.plot(at, n_wrong / n, "o", color=colour, label=label)
+        acted, asked = (
+            [np.mean([getattr(row, kind) for row in found]) for found in rows.values()]
+            for kind in ("acted", "asked")
+        )
+        others.plot(list(rows), acted, "o-", color=colour)
+        others.plot(list(rows), asked, "s--", color=colour)
+    wrong.set(xlabel="stated bound", ylabel="acted on wrongly, with 95 % interval")
+    others.set(xlabel="max_wrong", ylabel="share", ylim=(-0.03, 1.03))
+    others.set_title("acted on (solid), asked (dashed)")
+    shared_legend(figure, [wrong], 5)
+    path.write_bytes(to_png(figure, 110))
+
+
 def main() -> None:
     """Print a table for each folder."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("folders", nargs="+", type=Path)
-    parser.add_argument("--protocol", default="loo", help="as of `intent evaluate`")
+    by_person = "person by person where there are several (`group`), else one by one"
+    parser.add_argument("--protocol", help=f"as of `intent evaluate`; by default {by_person}")
+    parser.add_argument("--figure", type=Path, metavar="OUT.png")
     options = parser.parse_args()
+    sets = {}
     for folder in options.folders:
         own = folder / "dofs.yaml"
         dofs = load_dofs(own) if own.exists() else load_dofs()
         recordings, _ = read_demonstrations([folder], dofs)
-        print(folder.name, *table(recordings, options.protocol), sep="\n", flush=True)
+        people = {one.metadata.get("group") for one in recordings}
+        protocol = options.protocol or ("logo:group" if len(people) > 1 else "loo")
+        sets[folder.name] = follow(recordings, protocol)
+        print(f"{folder.name}, {protocol}", *lines(sets[folder.name]), sep="\n", flush=True)
+    if options.figure:
+        draw(sets, options.figure)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ GROUPS = {
         "segment": "cut a session into demonstrations",
         "train": "learn from demonstrations",
         "evaluate": "score on recordings left out of training",
+        "rehearse": "before deployment: how often a model acts wrongly, and what to show it next",
         "replay": "show how the tasks are recognised during a recording",
         "explain": "say why each decision during a recording was taken",
     },

@@ -14,9 +14,9 @@ from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
 from intent_recognition.dashboard.widgets import probability_plot
 from intent_recognition.errors import IntentError, one_line
-from intent_recognition.evaluation import replay
+from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
-from intent_recognition.report import task_colours
+from intent_recognition.report import heading, short_name, task_colours, without_rows
 
 PLOTTED = 400
 """Points of a plotted posterior at most. Convention."""
@@ -29,6 +29,7 @@ CURES = (
     "Or name their folder: `-p models:=FOLDER`",
 )
 HEAD = ("model", "acts on", "after", "at the end")
+WHY = ("signal", "nats", "without it")
 
 
 class CompareTab:
@@ -89,6 +90,7 @@ class CompareTab:
             bag = self._bags[self._bag.value]
             models = [self._models[field.value] for field in self._chosen]
             found = [posterior_over(bag, model) for model in models]
+            why = {model: why_over(bag, model) for model in models}
         except (IntentError, KeyError) as error:
             self._result.content = markup.banner(one_line(error), markup.WARNING)
             return
@@ -96,7 +98,8 @@ class CompareTab:
             self._button.disabled = False
         self._draw(found)
         rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
-        self._result.content = markup.table(HEAD, rows)
+        reasons = "".join(why[model] for model in dict.fromkeys(models))
+        self._result.content = markup.table(HEAD, rows) + reasons
 
     def _draw(self, found: Sequence[tuple]) -> None:
         """One diagram for each model, in the same colours and over the same time."""
@@ -143,3 +146,21 @@ def posterior_over(
         f"{best} {last[best]:.0%}",
     )
     return times[::every], columns, summary
+
+
+def why_over(bag: Path, model: Path) -> str:
+    """Why a model's first decision during a recording was taken, as HTML; empty without movement.
+
+    Raises:
+        IntentError: bag or model cannot be used, or do not fit one another.
+    """
+    found = explain(BagReader(bag, tolerant=True), load_model(model))
+    if not found:
+        return ""
+    one = next((one for one in found if one.task), found[0])
+    names = one.evidence.names
+    rows = [
+        (short_name(name, names), "" if added is None else f"{added:+.1f}", instead)
+        for name, added, instead in without_rows(one)
+    ]
+    return markup.remark(f"{model.stem}: {heading(one)}") + markup.table(WHY, rows)

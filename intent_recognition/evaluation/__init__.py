@@ -5,8 +5,14 @@ from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighb
 from intent_recognition.evaluation.calibration import reliability_bins
 from intent_recognition.evaluation.explaining import Explanation, explain
 from intent_recognition.evaluation.folds import Fold, make_folds
-from intent_recognition.evaluation.online import run_online
+from intent_recognition.evaluation.online import run_online, where_both_were_recorded
 from intent_recognition.evaluation.protocol import evaluate
+from intent_recognition.evaluation.rehearsing import (
+    CONFIDENCE,
+    Rehearsal,
+    Rehearsed,
+    rehearse,
+)
 from intent_recognition.evaluation.remarks import remarks_on
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.evaluation.scoring import PHASES
@@ -30,11 +36,13 @@ from intent_recognition.evaluation.session_summary import (
     summary_line,
     to_json,
 )
+from intent_recognition.evaluation.suggesting import Suggestion, suggest, suggest_next
 from intent_recognition.evaluation.traces import Trace, usable
 
 __all__ = [
     "CM_PER_M",
     "CONDITIONS",
+    "CONFIDENCE",
     "FIXED_PLACE",
     "PAPER_HAND_ERROR",
     "PAPER_RECOGNISED",
@@ -44,8 +52,11 @@ __all__ = [
     "Fold",
     "HandError",
     "InteractionRecord",
+    "Rehearsal",
+    "Rehearsed",
     "Segment",
     "SessionLog",
+    "Suggestion",
     "Trace",
     "evaluate",
     "explain",
@@ -54,14 +65,18 @@ __all__ = [
     "nearest_neighbour",
     "propose_segments",
     "recognise_segments",
+    "rehearse",
     "reliability_bins",
     "remarks_on",
     "replay",
     "run_online",
     "sample",
+    "suggest",
+    "suggest_next",
     "summarise",
     "summary_line",
     "to_json",
     "usable",
+    "where_both_were_recorded",
     "write_segments",
 ]

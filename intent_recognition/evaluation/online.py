@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the nodes would have done during a recording: onset, filter and decision."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
     DecisionSettings,
     DecisionState,
+    Estimate,
     IntentEstimator,
     decide,
     decision_settings,
@@ -62,11 +63,35 @@ def run_online(
         settings: of the decision; the node's defaults when None.
         phase_known: give the movement's start and duration instead.
     """
+    recognised, activated, decided_share = "", list[str](), np.nan
+    for estimate, state, found in follow_online(
+        library, recorded, settings, phase_known=phase_known
+    ):
+        recognised = recognised or found
+        active = state.active
+        if state.event in ("activated", "switched") and active:
+            activated.append(active)
+            if active == recorded.task and np.isnan(decided_share):
+                passed_ns = estimate.stamp_ns - recorded.start_ns
+                decided_share = passed_ns / (recorded.end_ns - recorded.start_ns)
+    return OnlineOutcome(str(recorded.task), recognised, tuple(activated), decided_share)
+
+
+def follow_online(
+    library: TaskLibrary,
+    recorded: Demonstration,
+    settings: DecisionSettings | None = None,
+    *,
+    phase_known: bool = False,
+) -> Iterator[tuple[Estimate, DecisionState, str]]:
+    """Estimate and decision after each observation, and what would be active were the end certain.
+
+    The arguments are those of `run_online`.
+    """
     settings = settings or decision_settings(library)
     certain_or_not = replace(settings, max_end_std_rad=np.inf, max_end_std_m=np.inf)
     estimator = _told(library, recorded) if phase_known else IntentEstimator(library)
     state = recognising = DecisionState()
-    recognised, activated, decided_share = "", list[str](), np.nan
     n_agents = len(recorded.observed) + len(recorded.controlled)
     for observation in merge([*recorded.observed, *recorded.controlled, *recorded.context]):
         if observation.stamp_ns > recorded.end_ns:
@@ -85,17 +110,11 @@ def run_online(
         current = estimate.labels, estimate.probabilities
         evidence = estimate.log_evidence
         recognising, found = decide(certain_or_not, recognising, *current, None, evidence)
-        recognised = recognised or found
         ready = recognising.candidate and recognising.n_for >= settings.n_observations
         needed = ready and state.active != recognising.candidate
         end_std = estimator.predicted_end_std() if needed else None
-        state, active = decide(settings, state, *current, end_std, evidence)
-        if state.event in ("activated", "switched") and active:
-            activated.append(active)
-            if active == recorded.task and np.isnan(decided_share):
-                passed_ns = observation.stamp_ns - recorded.start_ns
-                decided_share = passed_ns / (recorded.end_ns - recorded.start_ns)
-    return OnlineOutcome(str(recorded.task), recognised, tuple(activated), decided_share)
+        state, _ = decide(settings, state, *current, end_std, evidence)
+        yield estimate, state, found
 
 
 def score_online(

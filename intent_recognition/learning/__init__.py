@@ -51,6 +51,7 @@ from intent_recognition.learning.preprocessing import (
     Preprocessing,
     SignalNames,
     angle_references,
+    example_of,
     in_turns,
 )
 from intent_recognition.learning.selection import Hyperparameters
@@ -116,6 +117,7 @@ __all__ = [
     "count_transitions",
     "cut_one",
     "cut_to_movement",
+    "example_of",
     "fit_interaction_promp",
     "in_turns",
     "inferred_weights",

@@ -24,6 +24,7 @@ from intent_recognition.report.drawing import (
 from intent_recognition.report.evaluation_report import write_evaluation_report
 from intent_recognition.report.explanation_report import (
     heading,
+    short_name,
     without_rows,
     write_explanation_report,
 )
@@ -42,6 +43,7 @@ from intent_recognition.report.html import (
     write_page,
 )
 from intent_recognition.report.interaction_table import table_lines
+from intent_recognition.report.rehearsal_report import worst_figure, write_rehearsal_report
 from intent_recognition.report.warp_report import write_warp_report
 
 __all__ = [
@@ -68,6 +70,7 @@ __all__ = [
     "new_figure",
     "readable",
     "shared_legend",
+    "short_name",
     "styled",
     "table_lines",
     "task_colours",
@@ -75,10 +78,12 @@ __all__ = [
     "to_png",
     "to_svg",
     "without_rows",
+    "worst_figure",
     "write_arms_report",
     "write_demo_report",
     "write_evaluation_report",
     "write_explanation_report",
     "write_page",
+    "write_rehearsal_report",
     "write_warp_report",
 ]

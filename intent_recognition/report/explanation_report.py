@@ -90,7 +90,7 @@ def evidence_figure(one: Explanation) -> "Drawing":
     over_time, in_all = figure.subplots(1, 2, width_ratios=(2, 1))
     sums = np.cumsum(found.by_dof, axis=0)
     colours = [PALETTE[k % len(PALETTE)] for k in range(len(found.names))]
-    short = [name.removeprefix(_shared(found.names)) for name in found.names]
+    short = [short_name(name, found.names) for name in found.names]
     for name, colour, column in zip(short, colours, sums.T, strict=True):
         over_time.plot(found.times_s, column, color=colour, label=name)
     total = found.expected + sums.sum(axis=1)
@@ -106,10 +106,10 @@ def evidence_figure(one: Explanation) -> "Drawing":
     return figure
 
 
-def _shared(names: Sequence[str]) -> str:
-    """What several names begin with alike, up to the last point."""
-    stems = {name.rpartition(".")[0] for name in names}
-    return f"{stems.pop()}." if len(stems) == 1 and len(names) > 1 else ""
+def short_name(name: str, names: Sequence[str]) -> str:
+    """A DOF's name without what all names begin with alike, up to the last point."""
+    stems = {one.rpartition(".")[0] for one in names}
+    return name.rpartition(".")[2] if len(stems) == 1 and len(names) > 1 else name
 
 
 def _blocks(one: Explanation) -> tuple[Block, ...]:

@@ -12,8 +12,10 @@ from dashboard.browser import free_port
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard.compare_tab import CompareTab, posterior_over
 from intent_recognition.errors import IntentError
+from intent_recognition.evaluation import explain
+from intent_recognition.model import load_model
 from intent_recognition.promp import NONE
-from intent_recognition.report import task_colours
+from intent_recognition.report import heading, task_colours
 
 
 @pytest.fixture
@@ -66,6 +68,14 @@ def test_two_models_are_drawn_in_the_colours_of_the_page(compare, recording):
     assert tab._result.content.count(BagReader(recording).custom_data["task"]) >= 2
     compare.run("toolbox.npz", "toolbox.npz")
     assert len(tab._plots) == 2, "the diagrams before are gone"
+
+
+def test_the_reason_of_the_decision_is_that_of_intent_explain(compare, recording, toolbox_model):
+    one, *_ = explain(BagReader(recording), load_model(toolbox_model))
+    tab = compare.run("toolbox.npz", "toolbox.npz")
+    assert tab._result.content.count(heading(one)) == 1, "equal models are explained once"
+    total = one.evidence.by_dof[:, 2].sum()
+    assert f"{total:+.1f}" in tab._result.content
 
 
 def test_a_model_that_cannot_be_used_is_said_and_the_button_works_again(compare):

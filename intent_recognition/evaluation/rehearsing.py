@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rehearsal before deployment: what a model would have done during recordings it does not know.
+
+Misses and wrong actions, with an interval for the share of these; the worst moments; how long
+decisions and computations take; and what to demonstrate next.
+"""
+
+from collections.abc import Callable, Sequence
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.evaluation.online import follow_online
+from intent_recognition.promp import NONE, TaskLibrary
+from intent_recognition.recognition import DecisionSettings, decision_settings
+from intent_recognition.signals import Demonstration
+
+CONFIDENCE = 0.95
+"""Of the interval for the share acted on wrongly. Convention."""
+SMALLEST_P = 1e-12
+"""Least probability that odds are taken of. Numerical safeguard."""
+
+
+class Rehearsed(NamedTuple):
+    """What a model would have done during one recording.
+
+    Attributes:
+        recorded: the recording.
+        activated: all tasks that became active, in order.
+        decided_s: when the true one did, after the movement's start; NaN if it never did.
+        labels: of the K tasks, and none.
+        times_s: of the n estimates of the movement, after its start, (n,).
+        probabilities: theirs, (n, K + 1).
+        active: what was active then, empty for nothing, n texts.
+        odds_against: log odds of all else against the true task, (n,).
+        computed_s: what each observation took to compute, (m,).
+    """
+
+    recorded: Demonstration
+    activated: tuple[str, ...]
+    decided_s: float
+    labels: tuple[str, ...]
+    times_s: NDArray[np.float64]
+    probabilities: NDArray[np.float64]
+    active: tuple[str, ...]
+    odds_against: NDArray[np.float64]
+    computed_s: NDArray[np.float64]
+
+    @property
+    def task(self) -> str:
+        """The true one."""
+        return str(self.recorded.task)
+
+    @property
+    def missed(self) -> bool:
+        """Whether the true task never became active."""
+        return self.task not in self.activated
+
+    @property
+    def wrong(self) -> bool:
+        """Whether another task became active at any time."""
+        return bool({*self.activated} - {self.task})
+
+    @property
+    def worst(self) -> int:
+        """The moment in the second half of the movement at which the odds are the worst."""
+        half = len(self.odds_against) // 2
+        return half + int(np.argmax(self.odds_against[half:]))
+
+
+class Rehearsal(NamedTuple):
+    """What a model would have done during some recordings."""
+
+    runs: tuple[Rehearsed, ...]
+
+    @property
+    def n_missed(self) -> int:
+        """In how many the true task never became active."""
+        return sum(run.missed for run in self.runs)
+
+    @property
+    def n_wrong(self) -> int:
+        """In how many another task became active."""
+        return sum(run.wrong for run in self.runs)
+
+    def wrong_interval(self) -> tuple[float, float]:
+        """Of the share acted on wrongly, by Clopper and Pearson, recordings being independent."""
+        test = binomtest(self.n_wrong, len(self.runs))
+        found = test.proportion_ci(CONFIDENCE, method="exact")
+        return float(found.low), float(found.high)
+
+    def worst(self, most: int) -> list[Rehearsed]:
+        """The runs with the worst moments: wrong ones, then misses, then by the odds."""
+        order = sorted(
+            (run for run in self.runs if len(run.times_s)),
+            key=lambda run: (run.wrong, run.missed, run.odds_against[run.worst]),
+            reverse=True,
+        )
+        return order[:most]
+
+
+def rehearse(
+    library: TaskLibrary,
+    recordings: Sequence[Demonstration],
+    settings: DecisionSettings | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Rehearsal:
+    """Follow recordings as the nodes do.
+
+    Args:
+        library: the learned tasks.
+        recordings: labelled; their starts and ends are those of the movements.
+        settings: of the decision; the node's defaults when None.
+        progress: called with the number of recordings followed so far.
+
+    Raises:
+        ArgumentError: no recording, or one of a task that the library does not know.
+    """
+    if not recordings:
+        raise ArgumentError.about("recordings", "labelled ones", "none", "Record some.")
+    settings, runs = settings or decision_settings(library), []
+    for recorded in recordings:
+        if recorded.task not in library.labels:
+            expected, cure = (
+                f"one of {', '.join(library.labels)}",
+                "Teach the task, or leave it out.",
+            )
+            raise ArgumentError.about(f"task of {recorded.name}", expected, recorded.task, cure)
+        runs.append(_follow(library, recorded, settings))
+        progress(len(runs))
+    return Rehearsal(tuple(runs))
+
+
+def _follow(library: TaskLibrary, recorded: Demonstration, settings: DecisionSettings) -> Rehearsed:
+    """One recording."""
+    true = library.labels.index(str(recorded.task))
+    activated, decided_s, computed_s = list[str](), np.nan, list[float]()
+    times_s, probabilities = list[float](), list[NDArray[np.float64]]()
+    active = list[str]()
+    began_s = perf_counter()
+    for estimate, state, _ in follow_online(library, recorded, settings):
+        computed_s.append(perf_counter() - began_s)
+        since_s = (estimate.stamp_ns - recorded.start_ns) * 1e-9
+        if estimate.moving:
+            times_s.append(since_s)
+            probabilities.append(estimate.probabilities)
+            active.append(state.active)
+        if state.event in ("activated", "switched") and state.active:
+            activated.append(state.active)
+            if state.active == recorded.task and np.isnan(decided_s):
+                decided_s = since_s
+        began_s = perf_counter()
+    p = np.array(probabilities).reshape(-1, library.n_tasks + 1)
+    odds = np.log((1.0 - p[:, true] + SMALLEST_P) / (p[:, true] + SMALLEST_P))
+    return Rehearsed(
+        recorded,
+        tuple(activated),
+        decided_s,
+        (*library.labels, NONE),
+        np.array(times_s),
+        p,
+        tuple(active),
+        odds,
+        np.array(computed_s),
+    )

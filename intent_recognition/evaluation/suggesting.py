@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to demonstrate next, after a rehearsal: which task, and like which movement."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.evaluation.rehearsing import Rehearsal
+from intent_recognition.learning import Trained, TrainingExample, example_of
+
+SMALLEST_VARIANCE = 1e-12
+"""Of a DOF, that distances are divided by. Numerical safeguard."""
+
+
+class Suggestion(NamedTuple):
+    """A demonstration that is worth more than others.
+
+    Attributes:
+        task: its label.
+        like: number of the rehearsed movement that it should be like.
+        prevented: of the rehearsed interactions, how many fewer are expected to go wrong.
+    """
+
+    task: str
+    like: int
+    prevented: float
+
+
+def suggest_next(trained: Trained, rehearsal: Rehearsal, n: int) -> list[Suggestion]:
+    """What to demonstrate next to the tasks that were rehearsed; see `suggest`.
+
+    Args:
+        trained: what was rehearsed.
+        rehearsal: what came of it.
+        n: how many suggestions.
+
+    Raises:
+        TrainingError: a recording is too short to be compared with.
+    """
+    shown = [example for task in trained.tasks.values() for example in task.examples]
+    rehearsed = [example_of(run.recorded, trained.preprocessing) for run in rehearsal.runs]
+    return suggest(shown, rehearsed, [run.missed or run.wrong for run in rehearsal.runs], n)
+
+
+def suggest(
+    shown: Sequence[TrainingExample],
+    rehearsed: Sequence[TrainingExample],
+    failed: Sequence[bool],
+    n: int,
+) -> list[Suggestion]:
+    """What to demonstrate next, one after the other.
+
+    What demonstrations leave unknown of a movement is known worse the fewer of them were like it:
+    of a Gaussian of known covariance, the variance of the mean of m is the covariance over m (the
+    1 / m in `TaskLibrary.weight_covariance`). The risk of a movement is taken to fall likewise: a
+    demonstration that is like it by a share k lowers the risk r to r m / (m + k), where m is one
+    and the number of demonstrations of the task that are like it, each by its share,
+    exp(-d^2 / 2); d is the distance of the observed paths in standard deviations of the tasks'
+    demonstrations. The risk of a rehearsed movement is whether it failed, shrunk half-way to the
+    share that failed of its task (rule of succession). Each suggestion is the rehearsed movement
+    that a demonstration should be like to lower the sum of the risks most.
+
+    Args:
+        shown: the demonstrations that were learned from, two or more.
+        rehearsed: movements with what is expected of people, one or more.
+        failed: whether each of them was missed or acted on wrongly.
+        n: how many suggestions.
+    """
+    paths, tasks, scale = _paths(shown, rehearsed)
+    likeness = np.exp(-0.5 * _distances(paths / scale) ** 2) * (tasks[:, None] == tasks)
+    known, new = len(shown), slice(len(shown), None)
+    like = likeness[new, new]
+    count = 1.0 + likeness[new, :known].sum(axis=1)
+    risk, own = np.array(failed, dtype=np.float64), tasks[new]
+    for task in set(own.tolist()):
+        some = own == task
+        rate = (risk[some].sum() + 1.0) / (some.sum() + 2.0)
+        risk[some] = 0.5 * (risk[some] + rate)
+    found = []
+    for _ in range(n):
+        prevented = (risk * like / (count + like)).sum(axis=1)
+        best = int(np.argmax(prevented))
+        found.append(Suggestion(str(own[best]), best, float(prevented[best])))
+        risk = risk * count / (count + like[best])
+        count = count + like[best]
+    return found
+
+
+def _paths(
+    shown: Sequence[TrainingExample], rehearsed: Sequence[TrainingExample]
+) -> tuple[NDArray[np.float64], NDArray[np.str_], NDArray[np.float64]]:
+    """Observed paths of all (n, m, P), their tasks (n,), and the scale of each DOF (P,)."""
+    paths = np.array([one.observed for one in (*shown, *rehearsed)])
+    tasks = np.array([one.task for one in (*shown, *rehearsed)])
+    own = tasks[: len(shown)]
+    known = paths[: len(shown)]
+    scatter, freedom = np.zeros(paths.shape[2]), 0
+    for task in set(own.tolist()):
+        some = known[own == task]
+        scatter += ((some - some.mean(axis=0)) ** 2).mean(axis=1).sum(axis=0)
+        freedom += len(some) - 1
+    return paths, tasks, np.sqrt(np.maximum(scatter / max(freedom, 1), SMALLEST_VARIANCE))
+
+
+def _distances(paths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Root mean square distances between paths, (n, n)."""
+    flat = paths.reshape(len(paths), -1)
+    square = (flat**2).sum(axis=1)
+    apart = square[:, None] + square - 2.0 * flat @ flat.T
+    return np.sqrt(np.maximum(apart, 0.0) / flat.shape[1])

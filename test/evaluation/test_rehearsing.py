@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rehearsal counts what the nodes' loop does; suggestions lower the risk."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from model_builder import learned_model, make_dofs, perform, true_library
+from scipy.stats import binom
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.evaluation import Rehearsal, rehearse, run_online, suggest
+from intent_recognition.recognition import DecisionSettings, decision_settings
+
+DOFS = make_dofs()
+TRUTH = true_library(DOFS, n_tasks=2)
+
+
+@pytest.fixture(scope="module")
+def library():
+    return learned_model(DOFS, TRUTH).library
+
+
+@pytest.mark.slow
+def test_it_counts_what_the_nodes_would_do(library):
+    recordings = [perform(TRUTH, seed % 2, seed) for seed in range(60, 64)]
+    recordings.append(replace(recordings[0], task="task_1"))  # a wrong label
+    done = []
+    found = rehearse(library, recordings, progress=done.append)
+    assert done == [1, 2, 3, 4, 5]
+    for run, recorded in zip(found.runs, recordings, strict=True):
+        outcome = run_online(library, recorded)
+        assert run.activated == outcome.activated
+        share = run.decided_s / recorded.duration_s
+        np.testing.assert_allclose(share, outcome.decided_share, rtol=1e-9)
+        assert len(run.times_s) == len(run.probabilities) == len(run.active)
+        assert len(run.computed_s) == len(recorded.observed[0].stamps_ns)
+        p = run.probabilities[:, run.labels.index(run.task)]
+        np.testing.assert_allclose(run.odds_against, np.log((1 - p) / p), atol=1e-3)
+    assert [run.wrong for run in found.runs] == [False] * 4 + [True]
+    assert (found.n_wrong, found.n_missed) == (1, 1)
+    assert found.worst(2)[0].recorded is recordings[4]
+    assert len(found.worst(2)) == 2
+
+
+def test_a_decision_that_is_never_sure_misses_everything(library):
+    recorded = perform(TRUTH, 1, 60)
+    never = DecisionSettings(max_end_std_rad=1e-9, max_end_std_m=1e-9)
+    found = rehearse(library, [recorded], never)
+    assert (found.n_missed, found.n_wrong) == (1, 0)
+    assert np.isnan(found.runs[0].decided_s)
+    assert rehearse(library, [recorded], decision_settings(library)).n_missed == 0
+
+
+@pytest.mark.parametrize(("n_wrong", "n"), [(0, 12), (3, 20), (5, 5)])
+def test_the_interval_leaves_the_stated_tails(n_wrong, n):
+    runs = [SimpleNamespace(wrong=k < n_wrong) for k in range(n)]
+    low, high = Rehearsal(tuple(runs)).wrong_interval()
+    if n_wrong:
+        np.testing.assert_allclose(binom.sf(n_wrong - 1, n, low), 0.025, rtol=1e-6)
+    if n_wrong < n:
+        np.testing.assert_allclose(binom.cdf(n_wrong, n, high), 0.025, rtol=1e-6)
+    assert low <= n_wrong / n <= high
+
+
+@pytest.mark.parametrize("recordings", [[], [replace(perform(TRUTH, 0, 1), task="task_9")]])
+def test_nothing_to_rehearse_or_of_an_unknown_task_is_refused(library, recordings):
+    with pytest.raises(ArgumentError, match=r"Record some|Teach the task"):
+        rehearse(library, recordings)
+
+
+def example(task, place, spread=0.0):
+    """A movement that stays at a place, (m, P), with a deviation."""
+    return SimpleNamespace(task=task, observed=np.full((60, 2), place + spread))
+
+
+def shown(task, place, n):
+    return [example(task, place, 0.1 * (-1) ** k) for k in range(n)]
+
+
+def test_the_task_that_fails_is_suggested_and_of_equal_ones_the_one_seldom_shown():
+    rehearsed = [example("a", 0.0), example("b", 5.0)]
+    often = [*shown("a", 0.0, 4), *shown("b", 5.0, 4)]
+    assert suggest(often, rehearsed, [True, False], 1)[0].task == "a"
+    assert suggest(often, rehearsed, [False, True], 1)[0].task == "b"
+    seldom = [*shown("a", 0.0, 8), *shown("b", 5.0, 2)]
+    assert suggest(seldom, rehearsed, [True, True], 1)[0].task == "b"
+
+
+def test_of_one_task_the_place_where_nobody_showed_it_is_suggested():
+    known = shown("a", 0.0, 6)
+    rehearsed = [example("a", 0.0), example("a", 2.0)]
+    found = suggest(known, rehearsed, [True, True], 2)
+    assert found[0].like == 1
+    # far from all that was shown, one demonstration halves the risk
+    risk = 0.5 * (1.0 + 3.0 / 4.0)
+    assert found[0].prevented == pytest.approx(risk / 2.0, rel=1e-6)
+
+
+def test_each_suggestion_counts_as_shown_for_the_next():
+    rehearsed = [example("a", 0.0), example("b", 5.0)]
+    known = [*shown("a", 0.0, 3), *shown("b", 5.0, 3)]
+    tasks = [one.task for one in suggest(known, rehearsed, [True, True], 4)]
+    assert sorted(tasks) == ["a", "a", "b", "b"]
+    prevented = [one.prevented for one in suggest(known, rehearsed, [True, True], 4)]
+    assert prevented == sorted(prevented, reverse=True)
