@@ -3,15 +3,15 @@
 
 import numpy as np
 import pytest
-from hardness import (
+
+from experiments.teaching.demonstration import TEST_COUNTS, TRAINING_COUNTS
+from experiments.teaching.hardness import (
     draw_set,
     gaussian_labels,
     hardness_table,
     measure_hardness,
     nearest_mean_labels,
 )
-
-from experiments.teaching.demonstration import TEST_COUNTS, TRAINING_COUNTS
 
 
 def measured_with(seed):

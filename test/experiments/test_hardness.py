@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hardness import nearest_mean_labels
 from numpy.typing import NDArray
 
+from experiments.teaching.hardness import nearest_mean_labels
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.filtering import MovementFilter, fixed_prior_grid
