@@ -45,7 +45,6 @@ def fit_logistic(
     features: NDArray[np.float64],
     labels: NDArray[np.float64],
     ridge: float = 1e-2,
-    sample_weights: NDArray[np.float64] | None = None,
     max_iterations: int = 100,
     tolerance: float = 1e-9,
 ) -> LogisticModel:
@@ -58,7 +57,6 @@ def fit_logistic(
         features: (n, d), finite.
         labels: (n,), 0 or 1 (or booleans), both present.
         ridge: strength of the penalty, above 0.
-        sample_weights: (n,) weight of each sample, at least 0; all 1 when None.
         max_iterations: Newton steps at most.
         tolerance: stop when the largest change of a weight is below.
 
@@ -67,29 +65,28 @@ def fit_logistic(
         ArgumentError: a value is not finite, a label is not 0 or 1, or ridge is not above 0.
         TrainingError: only one label is present, or no step count sufficed.
     """
-    features, labels, weights = _checked(features, labels, ridge, sample_weights)
-    offset = np.average(features, axis=0, weights=weights)
-    scale = np.sqrt(np.average((features - offset) ** 2, axis=0, weights=weights))
+    features, labels = _checked(features, labels, ridge)
+    offset, scale = features.mean(axis=0), features.std(axis=0)
     scale = np.where(scale > 1e-12 * (1.0 + np.abs(offset)), scale, 1.0)
     design = np.column_stack([np.ones(len(features)), (features - offset) / scale])
     penalty = np.full(design.shape[1], ridge)
     penalty[0] = 0.0
     beta = np.zeros(design.shape[1])
-    beta[0] = np.log((weights @ labels) / (weights @ (1.0 - labels)))
+    beta[0] = np.log(labels.sum() / (1.0 - labels).sum())
 
     def loss(candidate: NDArray[np.float64]) -> float:
         odds = design @ candidate
-        misfit = weights @ (np.logaddexp(0.0, odds) - labels * odds)
+        misfit = np.sum(np.logaddexp(0.0, odds) - labels * odds)
         return float(misfit + 0.5 * penalty @ candidate**2)
 
     current = loss(beta)
     for _ in range(max_iterations):
         probability = expit(design @ beta)
-        gradient = design.T @ (weights * (probability - labels)) + penalty * beta
-        curvature = weights * probability * (1.0 - probability)
+        gradient = design.T @ (probability - labels) + penalty * beta
+        curvature = probability * (1.0 - probability)
         hessian = (design * curvature[:, None]).T @ design + np.diag(penalty)
         # Where every probability is 0 or 1 the bias has no curvature of its own.
-        hessian[0, 0] += 1e-12 * weights.sum()
+        hessian[0, 0] += 1e-12 * len(labels)
         step = cho_solve(cho_factor(hessian), gradient)
         length = 1.0
         while loss(beta - length * step) > current + 1e-12 * abs(current) and length > 1e-8:
@@ -104,34 +101,26 @@ def fit_logistic(
 
 
 def _checked(
-    features: NDArray[np.float64],
-    labels: NDArray[np.float64],
-    ridge: float,
-    sample_weights: NDArray[np.float64] | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    features: NDArray[np.float64], labels: NDArray[np.float64], ridge: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The arguments as float arrays of fitting shapes."""
     features, labels = np.asarray(features, dtype=float), np.asarray(labels, dtype=float)
     if features.ndim != 2 or not len(features):
         cure = "Pass one row of features per sample."
         raise ShapeError.about("features", "shape (n, d) with n > 0", features.shape, cure)
-    weights = np.ones(len(features)) if sample_weights is None else np.asarray(sample_weights)
-    for name, vector in (("labels", labels), ("sample_weights", weights)):
-        if vector.shape != (len(features),):
-            cure = "Pass one per row of features."
-            raise ShapeError.about(name, f"shape ({len(features)},)", vector.shape, cure)
+    if labels.shape != (len(features),):
+        cure = "Pass one per row of features."
+        raise ShapeError.about("labels", f"shape ({len(features)},)", labels.shape, cure)
     if not np.isfinite(features).all():
         bad = f"{np.count_nonzero(~np.isfinite(features))} others"
         raise ArgumentError.about("features", "finite values", bad, "Leave those samples out.")
     if not np.isin(labels, (0.0, 1.0)).all():
         others = np.setdiff1d(labels, (0.0, 1.0))[:3]
         raise ArgumentError.about("labels", "0 or 1", others, "Fit one model per label.")
-    if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
-        cure = "Leave samples of no use out or weigh them 0."
-        raise ArgumentError.about("sample_weights", "values >= 0", weights.min(), cure)
     if not (np.isfinite(ridge) and ridge > 0.0):
         cure = "A small one, 1e-6, is nearly none."
         raise ArgumentError.about("ridge", "a value above 0", ridge, cure)
-    if not 0.0 < weights @ labels < weights.sum():
+    if not 0.0 < labels.sum() < len(labels):
         got = f"{np.count_nonzero(labels)} of {len(labels)} with label 1"
         raise TrainingError.about("labels", "both 0 and 1", got, "Add samples of the other.")
-    return features, labels, weights.astype(float)
+    return features, labels

@@ -61,15 +61,6 @@ def test_separable_labels_have_a_finite_answer():
     assert (model.probability(features) > 0.5).tolist() == (features[:, 0] > 0.0).tolist()
 
 
-def test_weights_stand_for_repeated_samples():
-    """Weight 3 equals the sample thrice; weight 0 equals leaving it out."""
-    features, labels = samples(3, 40)
-    weights = np.random.default_rng(0).integers(0, 4, 40)
-    weighted = fit_logistic(features, labels, sample_weights=weights)
-    repeated = fit_logistic(np.repeat(features, weights, axis=0), np.repeat(labels, weights))
-    np.testing.assert_allclose(weighted.log_odds(features), repeated.log_odds(features), rtol=1e-6)
-
-
 def test_constant_feature_changes_nothing():
     """A feature without information gets weight 0."""
     features, labels = samples(4)
@@ -86,7 +77,6 @@ def test_constant_feature_changes_nothing():
         (np.zeros((3, 1)), np.array([0, 1, 2]), {}, ArgumentError),
         (np.zeros((3, 1)), np.array([0, 1, 1]), {"ridge": 0.0}, ArgumentError),
         (np.zeros((3, 1)), np.ones(3), {}, TrainingError),
-        (np.zeros((3, 1)), np.array([0, 1, 1]), {"sample_weights": -np.ones(3)}, ArgumentError),
     ],
 )
 def test_bad_input_is_named(features, labels, options, error):
