@@ -10,7 +10,7 @@ from intent_recognition.kinematics.forward import (
     hand_position,
     jacobian,
 )
-from intent_recognition.kinematics.inverse import Branch, inverse_kinematics, solve
+from intent_recognition.kinematics.inverse import Branch, follow_poses, inverse_kinematics, solve
 from intent_recognition.kinematics.limits import (
     POSITION_TOLERANCE_RAD,
     RATE_TOLERANCE,
@@ -55,6 +55,7 @@ __all__ = [
     "JointLimits",
     "check_meshes",
     "check_position",
+    "follow_poses",
     "forward_kinematics",
     "frame_poses",
     "hand_position",

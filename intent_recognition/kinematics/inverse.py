@@ -134,6 +134,18 @@ def inverse_kinematics(
     return nearest
 
 
+def follow_poses(poses: NDArray[np.float64], seed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Joint vectors (T, 7) [rad] for poses of the hand (T, 4, 4), each near to the one before.
+
+    Raises:
+        KinematicsError: a pose is out of reach.
+    """
+    joints = np.empty((len(poses), 7))
+    for k, pose in enumerate(poses):
+        seed = joints[k] = inverse_kinematics(pose, seed)
+    return joints
+
+
 class _ElbowCircle(NamedTuple):
     """All elbow positions of one hand pose and elbow angle.
 

@@ -22,8 +22,8 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.errors import IntentError, MessageError, one_line
 from intent_recognition.kinematics import (
     JOINT_NAMES,
+    follow_poses,
     forward_kinematics,
-    inverse_kinematics,
     jacobian,
 )
 from intent_recognition.model import ARRIVED, load_pouring_skill
@@ -149,7 +149,7 @@ class WarpedPrimitiveNode(Node):
             raise MessageError.about("joint_states", "those of the arm", "none", "Start it.")
         hand = forward_kinematics(self._joints)
         plan = plan_pour(self._skill, seen[CUP], seen[SECOND], hand, asked, self._fluid)
-        return plan, joint_path(plan, self._joints)
+        return plan, follow_poses(plan.hand_poses, self._joints)
 
     def _seen(self, name: str) -> SeenContainer:
         if name not in self._vectors or name not in self._poses:
@@ -181,18 +181,6 @@ class WarpedPrimitiveNode(Node):
 
     def _now_ns(self) -> int:
         return self.get_clock().now().nanoseconds
-
-
-def joint_path(plan: PourPlan, posture: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Joints (T, 7) [rad] of a plan, from a posture (7,) on.
-
-    Raises:
-        KinematicsError: a pose is out of reach.
-    """
-    joints = np.empty((len(plan.hand_poses), len(posture)))
-    for k, pose in enumerate(plan.hand_poses):
-        posture = joints[k] = inverse_kinematics(pose, posture)
-    return joints
 
 
 def joint_std(plan: PourPlan, joints: NDArray[np.float64]) -> NDArray[np.float64]:

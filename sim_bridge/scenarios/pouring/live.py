@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.kinematics import inverse_kinematics
 from intent_recognition.warping import ObjectCloud
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.containers import scan
@@ -17,7 +18,6 @@ from sim_bridge.scenarios.pouring.task_space import (
     SEED_POSTURE,
     PourPath,
     SideGrasp,
-    joint_path,
 )
 
 STAND_M = np.array([-0.27, 0.0, 0.10])
@@ -43,7 +43,7 @@ def start_posture(cup: str) -> NDArray[np.float64]:
     held = container_named(cup)
     stand = PourPath(np.zeros(1), STAND_M[None], np.zeros(1))
     poses = SideGrasp(held.lip_point, held.height_m).hand_poses(stand, OPENING_M)
-    return joint_path(poses, SEED_POSTURE)[0]
+    return inverse_kinematics(poses[0], SEED_POSTURE)
 
 
 class LivePouring:

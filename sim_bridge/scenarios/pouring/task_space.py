@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.kinematics import inverse_kinematics
+from intent_recognition.kinematics import follow_poses
 
 POUR_DIRECTION = np.array([0.0, 1.0, 0.0])
 """In the world: to the arm's left."""
@@ -128,18 +128,6 @@ def seen_path(
     return PourPath(times_s, (lip - opening_m) @ _POUR_AXES, np.arctan2(up[:, 0], up[:, 2]))
 
 
-def joint_path(hand_poses: NDArray[np.float64], seed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Joint angles (T, 7) [rad] for poses of the hand (T, 4, 4), each near to the one before.
-
-    Raises:
-        KinematicsError: a pose is out of reach.
-    """
-    joints = np.empty((len(hand_poses), 7))
-    for k, pose in enumerate(hand_poses):
-        seed = joints[k] = inverse_kinematics(pose, seed)
-    return joints
-
-
 def plan_joints(
     path: PourPath, grasp: SideGrasp, opening_m: NDArray[np.float64] = OPENING_M
 ) -> CubicSpline:
@@ -158,5 +146,5 @@ def plan_joints(
     offset = CubicSpline(path.times_s, path.offset_m)(knots)
     tilt = CubicSpline(path.times_s, path.tilt_rad)(knots)
     poses = grasp.hand_poses(PourPath(knots, offset, tilt), opening_m)
-    joints = joint_path(poses, SEED_POSTURE)
+    joints = follow_poses(poses, SEED_POSTURE)
     return CubicSpline(knots, joints, bc_type="clamped")
