@@ -164,9 +164,13 @@ TIMES = {
         [f"{1_706_695_200 + k},123456789" for k in range(5)],
         {"column": "sec", "nanoseconds": "nanosec"},
     ),
-    "nanoseconds": (
-        "t", [f"{1_706_695_200 + k}123456789" for k in range(5)], {"column": "t", "unit": "ns"}
-    ),
+    **{
+        unit: (
+            "t", [f"{1_706_695_200 + k}{rest}" for k in range(5)],
+            {"column": "t", "unit": unit, "since": 0},
+        )
+        for unit, rest in (("s", ".123456789"), ("ms", "123.456789"), ("ns", "123456789"))
+    },
 }  # fmt: skip
 
 
@@ -185,19 +189,19 @@ def test_a_time_of_day(tmp_path):
     assert found.samples[0].stamps_ns[0] == SINCE_NS + 36_000_500_000_000
 
 
-@pytest.mark.parametrize("factor, unit", [(1e3, "millisec"), (1e6, "microsec"), (1e9, "nanosec")])
-def test_times_in_another_unit_are_named(factor, unit, tmp_path):
-    lines = [f"{0.01 * k * factor:.0f},0,0,0.{k:02d}" for k in range(10)]
-    path = csv(tmp_path, "t,x,y,z", lines)
+@pytest.mark.parametrize(
+    ("cells", "said"),
+    [
+        ([f"{10 * k}" for k in range(10)], "Likely milliseconds"),
+        ([f"{10_000 * k}" for k in range(10)], "Likely microseconds"),
+        ([f"{10**7 * k}" for k in range(10)], "Likely nanoseconds"),
+        ([f"{1_706_695_200_000_000_000 + k}" for k in range(10)], "Likely they are ns: say unit"),
+    ],
+)
+def test_times_in_another_unit_are_named(cells, said, tmp_path):
+    path = csv(tmp_path, "t,x,y,z", [f"{cell},0,0,0.{k}" for k, cell in enumerate(cells)])
     (left_out,) = imported(path, ["x", "y", "z"], {"time": {"column": "t"}})
-    assert unit in left_out.reason or "say unit" in left_out.cure
-
-
-def test_a_clock_in_nanoseconds_is_named(tmp_path):
-    lines = [f"{1_706_695_200_000_000_000 + k * 10**7},0,0,0" for k in range(5)]
-    path = csv(tmp_path, "t,x,y,z", lines)
-    (left_out,) = imported(path, ["x", "y", "z"], {"time": {"column": "t"}})
-    assert left_out.cure == "Likely they are ns: say unit: ns."
+    assert said in str(left_out)
 
 
 def test_positions_in_millimetres_are_named(tmp_path):

@@ -192,21 +192,6 @@ def test_units_are_converted_with_one_rounding(values, tmp_path):
         ImportMap.from_dict(MAP | {"observed": [WRIST | {"columns_unit": "parsec"}]})
 
 
-@pytest.mark.parametrize(
-    ("column", "unit", "stamps"),
-    [
-        (["1700000000.123456789", "1700000000.2"], "s", [123456789, 200000000]),
-        (["1700000000123.456789", "1700000000200"], "ms", [123456789, 200000000]),
-        (["1700000000123456789", "1700000000200000000"], "ns", [123456789, 200000000]),
-    ],
-)
-def test_times_of_a_computer_keep_their_nanoseconds(column, unit, stamps, values, tmp_path):
-    table = {name: values[name][:2] for name in ("x", "y", "z", "q0", "q1")} | {"t": column}
-    content = MAP | {"time": {"column": "t", "unit": unit, "since": 0}}
-    (found,) = imported(write_csv(tmp_path / "a.csv", table), tmp_path, content)
-    assert found.observed[0].stamps_ns.tolist() == [1_700_000_000 * 10**9 + ns for ns in stamps]
-
-
 def test_times_that_do_not_increase_are_dropped_and_counted(values, tmp_path):
     values["t"][7] = values["t"][6]
     write_csv(tmp_path / "a.csv", values)

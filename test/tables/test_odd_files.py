@@ -124,7 +124,6 @@ REFUSED = {
         "stands in every column of 20 rows",
     ),
     "a line of names within": (plain() + plain(), "'x' in row 201"),
-    "millimetres": (plain(hidden=[3]), "Likely millimetres for metres"),
     "one row": ("t,x,y,z\n0,1,2,3\n", "empty: 1 sample with a time of its own"),
     "another kind of file": ("PK\3\4\0\0\0\1" * 20, "bytes that are no text"),
 }
@@ -133,8 +132,7 @@ REFUSED = {
 @pytest.mark.parametrize("kind", REFUSED)
 def test_what_can_be_read_in_several_ways_is_refused(kind, tmp_path):
     content, words = REFUSED[kind]
-    unit = {} if kind == "millimetres" else {"unit": "mm"}
-    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"}, **unit)
+    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
     assert samples is None
     assert words in said
 
