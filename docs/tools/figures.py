@@ -3,7 +3,7 @@
 
 `python docs/tools/figures.py NAME ...` runs the commands of these figures, keeps what they
 measured, and writes it into the pages. Without a name it runs those that are missing or of another
-version or command; each is kept when it is done, so that an interrupted run goes on where it was.
+command or code; each is kept when it is done, so that an interrupted run goes on where it was.
 `--list` shows which, and how long they take; `--write` writes the pages. Measure on a machine with
 nothing else to do.
 
@@ -20,6 +20,8 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from hashlib import blake2b
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -29,6 +31,8 @@ from intent_recognition import __version__
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "docs" / "figures.json"
 OUT = Path("out/figures")
+MEASURED = ("intent_recognition", "sim_bridge", "experiments", "benchmarks", "config")
+"""Folders whose code and settings figures depend on."""
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(?<=<!-- figures )(\S+) -->\n.*?(?=<!-- end -->)", re.DOTALL)
 INLINE = re.compile(r"[^\s|(]+(?=<!--([\w./]+)\.(\w+)-->)")
@@ -206,11 +210,22 @@ def load() -> dict[str, dict]:
     return json.loads(FILE.read_text(encoding="utf-8"))
 
 
+@cache
+def code() -> str:
+    """Digest of what figures depend on: they are measured again where it has changed."""
+    digest = blake2b(digest_size=6)
+    for folder in MEASURED:
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".c", ".yaml"):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
 def is_current(name: str, figures: Mapping[str, Mapping]) -> bool:
-    """Whether a figure was measured by its command of today, with this version."""
+    """Whether a figure was measured by its command of today, with this code."""
     figure = figures.get(name, {})
-    said = figure.get("version"), figure.get("command")
-    return said == (__version__, SOURCES[name].command)
+    said = (figure.get("version"), figure.get("command"), figure.get("code"))
+    return said == (__version__, SOURCES[name].command, code())
 
 
 def minutes(name: str, figures: Mapping[str, Mapping]) -> float:
@@ -248,7 +263,7 @@ def measured(name: str) -> dict:
     found = printed
     if source.result is not None:
         found = json.loads((ROOT / source.result).read_text(encoding="utf-8"))
-    said = {"version": __version__, "seconds": round(time.monotonic() - start_s)}
+    said = {"version": __version__, "code": code(), "seconds": round(time.monotonic() - start_s)}
     return {"command": source.command, **said, **source.keep(found)}
 
 

@@ -63,7 +63,7 @@ def test_only_what_is_not_current_is_measured_and_each_is_kept(monkeypatch, tmp_
         name: figures.Source(f"python -c 'print({k})'", None, figures._last_line)
         for k, name in enumerate("abcd")
     }
-    today = {"version": figures.__version__, "text": "old"}
+    today = {"version": figures.__version__, "code": figures.code(), "text": "old"}
     kept.write_text(
         json.dumps({"a": today | {"command": sources["a"].command}, "b": today | {"command": "-"}})
     )
