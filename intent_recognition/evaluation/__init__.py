@@ -36,7 +36,12 @@ from intent_recognition.evaluation.session_summary import (
     summary_line,
     to_json,
 )
-from intent_recognition.evaluation.suggesting import Suggestion, suggest, suggest_next
+from intent_recognition.evaluation.suggesting import (
+    Suggestion,
+    rehearsal_to_json,
+    suggest,
+    suggest_next,
+)
 from intent_recognition.evaluation.traces import Trace, usable
 
 __all__ = [
@@ -65,6 +70,7 @@ __all__ = [
     "nearest_neighbour",
     "propose_segments",
     "recognise_segments",
+    "rehearsal_to_json",
     "rehearse",
     "reliability_bins",
     "remarks_on",

@@ -5,7 +5,7 @@ Misses and wrong actions, with an interval for the share of these; the worst mom
 decisions and computations take; and what to demonstrate next.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable
 from time import perf_counter
 from typing import NamedTuple
 
@@ -105,9 +105,8 @@ class Rehearsal(NamedTuple):
 
 def rehearse(
     library: TaskLibrary,
-    recordings: Sequence[Demonstration],
+    recordings: Iterable[Demonstration],
     settings: DecisionSettings | None = None,
-    progress: Callable[[int], None] = lambda done: None,
 ) -> Rehearsal:
     """Follow recordings as the nodes do.
 
@@ -115,23 +114,18 @@ def rehearse(
         library: the learned tasks.
         recordings: labelled; their starts and ends are those of the movements.
         settings: of the decision; the node's defaults when None.
-        progress: called with the number of recordings followed so far.
 
     Raises:
         ArgumentError: no recording, or one of a task that the library does not know.
     """
-    if not recordings:
-        raise ArgumentError.about("recordings", "labelled ones", "none", "Record some.")
     settings, runs = settings or decision_settings(library), []
     for recorded in recordings:
         if recorded.task not in library.labels:
-            expected, cure = (
-                f"one of {', '.join(library.labels)}",
-                "Teach the task, or leave it out.",
-            )
-            raise ArgumentError.about(f"task of {recorded.name}", expected, recorded.task, cure)
+            known, cure = f"one of {', '.join(library.labels)}", "Teach it, or leave it out."
+            raise ArgumentError.about(f"task of {recorded.name}", known, recorded.task, cure)
         runs.append(_follow(library, recorded, settings))
-        progress(len(runs))
+    if not runs:
+        raise ArgumentError.about("recordings", "labelled ones", "none", "Record some.")
     return Rehearsal(tuple(runs))
 
 

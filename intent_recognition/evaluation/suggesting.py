@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from intent_recognition.evaluation.rehearsing import Rehearsal
 from intent_recognition.learning import Trained, TrainingExample, example_of
@@ -68,11 +69,11 @@ def suggest(
         failed: whether each of them was missed or acted on wrongly.
         n: how many suggestions.
     """
-    paths, tasks, scale = _paths(shown, rehearsed)
-    likeness = np.exp(-0.5 * _distances(paths / scale) ** 2) * (tasks[:, None] == tasks)
+    tasks = np.array([one.task for one in (*shown, *rehearsed)])
     known, new = len(shown), slice(len(shown), None)
-    like = likeness[new, new]
-    count = 1.0 + likeness[new, :known].sum(axis=1)
+    likeness = np.exp(-0.5 * _squared_distances(shown, rehearsed)) * (tasks[new, None] == tasks)
+    like = likeness[:, new]
+    count = 1.0 + likeness[:, :known].sum(axis=1)
     risk, own = np.array(failed, dtype=np.float64), tasks[new]
     for task in set(own.tolist()):
         some = own == task
@@ -88,25 +89,38 @@ def suggest(
     return found
 
 
-def _paths(
+def _squared_distances(
     shown: Sequence[TrainingExample], rehearsed: Sequence[TrainingExample]
-) -> tuple[NDArray[np.float64], NDArray[np.str_], NDArray[np.float64]]:
-    """Observed paths of all (n, m, P), their tasks (n,), and the scale of each DOF (P,)."""
+) -> NDArray[np.float64]:
+    """Of the rehearsed paths from all, in variances of each DOF about its task, (J, D + J)."""
     paths = np.array([one.observed for one in (*shown, *rehearsed)])
-    tasks = np.array([one.task for one in (*shown, *rehearsed)])
-    own = tasks[: len(shown)]
-    known = paths[: len(shown)]
-    scatter, freedom = np.zeros(paths.shape[2]), 0
-    for task in set(own.tolist()):
-        some = known[own == task]
-        scatter += ((some - some.mean(axis=0)) ** 2).mean(axis=1).sum(axis=0)
-        freedom += len(some) - 1
-    return paths, tasks, np.sqrt(np.maximum(scatter / max(freedom, 1), SMALLEST_VARIANCE))
+    known, own = paths[: len(shown)], [one.task for one in shown]
+    about = [known[[task == one for one in own]].mean(axis=0) for task in own]
+    freedom = max(len(own) - len(set(own)), 1)
+    variance = ((known - np.array(about)) ** 2).mean(axis=1).sum(axis=0) / freedom
+    scaled = paths / np.sqrt(np.maximum(variance, SMALLEST_VARIANCE))
+    flat = scaled.reshape(len(paths), -1)
+    return np.asarray(cdist(flat[len(shown) :], flat, "sqeuclidean") / flat.shape[1])
 
 
-def _distances(paths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Root mean square distances between paths, (n, n)."""
-    flat = paths.reshape(len(paths), -1)
-    square = (flat**2).sum(axis=1)
-    apart = square[:, None] + square - 2.0 * flat @ flat.T
-    return np.sqrt(np.maximum(apart, 0.0) / flat.shape[1])
+def rehearsal_to_json(rehearsal: Rehearsal, suggestions: Sequence[Suggestion]) -> dict[str, object]:
+    """A rehearsal and what to demonstrate next as plain values."""
+    return {
+        "n": len(rehearsal.runs),
+        "wrong": rehearsal.n_wrong,
+        "wrong_interval": list(rehearsal.wrong_interval()),
+        "missed": rehearsal.n_missed,
+        "runs": [
+            {
+                "recording": run.recorded.name,
+                "task": run.task,
+                "activated": list(run.activated),
+                "decided_s": None if run.missed else run.decided_s,
+                "computed_ms": (1e3 * run.computed_s).tolist(),
+            }
+            for run in rehearsal.runs
+        ],
+        "suggestions": [
+            one._asdict() | {"like": rehearsal.runs[one.like].recorded.name} for one in suggestions
+        ],
+    }

@@ -43,7 +43,11 @@ from intent_recognition.report.html import (
     write_page,
 )
 from intent_recognition.report.interaction_table import table_lines
-from intent_recognition.report.rehearsal_report import worst_figure, write_rehearsal_report
+from intent_recognition.report.rehearsal_report import (
+    rehearsal_tables,
+    worst_figure,
+    write_rehearsal_report,
+)
 from intent_recognition.report.warp_report import write_warp_report
 
 __all__ = [
@@ -69,6 +73,7 @@ __all__ = [
     "new_axes",
     "new_figure",
     "readable",
+    "rehearsal_tables",
     "shared_legend",
     "short_name",
     "styled",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from intent_recognition.evaluation import Rehearsal, Rehearsed
+from intent_recognition.evaluation import Rehearsal, Rehearsed, Suggestion
 from intent_recognition.report.drawing import (
     INK,
     SOFT,
@@ -22,8 +22,6 @@ from intent_recognition.report.html import (
     Block,
     Column,
     Figure,
-    KeyNumber,
-    KeyNumbers,
     Paragraph,
     ReportPage,
     Section,
@@ -41,47 +39,76 @@ EXPLANATION = (
     " never became active. The interval is that of Clopper and Pearson and takes recordings for"
     " independent; those of one person are alike, and it is then too narrow."
 )
+CAPTION = (
+    "Probability of each task over time since the movement began. Thick: the true task; dashed:"
+    " the worst moment; bars below: what was active."
+)
+Tables = Mapping[str, Sequence[Sequence[str]]]
+"""By title the names of the columns, and rows of texts."""
 
 
-def write_rehearsal_report(
-    path: str | Path,
-    rehearsal: Rehearsal,
-    summary: Mapping[str, str],
-    suggestions: Sequence[Sequence[object]],
-    worst: Sequence[Rehearsed],
-) -> Path:
+def rehearsal_tables(
+    rehearsal: Rehearsal, suggestions: Sequence[Suggestion], worst: Sequence[Rehearsed]
+) -> Tables:
+    """What a rehearsal says, as texts.
+
+    Args:
+        rehearsal: what came of the recordings.
+        suggestions: what to demonstrate next.
+        worst: the runs with the worst moments, the worst first.
+    """
+    n, (low, high) = len(rehearsal.runs), rehearsal.wrong_interval()
+    decided_s = [run.decided_s for run in rehearsal.runs if not run.missed] or [np.nan]
+    computed_ms = 1e3 * np.concatenate([run.computed_s for run in rehearsal.runs])
+    late_s, late_ms = np.percentile(decided_s, [50, 90]), np.percentile(computed_ms, [50, 99])
+    result = [
+        ("acted on wrongly", f"{rehearsal.n_wrong} of {n} (95 %: {low:.1%} to {high:.1%})"),
+        ("missed", f"{rehearsal.n_missed} of {n}"),
+        ("decision", f"after {late_s[0]:.2f} s (median), {late_s[1]:.2f} s (90 %)"),
+        ("computation", f"{late_ms[0]:.2f} ms (median), {late_ms[1]:.1f} ms (99 %)"),
+    ]
+    moments = [
+        (
+            run.recorded.name,
+            run.task,
+            ", ".join(run.activated) or "-",
+            f"{run.times_s[run.worst]:.2f}",
+            run.labels[int(np.argmax(run.probabilities[run.worst]))],
+        )
+        for run in worst
+    ]
+    shown = [
+        (one.task, _movement(rehearsal.runs[one.like]), f"{one.prevented:.2f}")
+        for one in suggestions
+    ]
+    return {
+        "rehearsal": [("", ""), *result],
+        "what to demonstrate next": [("task", "like", ">failures fewer"), *shown],
+        "the worst moments": [("recording", "task", "acted on", ">at [s]", "taken for"), *moments],
+    }
+
+
+def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Rehearsed]) -> Path:
     """Write the report as one HTML file.
 
     Args:
         path: of the file; its folder is made if it is missing.
-        rehearsal: what came of the recordings.
-        summary: numbers as texts, by name.
-        suggestions: rows of task, movement to be like, and failures prevented.
+        tables: of `rehearsal_tables`.
         worst: the runs with the worst moments, the worst first.
 
     Raises:
         ResourceBusyError: the file cannot be written.
     """
-    numbers = KeyNumbers(tuple(KeyNumber(name, text) for name, text in summary.items()))
-    columns = (
-        Column("task", align="left"),
-        Column("like", align="left"),
-        Column("failures fewer, expected", form=".2f"),
-    )
-    drawn: tuple[Block, ...] = ()
+    sections = []
+    for title, (names, *rows) in tables.items():
+        columns = [Column(name.removeprefix(">"), align="left") for name in names]
+        block: tuple[Block, ...] = (TableBlock.of(columns, rows),)
+        sections.append(Section(title.capitalize(), block))
     if worst:
-        caption = (
-            "Probability of each task over time since the movement began. Thick: the true task;"
-            " dashed: the worst moment; bars below: what was active."
-        )
-        drawn = (Figure(to_svg(worst_figure(worst)), caption),)
-    sections = (
-        Section("Result", (numbers, Paragraph(EXPLANATION, small=True))),
-        Section("What to demonstrate next", (TableBlock.of(columns, suggestions),)),
-        Section("The worst moments", drawn),
-    )
-    subtitle = f"{len(rehearsal.runs)} recordings"
-    return write_page(path, ReportPage("Rehearsal", subtitle, sections))
+        drawn = Figure(to_svg(worst_figure(worst)), CAPTION)
+        sections[-1] = Section(sections[-1].heading, (drawn, *sections[-1].blocks))
+    sections[0] = Section("Result", (*sections[0].blocks, Paragraph(EXPLANATION, small=True)))
+    return write_page(path, ReportPage("Rehearsal", "before the robot moves", tuple(sections)))
 
 
 @styled
@@ -95,22 +122,29 @@ def worst_figure(runs: Sequence[Rehearsed]) -> "Drawing":
         times_s, p = thin(run.times_s), thin(run.probabilities)
         for k, label in enumerate(run.labels):
             width = 2.8 if label == run.task else 1.2
-            axes.plot(times_s, p[:, k], color=colours[label], linewidth=width, label=label)
+            axes.plot(times_s, p[:, k], color=colours[label], linewidth=width)
         axes.axvline(run.times_s[run.worst], color=SOFT, linewidth=1.0, linestyle=(0, (3, 2)))
         for task in set(run.active) - {""}:
-            where = np.array([one == task for one in run.active])
-            axes.fill_between(
-                run.times_s, -0.09, -0.03, where=where, color=colours[task], linewidth=0
-            )
+            where = [one == task for one in run.active]
+            axes.fill_between(run.times_s, -0.09, -0.03, where=where, color=colours[task], lw=0)
         axes.axhline(0.0, color=INK, linewidth=0.6)
         verdict = "wrong" if run.wrong else "missed" if run.missed else "right"
         axes.set_title(f"{readable(run.task)}: {verdict}", fontsize=8.5)
-        axes.set_xlabel(run.recorded.name, fontsize=7.5)
+        axes.set_xlabel(f"{run.recorded.name} [s]", fontsize=7.5)
         axes.set_ylim(-0.11, 1.04)
-        axes.locator_params(axis="x", nbins=4)
     for axes in grid[len(runs) :]:
         axes.set_axis_off()
-    handles, labels = grid[0].get_legend_handles_labels()
-    names = [readable(label) for label in labels]
-    figure.legend(handles, names, loc="outside lower center", ncols=6)
+    for label in runs[0].labels:
+        grid[0].plot([], [], color=colours[label], label=readable(label))
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     return figure
+
+
+def _movement(run: Rehearsed) -> str:
+    """Name, person, first and last position of a movement."""
+    start_ns, end_ns = run.recorded.start_ns, run.recorded.end_ns
+    parts = [signal.between(start_ns, end_ns).values for signal in run.recorded.observed]
+    ends = (np.concatenate([part[k] for part in parts]) for k in (0, -1))
+    where = " to ".join(f"({', '.join(f'{x:.2f}' for x in point)})" for point in ends)
+    group = run.recorded.metadata.get("group", "")
+    return f"{run.recorded.name}{f' of {group}' if group else ''}: {where}"
