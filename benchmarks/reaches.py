@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import betainc
@@ -191,12 +191,18 @@ def seen(rng: np.random.Generator, reach: Reach) -> tuple[NDArray[np.float64], N
     return np.asarray(times_s, dtype=np.float64), positions + tremor + noise
 
 
-def demonstrations(rng: np.random.Generator, per_task: int = 15) -> list[Demonstration]:
-    """Demonstrations of the tasks of `APART`; the robot meets the hand with a delay."""
+def demonstrations(
+    rng: np.random.Generator,
+    per_task: int = 15,
+    goals: Goals = APART,
+    seat: ArrayLike = (0.0, 0.0, 0.0),
+) -> list[Demonstration]:
+    """Demonstrations of some tasks from a seat (3,); the robot meets the hand with a delay."""
     found = []
-    for task in APART:
+    for task in goals:
         for k in range(per_task):
-            times_s, human = seen(rng, draw(rng, task))
+            reach = draw(rng, task, goals)
+            times_s, human = seen(rng, reach._replace(positions=reach.positions + seat))
             robot = gaussian_filter1d(human, 15.0, axis=0) @ _ARM + 0.3
             name = f"{task}_{k:02}"
             found.append(

@@ -15,9 +15,10 @@ import yaml
 _FILE = Path(__file__).with_name("parameters.yaml")
 
 PARTS: Mapping[str, tuple[str, ...]] = {
-    "mocap_ingest": ("mocap_ingest", "frames"),
-    "intent_estimator": ("lifecycle", "intent_estimator", "hand", "via_points", "plan", "frames"),
-    "primitive_activation": ("lifecycle", "activation", "hand", "clearance", "person")
+    "mocap_ingest": ("mocap_ingest", "people", "frames"),
+    "intent_estimator": ("lifecycle", "intent_estimator", "people", "hand", "via_points", "plan")
+    + ("frames",),
+    "primitive_activation": ("lifecycle", "activation", "people", "hand", "clearance", "person")
     + ("correction", "sequences"),
     "task_teacher": ("task_teacher", "practice"),
     "object_warper": ("object_warper", "frames"),

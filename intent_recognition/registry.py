@@ -119,6 +119,7 @@ NODES: Mapping[str, RegisteredNode] = {
             "robot_description",
         ),
         publishes=(
+            "intent/active_person",
             "intent/active_task",
             "intent/correction",
             "intent/feedback",

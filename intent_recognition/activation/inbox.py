@@ -71,6 +71,7 @@ class EstimatorInbox:
         held_back: why a recognised task is not executed (its end is uncertain), or empty.
         prediction: the newest, None while the human rests.
         unused: whether it has not been planned with yet.
+        refused: whether the last attempt to begin with it failed.
         ordered: what to begin without recognition, as soon as no task is active; None for nothing.
         idle_since_ns: stamp of the first observation that found the human at rest again.
     """
@@ -94,6 +95,7 @@ class EstimatorInbox:
         self.question: dict[str, float] = {}
         self.prediction: PredictedInteraction | None = None
         self.ordered: PredictedInteraction | None = None
+        self.refused = False
         self._served_ns: int | None = None
 
     def silent(self, now_ns: int) -> bool:
@@ -122,13 +124,22 @@ class EstimatorInbox:
 
         Without an active task, what is ordered, from now on.
         """
-        prediction, active = self.prediction, self.decision.active
-        if self.ordered is not None and not active:
+        if self.ordered is not None and not self.decision.active:
             return None if self.silent(now_ns) else self.ordered._replace(onset_ns=now_ns)
-        if prediction is None or not self.unused or not active or prediction.label != active:
+        return self.needed() if self.unused and not self.silent(now_ns) else None
+
+    def needed(self) -> PredictedInteraction | None:
+        """The prediction of the active task, if its movement is not yet served."""
+        prediction, active = self.prediction, self.decision.active
+        if prediction is None or not active or prediction.label != active:
             return None
         served = self._served_ns is not None and prediction.onset_ns < self._served_ns
-        return None if served or self.silent(now_ns) else prediction
+        return None if served else prediction
+
+    @property
+    def certainty(self) -> float:
+        """The largest probability of the last observation."""
+        return 0.0 if self._estimate is None else float(np.max(self._estimate.probabilities))
 
     def take_tasks(
         self,
@@ -180,6 +191,7 @@ class EstimatorInbox:
         self._note_held_back(uncertain_end(settings, state, end_std))
         if state.idle:
             self.prediction = self._served_ns = None
+            self.refused = False
 
     def _note_held_back(self, reason: str) -> None:
         """Keep why nothing is executed; rejected once, if the movement ends without."""

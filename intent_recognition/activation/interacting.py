@@ -7,6 +7,7 @@ from dataclasses import replace
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
+from intent_recognition.activation.people import People
 from intent_recognition.activation.pretrigger import Pretrigger
 from intent_recognition.activation.states import (
     ActiveInteraction,
@@ -23,7 +24,7 @@ class Interacting:
     Args:
         arm: the commands sent, and the joints measured.
         motions: plans.
-        inbox: which task is active, and what is predicted.
+        people: whom to help; which task of theirs is active, and what is predicted.
         waiting: learns where home is when the first interaction begins.
         pretrigger: whether the arm has gone ahead for a task.
         counts: gets how often an interaction began, and whether the arm had gone ahead for it.
@@ -33,13 +34,18 @@ class Interacting:
         self,
         arm: ArmTracking,
         motions: Motions,
-        inbox: EstimatorInbox,
+        people: People,
         waiting: Waiting,
         pretrigger: Pretrigger,
         counts: Counter[str],
     ) -> None:
-        self._arm, self._motions, self._inbox = arm, motions, inbox
+        self._arm, self._motions, self._people = arm, motions, people
         self._waiting, self._pretrigger, self._counts = waiting, pretrigger, counts
+
+    @property
+    def _inbox(self) -> EstimatorInbox:
+        """Of whom the arm attends to."""
+        return self._people.inbox
 
     def begin(self, now_ns: int) -> Transition | None:
         """Start the active task, if there is one to start and it can be started."""
@@ -48,7 +54,7 @@ class Interacting:
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.start_reference(now_ns, start_ns)
-        self._inbox.unused = False
+        self._inbox.unused, self._inbox.refused = False, True
         if start is None:
             return None
         self._inbox.ordered = None
@@ -60,6 +66,7 @@ class Interacting:
         if self._pretrigger.label:
             right = self._pretrigger.label == prediction.label
             self._counts["pretrigger right" if right else "pretrigger wrong"] += 1
+        self._inbox.refused = False
         self._pretrigger.interaction_began()
         self._inbox.mark_served(None)
         self._counts["started"] += 1

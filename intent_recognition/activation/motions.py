@@ -31,7 +31,7 @@ from intent_recognition.motion import (
 )
 
 _N_SLOWED = 6
-"""Further plans tried until one keeps the speeds permitted near the person. Convention."""
+"""Further plans tried until one keeps the speeds permitted near people. Convention."""
 _HEADROOM = 0.93
 """Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
 Convention: the first or second further plan mostly keeps it."""
@@ -60,7 +60,7 @@ class _Way(NamedTuple):
         plan: with the phases on the path.
         path: that it keeps to at any speed; None where it has but one.
         onset_ns: when the motion is to begin; None: as soon as it may.
-        slowed: whether it is slower than it would be without the person.
+        slowed: whether it is slower than it would be without people.
         command: that was sent: the plan, or a brake along the path.
     """
 
@@ -82,7 +82,7 @@ class Motions:
         counts: gets how often plans were made, slowed, clamped, bent and refused.
 
     Attributes:
-        person: where the person is predicted to be; None where that is not known.
+        people: where people are predicted to be, as far as that is known.
         corrected: what is followed, if it was corrected by hand.
     """
 
@@ -97,8 +97,8 @@ class Motions:
         self._reject, self._counts = reject, counts
         self._followed: _Followed | None = None
         self._way: _Way | None = None
-        self._paced_by: PredictedPerson | None = None
-        self.person: PredictedPerson | None = None
+        self._paced_by: tuple[PredictedPerson, ...] = ()
+        self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
 
     def interact(
@@ -171,21 +171,21 @@ class Motions:
     def _slowed(
         self, plan: JointPlan | None, path: JointPath, start_ns: int, again: _Planner
     ) -> JointPlan | None:
-        """A plan along a path that keeps the speeds permitted near the person; None without one.
+        """A plan along a path that keeps the speeds permitted near people; None without one.
 
         Where the arm is at a time depends on how much it is slowed, and so does the distance: the
         ceiling on the rate falls from round to round, by where the plan before was when.
         """
-        separation, person, ceiling = self.settings.separation, self.person, None
-        if separation is None or person is None:
+        separation, people, ceiling = self.settings.separation, self.people, None
+        if separation is None or not people:
             return plan
         for k in range(_N_SLOWED + 1):
-            if plan is None or separation.excess(plan, start_ns, person) <= 1.0:
+            if plan is None or separation.worst_excess(plan, start_ns, people) <= 1.0:
                 self._counts["slowed by person"] += k > 0 and plan is not None
                 return plan
-            newer = _HEADROOM * separation.rate_ceiling(
-                path, phase_times_ns(plan, start_ns), person
-            )
+            times_ns = phase_times_ns(plan, start_ns)
+            ceilings = [separation.rate_ceiling(path, times_ns, person) for person in people]
+            newer = _HEADROOM * np.min(ceilings, axis=0)
             ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
             plan = again(ceiling, 2.0**k)
         return None
@@ -259,7 +259,7 @@ class Motions:
     def _way_to(
         self, start_ns: int, start: JointReference, target: NDArray[np.float64], kind: str = "home"
     ) -> _Way | None:
-        """To a posture, slowed near the person; None where no plan keeps the limits."""
+        """To a posture, slowed near people; None where no plan keeps the limits."""
         settings = self.settings
         plan = home_plan(start, target, settings.limits)
         if plan is None or settings.separation is None:
@@ -299,26 +299,27 @@ class Motions:
             standing = np.zeros_like(plan.phase)
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan))
-        self._way, self._paced_by = way._replace(command=command), self.person
+        self._way, self._paced_by = way._replace(command=command), self.people
         return command
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """The motion under way at another speed, or a brake along its path; None to go on as it is.
 
-        Looked at where the person is predicted elsewhere than when it was planned. Where no plan
+        Looked at where people are predicted elsewhere than when it was planned. Where no plan
         keeps the speeds permitted now, the arm brakes, and goes on as soon as one does.
         """
-        way, person, separation = self._way, self.person, self.settings.separation
+        way, people, separation = self._way, self.people, self.settings.separation
         current, start_ns = self._arm.current, self._arm.switch_ns(now_ns)
         if way is None or way.path is None or current is None or way.command is not current:
             return None
-        if person is None or separation is None or not self._arm.is_update_due(now_ns):
+        if not people or separation is None or not self._arm.is_update_due(now_ns):
             return None
         brakes = way.plan.kind == "stop"
-        if not brakes and (person is self._paced_by or start_ns >= current.end_ns):
+        if not brakes and (people is self._paced_by or start_ns >= current.end_ns):
             return None
-        self._paced_by = person
-        too_fast = separation.excess(current.plan, current.start_ns, person, start_ns) > 1.0
+        self._paced_by = people
+        worst = separation.worst_excess(current.plan, current.start_ns, people, start_ns)
+        too_fast = worst > 1.0
         if not (too_fast or way.slowed or brakes):
             return None
         progress = way.plan.phase_at((start_ns - current.start_ns) * 1e-9)

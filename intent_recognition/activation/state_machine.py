@@ -30,6 +30,7 @@ from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.interacting import Interacting
 from intent_recognition.activation.motions import Motions
+from intent_recognition.activation.people import People
 from intent_recognition.activation.pretrigger import Pretrigger
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import (
@@ -84,15 +85,15 @@ class Activation:
         self._settings, self._reject = settings, reject
         self.counts: Counter[str] = Counter()
         self.pretrigger = Pretrigger(settings.pretrigger, settings.decision)
-        self._inbox = EstimatorInbox(settings, reject)
+        self._people = People(settings, reject)
         self._arm = ArmTracking(settings, reject)
         self._motions = Motions(settings, self._arm, reject, self.counts)
         self._correcting = Correcting(settings, self._arm, self._motions, self.counts)
         self._waiting = Waiting(
-            settings, self._arm, self._motions, self._inbox, self.pretrigger, self.counts
+            settings, self._arm, self._motions, self._people, self.pretrigger, self.counts
         )
         self._interacting = Interacting(
-            self._arm, self._motions, self._inbox, self._waiting, self.pretrigger, self.counts
+            self._arm, self._motions, self._people, self._waiting, self.pretrigger, self.counts
         )
         self._now_ns = 0
         self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
@@ -101,16 +102,27 @@ class Activation:
     def _start_over(self) -> None:
         """Back to the beginning, but for the measured arm and the command in force."""
         self.state = Idle()
-        self._inbox.forget()
+        self._people.forget()
         self.pretrigger.forget()
 
     def change(self, settings: ActivationSettings) -> None:
         """Act by other settings from now on, for the same joints; what is under way goes on."""
         self._settings = settings
-        for part in (self._inbox, self._arm, self._motions, self._correcting):
+        self._people.change(settings)
+        for part in (self._arm, self._motions, self._correcting):
             part.settings = settings
         self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
         self._waiting.change(settings)
+
+    @property
+    def _inbox(self) -> EstimatorInbox:
+        """What has come from the estimator of whom the arm attends to."""
+        return self._people.inbox
+
+    @property
+    def attended(self) -> str:
+        """Whom the arm helps while a task is active; empty where people have no names."""
+        return self._people.attended if self.active_task else ""
 
     @property
     def mode(self) -> Mode:
@@ -176,6 +188,7 @@ class Activation:
         labels: Sequence[str],
         probabilities: NDArray[np.float64],
         log_evidence: NDArray[np.float64] | None = None,
+        person: str = "",
     ) -> None:
         """Take the probabilities of one observation.
 
@@ -185,22 +198,29 @@ class Activation:
             labels: of the K tasks and none.
             probabilities: theirs, (K + 1,), sum to one.
             log_evidence: log density of the movement under each, (K + 1,); None where not known.
+            person: of whom; with names there are several people, and the arm helps one at a time.
 
         Raises:
             ArgumentError: what `decide` cannot take.
         """
-        if not self._inbox.take_tasks(now_ns, stamp_ns, labels, probabilities, log_evidence):
+        numbers = labels, probabilities, log_evidence
+        helps = isinstance(self.state, UNDER_WAY)
+        decision = self._people.take_tasks(person, helps, now_ns, stamp_ns, *numbers)
+        if decision is None:
             return
-        decision = self.decision
         if decision.event:
             self.counts[decision.event] += 1
+        if person != self._people.attended:
+            return
         if decision.event == "over" and isinstance(self.state, UNDER_WAY):
             self.state = finished(self.state)
         self.pretrigger.observe(decision, labels, probabilities)
 
-    def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
-        """Take the newest prediction; it is used if its task is the active one."""
-        self._inbox.take_prediction(now_ns, prediction)
+    def take_prediction(
+        self, now_ns: int, prediction: PredictedInteraction, person: str = ""
+    ) -> None:
+        """Take the newest prediction of a person; it is used if its task is the active one."""
+        self._people.of(person).take_prediction(now_ns, prediction)
 
     def take_next_task(
         self,
@@ -230,9 +250,9 @@ class Activation:
         """
         self._inbox.order(prediction)
 
-    def take_person(self, person: PredictedPerson | None) -> None:
-        """Take where the person is predicted to be; None when that is not known any more."""
-        self._motions.person = person
+    def take_people(self, people: tuple[PredictedPerson, ...]) -> None:
+        """Take where people are predicted to be, as far as that is known."""
+        self._motions.people = people
 
     def take_joint_state(
         self,
@@ -257,7 +277,7 @@ class Activation:
 
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""
-        self._inbox.forget_interaction()
+        self._people.forget_interaction()
         self.pretrigger.forget()
         state = self.state
         if isinstance(state, Pretriggered):
@@ -305,7 +325,17 @@ class Activation:
             self._start_over()
             return None
         self._now_ns = max(now_ns, self._now_ns)
+        if self._people.named and self._is_free(now_ns):
+            self._people.choose(now_ns)
         return self._enter(self._next(self.state, now_ns))
+
+    def _is_free(self, now_ns: int) -> bool:
+        """Whether the arm may turn to another person."""
+        state = self.state
+        if isinstance(state, Arrived) and state.interaction.over:
+            held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
+            return held or bool(self.decision.active)
+        return isinstance(state, (Idle, Homing))
 
     def _enter(self, transition: Transition) -> Command | None:
         outcome = outcome_of(self.state, transition.state)
@@ -341,7 +371,8 @@ class Activation:
                 self._inbox.mark_served(interaction)
             return Transition(Arrived(interaction, now_ns))
         expected = now_ns < interaction.prediction.end_ns and not interaction.over
-        withdrawn = expected and not (self.decision.active or interaction.ordered)
+        waits = interaction.ordered and (self.decision.idle or not self._people.named)
+        withdrawn = expected and not (self.decision.active or waits)
         reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
         if reason:
             return self._stop(now_ns, reason, interaction)

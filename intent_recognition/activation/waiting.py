@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from intent_recognition.activation.arm_tracking import ArmTracking, same_posture
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
+from intent_recognition.activation.people import People
 from intent_recognition.activation.pretrigger import Pretrigger
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import (
@@ -29,7 +30,7 @@ class Waiting:
         settings: of the activation.
         arm: the commands sent, and the joints measured.
         motions: plans.
-        inbox: whether the human rests, and since when.
+        people: whether whom the arm attends to rests, and since when.
         pretrigger: which task to go ahead for.
         counts: gets how often the arm went ahead, and why it withdrew.
 
@@ -43,15 +44,20 @@ class Waiting:
         settings: ActivationSettings,
         arm: ArmTracking,
         motions: Motions,
-        inbox: EstimatorInbox,
+        people: People,
         pretrigger: Pretrigger,
         counts: Counter[str],
     ) -> None:
-        self._arm, self._motions, self._inbox = arm, motions, inbox
+        self._arm, self._motions, self._people = arm, motions, people
         self._pretrigger, self._counts = pretrigger, counts
         self.home: NDArray[np.float64] | None = None
         self._brake: Command | None = None
         self.change(settings)
+
+    @property
+    def _inbox(self) -> EstimatorInbox:
+        """Of whom the arm attends to."""
+        return self._people.inbox
 
     def change(self, settings: ActivationSettings) -> None:
         """Go by other settings from now on; a home that they do not name stays."""

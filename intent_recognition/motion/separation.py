@@ -12,6 +12,7 @@ the arm's speed v_r. S and Z are those of the predicted tube, at the time at whi
 there. This is not a safety function: nothing here is monitored, and predictions can be wrong.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -176,6 +177,17 @@ class Separation:
             middle = 0.5 * (begin + end)
             begin, end = np.append(begin, middle), np.append(middle, end)
         return worst
+
+    def worst_excess(
+        self,
+        plan: JointPlan,
+        start_ns: int,
+        people: Sequence[PredictedPerson],
+        since_ns: int = 0,
+    ) -> float:
+        """The largest `excess` over people; 0 without any."""
+        found = [self.excess(plan, start_ns, person, since_ns) for person in people]
+        return max(found, default=0.0)
 
     def _ratios(
         self,

@@ -4,6 +4,7 @@
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -13,6 +14,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.command_action import CommandAction
 from intent_recognition.nodes.conversions import TrajectoryBuilder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
+from intent_recognition.nodes.people import named_people
 
 _N_CORRECTED = 61
 """Points of a corrected path. Convention."""
@@ -50,6 +52,10 @@ class ActivationOutput:
         self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
         self._builder: TrajectoryBuilder | None = None
         self._published_task: str | None = None
+        self._helped: Publisher | None = None
+        if named_people(node):
+            self._helped = node.create_publisher(String, "intent/active_person", qos.LATCHED)
+        self._published_person: str | None = None
         self._corrected: PredictedInteraction | None = None
         self._ahead = ""
 
@@ -109,6 +115,10 @@ class ActivationOutput:
             self._published_task = task
             self._task.publish(String(data=task))
             self._logger.info(f"active task: {task or 'none'}")
+        person = "" if activation is None else activation.attended
+        if self._helped is not None and person != self._published_person:
+            self._published_person = person
+            self._helped.publish(String(data=person))
         question = {} if activation is None else activation.question
         if {*question} != {*self._asked}:
             self._asked = tuple(question)

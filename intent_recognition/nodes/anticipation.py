@@ -52,21 +52,24 @@ less."""
 
 
 class PostureInput:
-    """Passes the controlled agent's measured positions to the estimator, for its posture at onset.
+    """Passes the controlled agent's measured positions to the estimators, for its posture at onset.
 
     Args:
         node: subscribes.
         diagnostics: what is rejected is counted under `posture_<reason>`, a posture that could
             not be used under `start_posture_<why>`, once a movement and task; a graph without an
             arm counts nothing.
+
+    Attributes:
+        estimators: of all people.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._node, self._diagnostics = node, diagnostics
         self._hand = HandInput(node, diagnostics)
         self._subscriptions: list = []
-        self._estimator: IntentEstimator | None = None
-        self._noted: tuple | None = None
+        self.estimators: Sequence[IntentEstimator] = ()
+        self._noted: dict[str, tuple] = {}
         self._received = False
         self._last_ns: dict[int, int] = {}
         self._left_overs = LeftOvers({})
@@ -76,13 +79,13 @@ class PostureInput:
         """The arm of `robot_description`; None before that has come, or if it cannot be used."""
         return self._hand.arm
 
-    def open(self, estimator: IntentEstimator, entries: Sequence[DofEntry]) -> None:
+    def open(self, estimators: Sequence[IntentEstimator], entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
 
         A hand's pose comes from the joints of the arm, and so does that of a person's wrist where
         `hand_link` says that an arm is in that person's place.
         """
-        self._estimator = estimator
+        self.estimators = estimators
         self._last_ns.clear()
         self._hand.taught = next((entry.link for entry in entries if entry.link), "")
         numbers = [name for entry in entries for name in entry.message_names]
@@ -151,17 +154,17 @@ class PostureInput:
         except IntentError as error:
             self._diagnostics.reject("posture_missing_dof", str(error))
             return
-        assert self._estimator is not None  # since `open`
-        reason = self._estimator.update_controlled(Observation(stamp, group, values))
-        if reason is not None:
+        observation = Observation(stamp, group, values)
+        reasons = [estimator.update_controlled(observation) for estimator in self.estimators]
+        if reason := next(filter(None, reasons), None):
             self._diagnostics.reject(f"posture_{reason}", f"{topic} at {stamp} ns")
 
-    def note(self, prediction: Prediction) -> None:
-        """Report whether a prediction could use the posture."""
+    def note(self, prediction: Prediction, person: str = "") -> None:
+        """Report whether a prediction of a person could use the posture."""
         key = (prediction.onset_ns, prediction.task, prediction.start)
-        if not self._subscriptions or key == self._noted:
+        if not self._subscriptions or key == self._noted.get(person):
             return
-        self._noted = key
+        self._noted[person] = key
         self._diagnostics.value("start posture", prediction.start)
         if prediction.start == POSTURE_OUTSIDE:
             self._diagnostics.count("start_posture_outside")
@@ -177,8 +180,8 @@ class NextTaskOutput:
     empty when there is none; the stamp is that of the observation that ended the last movement.
     """
 
-    def __init__(self, node: Node):
-        self._publisher = node.create_publisher(JointState, "intent/next_task", qos.LATCHED)
+    def __init__(self, node: Node, topic: str = "intent/next_task"):
+        self._publisher = node.create_publisher(JointState, topic, qos.LATCHED)
         self._published: tuple[TaskMemory, NDArray[np.float64]] | None = None
 
     def update(self, estimator: IntentEstimator) -> bool:

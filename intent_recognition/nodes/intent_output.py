@@ -32,6 +32,8 @@ class IntentOutput:
     Args:
         node: that publishes.
         diagnostics: what is published is counted there.
+        frames: where the predicted hand is told.
+        person: whose topics; empty for the only one.
 
     Attributes:
         tasks: publisher of `intent/tasks`.
@@ -42,15 +44,17 @@ class IntentOutput:
     _model: Model
     """From `configure` on."""
 
-    def __init__(self, node: Node, diagnostics: Diagnostics):
-        publish = node.create_publisher
-        self._diagnostics = diagnostics
-        self.tasks = publish(JointState, "intent/tasks", qos.STATE)
-        self.trajectory = publish(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
-        self._path = publish(Path, "intent/human_path", qos.COMMAND)
-        self.human_trajectory = publish(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
-        self._markers = publish(MarkerArray, "intent/markers", qos.COMMAND)
-        self._frames = FrameOutput(node)
+    def __init__(
+        self, node: Node, diagnostics: Diagnostics, frames: FrameOutput, person: str = ""
+    ) -> None:
+        publish, of = node.create_publisher, f"intent/{person}/" if person else "intent/"
+        self._diagnostics, self._frames = diagnostics, frames
+        self._hand_frame = f"predicted_hand_{person}" if person else "predicted_hand"
+        self.tasks = publish(JointState, f"{of}tasks", qos.STATE)
+        self.trajectory = publish(JointTrajectory, f"{of}robot_trajectory", qos.COMMAND)
+        self._path = publish(Path, f"{of}human_path", qos.COMMAND)
+        self.human_trajectory = publish(JointTrajectory, f"{of}human_trajectory", qos.COMMAND)
+        self._markers = publish(MarkerArray, f"{of}markers", qos.COMMAND)
 
     def configure(self, model: Model) -> None:
         """Begin with a model."""
@@ -122,7 +126,7 @@ class IntentOutput:
         positions, turned = along.positions[:, columns], self._orientations(group, human)
         path = to_path(estimate.stamp_ns, frame, human, positions, turned)
         self._path.publish(path)
-        self._frames.send(estimate.stamp_ns, frame, "predicted_hand", path.poses[-1].pose)
+        self._frames.send(estimate.stamp_ns, frame, self._hand_frame, path.poses[-1].pose)
         if self._markers.get_subscription_count():
             best = float(np.max(estimate.probabilities))
             shown = human.task, best, positions, along.std[:, columns]

@@ -12,6 +12,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
@@ -19,6 +20,7 @@ from intent_recognition.nodes.conversions import to_odometry, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput, hear_frames
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
+from intent_recognition.nodes.people import IdentityInput, meet, named_people
 from intent_recognition.nodes.runtime import (
     LeftOvers,
     elapsed_s,
@@ -68,10 +70,8 @@ class MocapIngest(Node):
             **{field: values[name] for name, field in LIVE.items()},
         )
         self._diagnostics = Diagnostics(self)
-        self._states = dict.fromkeys(bodies, IngestState())
-        self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {
-            body: deque() for body in bodies
-        }
+        self._states: dict[str, IngestState] = {}
+        self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {}
         self._wait_s: float = values["tf_wait"]
         self._tree = TransformTree()
         self._hears = self._wait_s > 0.0 and hear_frames(self, self._tree, self._look)
@@ -87,27 +87,41 @@ class MocapIngest(Node):
                 if frame != frame_name(self._settings.world_frame)
             },
         )
-        self._outputs = {
-            body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
-        }
-        self._inputs = [
-            self.create_subscription(
-                PoseStamped,
-                f"mocap/{body}/pose",
-                partial(self._on_pose, body),
-                qos.SENSOR,
-                raw=True,
-            )
-            for body in bodies
-        ]
-        for body, subscription in zip(bodies, self._inputs, strict=True):
-            self._diagnostics.watch(subscription, f"mocap/{body}/pose")
+        self._outputs: dict[str, Publisher] = {}
+        self._identity: IdentityInput | None = None
+        if named_people(self):
+            self._identity = IdentityInput(bodies[0], self._ingest_of, self._diagnostics)
+        for body in [] if self._identity else bodies:
+            self._tell(body)
+            self._hear(body)
+        template = f"mocap/{{}}/{bodies[0]}/pose"
+        meet(self, template, partial(self._meet, bodies))
         keep_live(self, LIVE, self._changed, self._change)
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
 
+    def _meet(self, bodies: Sequence[str], label: str) -> None:
+        """Hear the bodies of somebody whom the tracker follows under a label."""
+        for body in bodies:
+            self._hear(f"{label}/{body}")
+
+    def _hear(self, body: str) -> None:
+        """Subscribe to a body of the tracker."""
+        self._waiting[body] = deque()
+        topic = f"mocap/{body}/pose"
+        take = partial(self._on_pose, body)
+        subscription = self.create_subscription(PoseStamped, topic, take, qos.SENSOR, raw=True)
+        self._diagnostics.watch(subscription, topic)
+
+    def _tell(self, body: str) -> None:
+        """Publish a body of a person."""
+        self._states[body] = IngestState()
+        self._outputs[body] = self.create_publisher(Odometry, f"human/{body}", qos.SENSOR)
+
     def _start_over(self) -> None:
         """Forget the tracks: what comes next is earlier."""
+        if self._identity is not None:
+            self._identity.forget()
         self._left_overs = LeftOvers(
             {body: s.recent[-1][0] for body, s in self._states.items() if s.recent}
         )
@@ -143,7 +157,7 @@ class MocapIngest(Node):
             waiting.append((elapsed_s(self), measured))
             self._look()
         else:
-            self._ingest(body, measured)
+            self._identified(body, measured)
 
     def _look(self) -> None:
         """Go on with poses whose transforms have come, in order; refuse those that waited long."""
@@ -159,7 +173,7 @@ class MocapIngest(Node):
                     self._diagnostics.reject(error.reason, f"{body}: {error}")
                     continue
                 waiting.popleft()
-                self._ingest(body, placed)
+                self._identified(body, placed)
 
     def _in_world(self, measured: PoseNumbers) -> PoseNumbers:
         """A pose in the world frame, by the transform at its stamp.
@@ -175,6 +189,20 @@ class MocapIngest(Node):
         turned = multiply_quaternions(frame.quaternion, measured.pose[3:])
         pose = np.concatenate([frame.apply(measured.pose[:3]), turned])
         return measured._replace(frame_id=world, pose=pose)
+
+    def _identified(self, body: str, measured: PoseNumbers) -> None:
+        """Go on with a pose by its person, where people have names."""
+        if self._identity is None:
+            self._ingest(body, measured)
+        else:
+            label, _, own = body.partition("/")
+            self._identity.take(label, own, measured, self._settings)
+
+    def _ingest_of(self, person: str, body: str, measured: PoseNumbers) -> None:
+        name = f"{person}/{body}"
+        if name not in self._outputs:
+            self._tell(name)
+        self._ingest(name, measured)
 
     def _ingest(self, body: str, measured: PoseNumbers) -> None:
         """Check a pose, and send it on."""
@@ -202,7 +230,9 @@ class MocapIngest(Node):
         self._outputs[body].publish(to_odometry(result, body, world_frame, variance))
         if self._frames.heard:
             pose = to_pose(result.position, result.orientation)
-            self._frames.send(result.stamp_ns, self._settings.world_frame, f"human_{body}", pose)
+            self._frames.send(
+                result.stamp_ns, self._settings.world_frame, f"human_{body.replace('/', '_')}", pose
+            )
         self._diagnostics.tick(f"human/{body}")
         self._diagnostics.latency(time.perf_counter() - start_s)
 

@@ -40,10 +40,10 @@ CURE = (
 )
 
 
-def human_topic(entry: DofEntry) -> str:
-    """Topic on which mocap_ingest republishes a raw pose topic: human/<body>."""
+def human_topic(entry: DofEntry, person: str = "") -> str:
+    """Topic on which mocap_ingest republishes a raw pose topic: human/[<person>/]<body>."""
     *prefix, _, body, _ = entry.topic.split("/")
-    return "/".join([*prefix, "human", body])
+    return "/".join([*prefix, "human", *([person] if person else []), body])
 
 
 class ObservationInput:
@@ -54,6 +54,8 @@ class ObservationInput:
         diagnostics: counts messages that cannot be read, under `missing_dof` or `malformed`.
         observe: takes an observation and the name of its topic; returns False if it was refused.
         observe_context: the same for samples of the scene.
+        person: whose topics: poses are heard on human/<person>/<body>, other things on
+            <person>/<topic>; those of the scene are everybody's.
 
     Attributes:
         frame: frame of the last position.
@@ -65,8 +67,9 @@ class ObservationInput:
         diagnostics: Diagnostics,
         observe: Callable[[Observation, str], bool],
         observe_context: Callable[[Observation, str], bool],
+        person: str = "",
     ):
-        self.frame = "world"
+        self.frame, self._person = "world", person
         self._node, self._diagnostics = node, diagnostics
         self._observe, self._observe_context = observe, observe_context
         self._backlog = Backlog(partial(diagnostics.count, "dropped_behind"))
@@ -99,11 +102,18 @@ class ObservationInput:
             raw = is_raw_pose(topic, entry.type)
             kind = Odometry if raw else self._kinds[entry.type]
             callback = partial(self._on_odometry if raw else self._on_message, readers)
-            name = human_topic(entry) if raw else topic
+            name = self._heard_on(entry, raw)
             source = self._backlog.subscribe(self._node, kind, name, callback, INPUT, raw=raw)
             self._diagnostics.watch(source, name)
             if any(reader.entry.context for reader in readers):  # it may have been said before
                 self._backlog.subscribe(self._node, kind, name, callback, qos.LATCHED, raw=raw)
+
+    def _heard_on(self, entry: DofEntry, raw: bool) -> str:
+        """Topic of an entry for this person."""
+        person = "" if entry.context else self._person
+        if raw:
+            return human_topic(entry, person)
+        return f"{person}/{entry.topic.lstrip('/')}" if person else entry.topic
 
     def close(self) -> None:
         """Unsubscribe."""

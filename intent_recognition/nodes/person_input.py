@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the person is predicted to be, for the speed of the arm: from `intent/human_trajectory`."""
+"""Where people are predicted to be, for the speed of the arm: from `intent/human_trajectory`."""
+
+from functools import partial
 
 import numpy as np
 from rclpy.node import Node
@@ -19,7 +21,7 @@ _DEFAULTS = SeparationSettings()
 
 
 class PersonInput:
-    """Keeps the newest tube of the person's tracked point.
+    """Keeps the newest tube of each person's tracked point.
 
     Args:
         node: has the parameters, and subscribes where they ask for it.
@@ -27,7 +29,7 @@ class PersonInput:
         diagnostics: counts what cannot be used under `bad_human_trajectory`.
 
     Attributes:
-        person: in the frame of the URDF's root link; None where nothing is predicted.
+        people: in the frame of the URDF's root link; those of whom something is predicted.
         separation: slows plans; None where nothing does, or as long as the arm is not known.
 
     Raises:
@@ -49,10 +51,16 @@ class PersonInput:
             got = f"{len(self._dofs)}, and {len(self._offset)} in person_offset"
             cure = "Name x, y and z: `intent inspect MODEL` lists them."
             raise ArgumentError.about("person_dofs", "3 names, or none", got, cure)
-        self.person: PredictedPerson | None = None
+        self._node = node
+        self._people: dict[str, PredictedPerson] = {}
+        self.people: tuple[PredictedPerson, ...] = ()
         self.separation: Separation | None = None
+
+    def hear(self, person: str, topic: str = TOPIC) -> None:
+        """Subscribe to the prediction of one more person, where the parameters ask for it."""
         if self._dofs:
-            node.create_subscription(JointTrajectory, TOPIC, self._take, qos.COMMAND)
+            take = partial(self._take, person)
+            self._node.create_subscription(JointTrajectory, topic, take, qos.COMMAND)
 
     def update(self, names: tuple[str, ...]) -> bool:
         """Whether there is another `separation` than before.
@@ -73,7 +81,7 @@ class PersonInput:
             self.separation = Separation(arm, self._settings)
         return new
 
-    def _take(self, message: JointTrajectory) -> None:
+    def _take(self, who: str, message: JointTrajectory) -> None:
         self._diagnostics.tick(TOPIC)
         try:
             times_s, positions, rest = trajectory_arrays(message)
@@ -87,11 +95,13 @@ class PersonInput:
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
                 raise ArgumentError.about(TOPIC, "finite numbers", "NaN", "Check the sender.")
         except (IntentError, KeyError, ValueError) as error:
-            self.person = None
+            self._people.pop(who, None)
+            self.people = tuple(self._people.values())
             self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")
             return
         times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
         # The root of the trace: at least what the least certain direction has.
-        self.person = PredictedPerson(
+        self._people[who] = PredictedPerson(
             times_ns, mean + np.array(self._offset), np.linalg.norm(std, axis=1)
         )
+        self.people = tuple(self._people.values())

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plan of an assembly in the estimator node: a parameter in, how far it is out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -35,15 +36,15 @@ class PlanFollower:
         self._publisher = node.create_publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
         self._told: DiagnosticStatus | None = None
 
-    def check(self, text: str, estimator: IntentEstimator | None) -> None:
+    def check(self, text: str, estimators: Sequence[IntentEstimator]) -> None:
         """Make sure that a value of the parameter can be taken.
 
         Raises:
             ArgumentError: it is no plan, or one of other tasks.
         """
         plan = _read(text)
-        if plan is not None and estimator is not None:
-            WorkProgress(plan, estimator.library.labels)
+        if plan is not None and estimators:
+            WorkProgress(plan, estimators[0].library.labels)
 
     def change(self, text: str) -> None:
         """Take a value that was checked; `follow` puts it in force."""

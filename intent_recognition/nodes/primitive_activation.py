@@ -3,6 +3,7 @@
 
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -38,6 +40,7 @@ from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live, live_parameters
+from intent_recognition.nodes.people import meet
 from intent_recognition.nodes.person_input import PersonInput
 from intent_recognition.nodes.prediction_input import (
     RejectionError,
@@ -80,14 +83,13 @@ class PrimitiveActivation(ManagedNode):
             CommandAction(self, action, self.diagnostics, self._give_up) if action else None
         )
         self._output = ActivationOutput(self, self.diagnostics, self._action)
-        for kind, topic, handle, profile in (
-            (JointState, "intent/tasks", self._on_tasks, qos.STATE),
-            (JointTrajectory, "intent/robot_trajectory", self._on_prediction, qos.COMMAND),
-            (JointState, "joint_states", self._on_joint_states, qos.MEASURED),
-            (JointState, "intent/next_task", self._on_next_task, qos.LATCHED),
-        ):
-            subscription = self.create_subscription(kind, topic, handle, profile)
-            self.diagnostics.watch(subscription, topic)
+        self._hear(JointState, "joint_states", self._on_joint_states, qos.MEASURED)
+        if not meet(self, "intent/{}/tasks", self._meet):
+            self._meet("")
+            self._hear(JointState, "intent/next_task", self._on_next_task, qos.LATCHED)
+        elif self._sequences.configured:
+            cure = "Leave one of the two empty: a sequence is of one person's work."
+            raise ArgumentError.about("sequences", "none with persons", "both", cure)
         serve(self, "reset", self._reset)
         self._starts: dict[str, NDArray[np.float64]] = {}
         self._taught_starts = self._starts
@@ -98,6 +100,17 @@ class PrimitiveActivation(ManagedNode):
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
         self._look = steady_timer(self, _LOOK_S, self._look_for_silence)
         self.start()
+
+    def _hear(self, kind: type, topic: str, handle: Callable, profile: QoSProfile) -> None:
+        self.diagnostics.watch(self.create_subscription(kind, topic, handle, profile), topic)
+
+    def _meet(self, person: str) -> None:
+        """Hear what is believed of a person."""
+        topic = f"intent/{person}/" if person else "intent/"
+        self._hear(JointState, f"{topic}tasks", partial(self._on_tasks, person), qos.STATE)
+        predicted = partial(self._on_prediction, person)
+        self._hear(JointTrajectory, f"{topic}robot_trajectory", predicted, qos.COMMAND)
+        self._person.hear(person, f"{topic}human_trajectory")
 
     # Lifecycle
 
@@ -139,7 +152,7 @@ class PrimitiveActivation(ManagedNode):
 
     # Messages in
 
-    def _on_tasks(self, message: JointState) -> None:
+    def _on_tasks(self, person: str, message: JointState) -> None:
         self.diagnostics.tick("intent/tasks")
         self._streams.hear("intent/tasks")
         activation = self.activation
@@ -150,7 +163,12 @@ class PrimitiveActivation(ManagedNode):
         evidence = np.array(message.effort, dtype=np.float64) if message.effort else None
         try:
             activation.take_tasks(
-                self._now_ns(), stamp_ns(message), list(message.name), probabilities, evidence
+                self._now_ns(),
+                stamp_ns(message),
+                list(message.name),
+                probabilities,
+                evidence,
+                person,
             )
         except IntentError as error:
             self.diagnostics.reject("bad_tasks", str(error))
@@ -158,7 +176,7 @@ class PrimitiveActivation(ManagedNode):
         if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
 
-    def _on_prediction(self, message: JointTrajectory) -> None:
+    def _on_prediction(self, person: str, message: JointTrajectory) -> None:
         self.diagnostics.tick("intent/robot_trajectory")
         if not self.active:
             return
@@ -167,7 +185,7 @@ class PrimitiveActivation(ManagedNode):
         activation = self.activation
         if prediction is None or activation is None:
             return
-        activation.take_prediction(self._now_ns(), prediction)
+        activation.take_prediction(self._now_ns(), prediction, person)
         if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
 
@@ -331,7 +349,7 @@ class PrimitiveActivation(ManagedNode):
         """Let the state machine act; whether a command was sent."""
         if self._refused:
             return False
-        activation.take_person(self._person.person)
+        activation.take_people(self._person.people)
         self._sequences.update(activation, self._path_of, lambda: self._hand.arm)
         command = activation.step(self._now_ns())
         self._output.command(command)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Via points of the estimator node: a parameter in, and what is in force out."""
 
+from collections.abc import Sequence
+
 from rclpy.node import Node
 from std_msgs.msg import String
 
@@ -43,35 +45,37 @@ class ViaPointInput:
         self._publisher = node.create_publisher(String, "intent/via_points", qos.LATCHED)
         text = declare(node, "via_points")[VIA_POINTS]
         self._points = read_via_points(text)
-        self._estimator: IntentEstimator | None = None
+        self._estimators: Sequence[IntentEstimator] = ()
         self._bent = BentLibrary()
         self._refused: tuple[tuple[ViaPoint, ...], TaskLibrary] | None = None
         self._shown: tuple[tuple[ViaPoint, ...], tuple[str, ...]] | None = None
 
-    def check(self, text: str, estimator: IntentEstimator | None, arm: Arm | None) -> None:
+    def check(self, text: str, estimators: Sequence[IntentEstimator], arm: Arm | None) -> None:
         """Make sure that a value of the parameter can be taken.
 
         Raises:
             IntentError: it cannot; see `read_via_points` and `check_via_points`.
         """
         points = read_via_points(text)
-        if estimator is not None:
-            check_via_points(estimator.taught, points, arm)
+        if estimators:
+            check_via_points(estimators[0].taught, points, arm)
 
     def change(self, text: str) -> None:
         """Take a value that was checked; `use` puts it in force."""
         self._points = read_via_points(text)
 
-    def use(self, estimator: IntentEstimator, arm: Arm | None) -> None:
-        """Put the points in force, if other ones are, and tell which are."""
-        library = estimator.taught
-        if self._estimator is not estimator:  # nothing is in force in a new one
-            self._estimator, self._bent = estimator, BentLibrary()
+    def use(self, estimators: Sequence[IntentEstimator], arm: Arm | None) -> None:
+        """Put the points in force for all people, if other ones are, and tell which are."""
+        if not estimators:
+            return
+        library = estimators[0].taught
+        if self._estimators != estimators:  # nothing is in force in a new one
+            self._estimators, self._bent = estimators, BentLibrary()
         refused = self._refused is not None and (
             self._refused[0] == self._points and self._refused[1] is library
         )
         if self._points != self._bent.points and not refused:
-            waits = arm is None and not hand_columns(estimator.library.controlled_names)
+            waits = arm is None and not hand_columns(library.controlled_names)
             if waits and any(point.of_hand for point in self._points):
                 return
             try:
@@ -81,7 +85,8 @@ class ViaPointInput:
                 self._diagnostics.reject("bad_via_points", str(error))
             else:
                 self._bent = BentLibrary(self._points, arm)
-                estimator.bend(self._bent.through)
+                for estimator in estimators:
+                    estimator.bend(self._bent.through)
         self._show()
 
     def _show(self) -> None:

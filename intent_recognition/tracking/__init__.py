@@ -2,6 +2,13 @@
 """From raw tracker poses to checked poses in the world frame."""
 
 from intent_recognition.tracking.extrinsics import Extrinsics, parse_extrinsics
+from intent_recognition.tracking.identity import (
+    LOST_S,
+    NOBODY,
+    Identities,
+    IdentitySettings,
+    identify,
+)
 from intent_recognition.tracking.ingest import (
     JUMP,
     NOT_FINITE,
@@ -19,12 +26,16 @@ from intent_recognition.tracking.transforms import RigidTransform, multiply_quat
 
 __all__ = [
     "JUMP",
+    "LOST_S",
+    "NOBODY",
     "NOT_FINITE",
     "STAMP_NOT_INCREASING",
     "UNKNOWN_VARIANCE",
     "ZERO_STAMP",
     "AcceptedPoses",
     "Extrinsics",
+    "Identities",
+    "IdentitySettings",
     "IngestSettings",
     "IngestState",
     "NoTransformError",
@@ -33,6 +44,7 @@ __all__ = [
     "TrackedPose",
     "TransformTree",
     "frame_name",
+    "identify",
     "ingest_pose",
     "ingest_poses",
     "multiply_quaternions",

@@ -65,7 +65,7 @@ def test_a_context_counts_from_when_it_comes(harness, folder, profile):
         assert graph.send(message_of(observation))
         expected.append(estimator.update(with_covariance(observation)))
     check_tasks(graph.tasks, expected, folder.model.labels)
-    assert graph.node._inputs.frame == "world"
+    assert graph.node.people[""].inputs.frame == "world"
     end = estimator.predict_controlled()
     assert end is None or graph.robot
 
@@ -92,7 +92,7 @@ def test_what_is_left_over_from_a_pass_before_does_not_hold_up_the_next(harness,
         box.publish(pose(place, START_NS + at_s * 10**9))
         harness.spin_until(lambda due=due: heard(graph) >= due, what="the place")
     assert graph.rejected("left_over") == 1 and graph.rejected("stamp_not_increasing") == 0
-    np.testing.assert_array_equal(graph.node._estimator._context.values, PLACE)
+    np.testing.assert_array_equal(graph.node.people[""].estimator._context.values, PLACE)
 
 
 def heard(graph):

@@ -114,7 +114,11 @@ def test_nodes_recognise_and_predict_with_the_example(harness, trained):
     sender = Sender(harness, example, model.dofs)
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     predictions = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
-    harness.connect(*sender.inputs.values(), estimator._output.tasks, estimator._output.trajectory)
+    harness.connect(
+        *sender.inputs.values(),
+        estimator.people[""].output.tasks,
+        estimator.people[""].output.trajectory,
+    )
     if ingest is not None:
         harness.connect(*ingest._outputs.values())
     observed = {entry.topic for entry in model.dofs.observed}

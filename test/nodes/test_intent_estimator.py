@@ -276,7 +276,7 @@ def test_the_predicted_path_of_the_human(harness, wrist):
 def test_the_human_s_tube_is_told_to_who_listens(harness, wrist):
     graph = Graph(harness, wrist, listen=False)
     told = harness.collect(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
-    harness.connect(graph.node._output.human_trajectory)
+    harness.connect(graph.node.people[""].output.human_trajectory)
     observations = wrist.observations()
     graph.feed(observations[: len(observations) // 2])
     harness.spin_until(lambda: told)
@@ -405,7 +405,7 @@ def test_what_cannot_be_computed_is_counted_and_the_movement_forgotten(harness, 
         raise ArgumentError("innovation covariance: none")
 
     with monkeypatch.context() as patch:
-        patch.setattr(graph.node._estimator, "update", refuse)
+        patch.setattr(graph.node.people[""].estimator, "update", refuse)
         assert not graph.send(message_for(graph.dofs, first), first.group)
     assert graph.rejected("not_finite") == 1
     graph.feed(rest)
@@ -496,7 +496,7 @@ def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
     """What arrives meanwhile waits, even hundreds of samples."""
     graph = Graph(harness, wrist)
     tasks = harness.collect(JointState, "intent/tasks", 1000)
-    harness.spin_until(lambda: graph.node._output.tasks.get_subscription_count() == 2)
+    harness.spin_until(lambda: graph.node.people[""].output.tasks.get_subscription_count() == 2)
     observations = wrist.observations(1)
     graph.feed(observations[:70])
     client = harness.probe.create_client(Trigger, "intent_estimator/reload_model")
@@ -645,7 +645,7 @@ def test_an_activation_that_fails_half_way_leaves_nothing_subscribed(harness, tm
 
 def test_it_waits_when_told_to(harness, wrist):
     graph = Graph(harness, wrist, autostart=False)
-    assert not graph.node._inputs.subscriptions
+    assert not graph.node.people[""].inputs.subscriptions
     graph.node.trigger_configure()
     graph.node.trigger_activate()
     harness.connect(*graph.inputs)

@@ -113,8 +113,8 @@ def test_a_value_that_is_none_is_refused_and_changes_nothing(harness, value):
 def test_estimator_takes_rate_and_expectation(harness, model):
     node = make(harness, IntentEstimatorNode, model=model)
     assert change(harness, node, publish_rate=5.0, transition_prior=False, forget_after=1.0) == ""
-    assert node._publish_rate == 5.0
-    assert node._estimator.expectation._forget_after_s == 1.0
+    assert node.people[""].publish_rate == 5.0
+    assert node.people[""].estimator.expectation._forget_after_s == 1.0
     assert "publish_rate" in change(harness, node, publish_rate=0.0)
 
 

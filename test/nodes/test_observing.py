@@ -74,7 +74,7 @@ class Nodes:
         self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
         inner = [p for p in self.ingest._outputs.values() if p.topic_name[1:] in self.heard()]
         self.inner = {publisher.topic_name[1:] for publisher in inner}
-        harness.connect(self.estimator._output.tasks, *inner)
+        harness.connect(self.estimator.people[""].output.tasks, *inner)
 
     def heard(self):
         return {s.topic_name[1:] for s in self.estimator.subscriptions}
@@ -289,7 +289,7 @@ def test_the_dof_file_of_the_node_may_add_velocities_to_the_model_s(harness, tmp
     )
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     publisher = harness.publisher(message_class(ODOMETRY), HAND.topic, 10)
-    harness.connect(publisher, node._output.tasks)
+    harness.connect(publisher, node.people[""].output.tasks)
     bag = subject.record(list(moving_hand(subject))[:3])
     for raw in BagReader(bag).raw_messages():
         publisher.publish(deserialize_message(raw.data, message_class(ODOMETRY)))

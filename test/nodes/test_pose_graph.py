@@ -83,7 +83,9 @@ def test_a_link_goes_where_and_turns_as_the_nodes_predict(harness, repository, m
     predictions = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
     commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
     harness.connect(clock, states, described, subscribers=2)
-    harness.connect(human, estimator._output.tasks, estimator._output.trajectory)
+    harness.connect(
+        human, estimator.people[""].output.tasks, estimator.people[""].output.trajectory
+    )
     described.publish(String(data=lwr_urdf(world=True)))
     harness.spin_until(lambda: activation._hand.arm is not None and estimator._postures._hand.arm)
     heard = activation.diagnostics._totals

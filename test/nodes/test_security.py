@@ -23,6 +23,7 @@ LATER = {
     "primitive_activation": {"intent/next_task", "intent/robot_trajectory", "intent/tasks"}
     | {"joint_states", "joint_trajectory"}
     | {"human/wrist", "intent/sequence", "intent/via_points"}
+    | {"intent/active_person"}  # with several people
     | {"monitored_planning_scene", "planning_scene"},  # with MoveIt
     "bag_recorder": {*RECORDED},
     "bag_player": {topic for topic in RECORDED if not topic.startswith(OWN_TOPICS)},

@@ -66,7 +66,7 @@ def test_by_command_the_path_passes_until_the_point_is_removed(harness, folder):
     assert abs(trajectory_arrays(found)[1][-1, 3] - goal) < 1e-3
     assert run("remove", "end") == ()
     harness.spin_until(lambda: not told[-1].data, what="that it is removed")
-    assert graph.node._estimator.library is graph.node._model.library
+    assert graph.node.people[""].estimator.library is graph.node._model.library
 
 
 def test_given_at_the_start_a_point_of_the_hand_waits_for_the_arm(harness, folder):

@@ -41,7 +41,7 @@ def chain(harness, model):
     harness.spin_until(
         lambda: (
             next(iter(ingest._outputs.values())).get_subscription_count()
-            and estimator._output.tasks.get_subscription_count()
+            and estimator.people[""].output.tasks.get_subscription_count()
         ),
         what="the chain matched",
     )

@@ -54,7 +54,7 @@ def test_a_session_is_recognised_again_on_its_own_time(
         return harness.add(kind(namespace=calls[name].namespace, parameter_overrides=overrides))
 
     ingest, estimator = (start(name, kind) for name, kind in KINDS.items())
-    harness.connect(estimator._output.tasks)
+    harness.connect(estimator.people[""].output.tasks)
     paced = partial(PacedPlayer, {"mocap/wrist/pose"}, ingest, estimator)
     player = start("bag_player", paced, start_paused=True, exit_at_end=False)
     outputs = {topic: out.get_subscription_count for topic, out in player._outputs.items()}

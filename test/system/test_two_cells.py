@@ -58,8 +58,10 @@ class Cell:
 
     def connect(self):
         ingest, estimator = self.nodes["mocap_ingest"], self.nodes["intent_estimator"]
-        self.harness.connect(self.poses, *ingest._outputs.values(), estimator._output.trajectory)
-        self.harness.connect(self.states, estimator._output.tasks, subscribers=2)
+        self.harness.connect(
+            self.poses, *ingest._outputs.values(), estimator.people[""].output.trajectory
+        )
+        self.harness.connect(self.states, estimator.people[""].output.tasks, subscribers=2)
         self.harness.spin_until(lambda: self.active, what="the activation")
 
     def show(self, k, now_ns):

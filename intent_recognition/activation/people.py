@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several people and one arm: whom it helps first, and what is known of each of them."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from intent_recognition.activation.inbox import EstimatorInbox
+from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.states import PredictedInteraction
+from intent_recognition.recognition import DecisionState
+
+
+class HelpRequest(NamedTuple):
+    """A person whose task is certain.
+
+    Attributes:
+        person: who.
+        probability: of the task.
+        needed_ns: when the arm is needed at the end of its path.
+        duration_s: of that path.
+    """
+
+    person: str
+    probability: float
+    needed_ns: int
+    duration_s: float
+
+
+def first_to_help(requests: Sequence[HelpRequest], now_ns: int, between_s: float = 0.0) -> str:
+    """Who is helped first: the one with whom all together wait at the least expected cost.
+
+    The arm comes to a person when it is needed, or when it has made its way, if that is later.
+    A wait of w seconds costs p w^2, with the probability p that the task is right. Squares are what
+    lets nobody starve: the cost of putting off somebody who has waited for w grows by 2 w a second,
+    while somebody new costs nothing at first. After the first one, the others come in the order in
+    which they need the arm.
+
+    Args:
+        requests: at least one.
+        now_ns: now.
+        between_s: from the arrival at one person until the arm can begin with the next one.
+    """
+    by_need = sorted(requests, key=lambda request: (request.needed_ns, request.person))
+
+    def cost(first: HelpRequest) -> float:
+        total, free_s = 0.0, 0.0
+        for request in (first, *(other for other in by_need if other is not first)):
+            needed_s = (request.needed_ns - now_ns) * 1e-9
+            arrival_s = max(needed_s, free_s + request.duration_s)
+            total += request.probability * (arrival_s - needed_s) ** 2
+            free_s = arrival_s + between_s
+        return total
+
+    return min(by_need, key=cost).person
+
+
+class People:
+    """What has come from the estimator of each person, and whom the arm attends to.
+
+    One person has no name. Where people have names, somebody whose movement is over before the arm
+    was free waits, until the arm comes, or the person moves again or is not seen any more.
+
+    Args:
+        settings: how to act.
+        reject: called with (reason, text) for everything not acted on.
+
+    Attributes:
+        attended: whom the arm helps, or would help.
+        inbox: what is known of that person.
+    """
+
+    def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
+        self._settings, self._reject = settings, reject
+        self._inboxes: dict[str, EstimatorInbox] = {}
+        self._waiting: dict[str, HelpRequest] = {}
+        self.attended = ""
+        self.inbox = self.of("")
+
+    @property
+    def named(self) -> bool:
+        """Whether there are people with names."""
+        return len(self._inboxes) > 1
+
+    def of(self, person: str) -> EstimatorInbox:
+        """What is known of a person."""
+        if person not in self._inboxes:
+            self._inboxes[person] = EstimatorInbox(self._settings, self._reject)
+        return self._inboxes[person]
+
+    def change(self, settings: ActivationSettings) -> None:
+        """Act by other settings from now on."""
+        self._settings = settings
+        for inbox in self._inboxes.values():
+            inbox.settings = settings
+
+    def forget(self) -> None:
+        """Back to the beginning."""
+        for inbox in self._inboxes.values():
+            inbox.forget()
+
+    def forget_interaction(self) -> None:
+        """Nothing is recognised or predicted; the stamps taken stay taken."""
+        for inbox in self._inboxes.values():
+            inbox.forget_interaction()
+
+    def take_tasks(
+        self, person: str, helps: bool, now_ns: int, stamp_ns: int, *numbers: Any
+    ) -> DecisionState | None:
+        """Take the probabilities of one observation of a person; see `EstimatorInbox.take_tasks`.
+
+        Args:
+            person: who.
+            helps: whether the arm does something for whom it attends to.
+            now_ns: now.
+            stamp_ns: of the observation.
+            *numbers: labels, probabilities and evidence.
+
+        Returns:
+            What was decided; None where the stamp rules the observation out.
+        """
+        inbox = self.of(person)
+        needed = inbox.needed()
+        request = self._request(person, needed) if self.named and needed else None
+        if not inbox.take_tasks(now_ns, stamp_ns, *numbers):
+            return None
+        helped = helps and person == self.attended
+        if self.named and not inbox.decision.idle:
+            inbox.order(None)
+        elif request is not None and inbox.decision.event == "over" and not helped:
+            inbox.order(needed)
+            self._waiting[person] = request
+        return inbox.decision
+
+    def choose(self, now_ns: int) -> None:
+        """Attend to whom the arm is to help first, if somebody needs it."""
+        found: dict[bool, list[HelpRequest]] = {False: [], True: []}
+        for person, inbox in self._inboxes.items():
+            needed = inbox.needed()
+            if inbox.silent(now_ns):
+                inbox.order(None)
+            elif needed is not None:
+                found[inbox.refused].append(self._request(person, needed))
+            elif inbox.ordered is not None:
+                found[inbox.refused].append(self._waiting[person])
+        if requests := found[False] or found[True]:  # who cannot be helped now blocks nobody
+            self.attended = first_to_help(requests, now_ns, self._settings.hold_s)
+            self.inbox = self.of(self.attended)
+
+    def _request(self, person: str, needed: PredictedInteraction) -> HelpRequest:
+        return HelpRequest(person, self.of(person).certainty, needed.end_ns, needed.path.duration_s)

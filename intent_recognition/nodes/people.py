@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""People by name in the nodes: whose topics there are, and whose the tracker's bodies are."""
+
+import re
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.runtime import steady_timer
+from intent_recognition.nodes.serialized import PoseNumbers
+from intent_recognition.tracking import (
+    NOBODY,
+    Identities,
+    IdentitySettings,
+    IngestSettings,
+    frame_name,
+    identify,
+)
+
+ANYBODY = "*"
+"""Stands for everybody whose topics appear."""
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+_LOOK_S = 0.5
+"""Time between two looks for new people [s]. Convention."""
+_WAIT_NS = 50_000_000
+"""A frame waits for bodies that were seen until now, at most as long as this by the stamps [ns].
+Convention: some frames of a tracker, and shorter than a person reacts."""
+_SET_BACK_NS = 1_000_000_000
+"""Stamps that are earlier by more than this are of a clock that was set back [ns]. Convention."""
+
+
+def named_people(node: Node) -> list[str]:
+    """The parameter `persons`: ids as in REP 155; empty for one person, who has none.
+
+    Raises:
+        ArgumentError: a name cannot be part of a topic, or is given twice.
+    """
+    names = [name for name in declare(node, "people")["persons"] if name]
+    bad = [name for name in names if name != ANYBODY and not _NAME.fullmatch(name)]
+    if bad or len(set(names)) != len(names):
+        cure = "Use e.g. [anna, ben], or ['*'] for whoever is there."
+        expected = "different names of letters, digits and _"
+        raise ArgumentError.about("parameter persons", expected, names, cure)
+    return names
+
+
+def meet(node: Node, template: str, act: Callable[[str], object]) -> bool:
+    """Act once for each person; whether the parameter `persons` names any.
+
+    Args:
+        node: has the parameter.
+        template: of a topic that a person has, with {} for the name.
+        act: takes the name; later where somebody else appears, if that is asked for.
+    """
+    names = named_people(node)
+    met = set(names) - {ANYBODY}
+    for name in sorted(met):
+        act(name)
+    if ANYBODY in names:
+        parts = node.resolve_topic_name(template.format("X_X")).split("X_X")
+        pattern = re.compile(f"({_NAME.pattern})".join(map(re.escape, parts)), re.ASCII)
+
+        def look() -> None:
+            for topic, _ in node.get_topic_names_and_types():
+                found = pattern.fullmatch(topic)
+                if found and found[1] not in met and node.count_publishers(topic):
+                    met.add(found[1])
+                    node.get_logger().info(f"meets {found[1]}")
+                    act(found[1])
+
+        steady_timer(node, _LOOK_S, look)
+    return bool(names)
+
+
+class _Frame(NamedTuple):
+    """Bodies measured at one time: positions (3,) [m] in the world by label, and the poses."""
+
+    positions: dict[str, NDArray[np.float64]]
+    poses: list[tuple[str, str, PoseNumbers]]
+
+
+class IdentityInput:
+    """Collects the bodies of a frame, and passes them on by person.
+
+    A frame is complete once all who were seen the last time have come; after `_WAIT_NS` it is taken
+    as it is.
+
+    Args:
+        body: whose position tells who it is.
+        send: takes person, body and pose.
+        diagnostics: counts exchanges that were undone, and poses of nobody.
+    """
+
+    def __init__(
+        self, body: str, send: Callable[[str, str, PoseNumbers], object], diagnostics: Diagnostics
+    ) -> None:
+        self._body, self._send, self._diagnostics = body, send, diagnostics
+        self._settings = IdentitySettings()
+        self.forget()
+
+    def forget(self) -> None:
+        """What comes next is earlier."""
+        self._identities = Identities()
+        self._who: dict[str, str] = {}
+        self._expected: set[str] = set()
+        self._frames: dict[int, _Frame] = {}
+        self._newest_ns = self._taken_ns = 0
+
+    def take(self, label: str, body: str, measured: PoseNumbers, settings: IngestSettings) -> None:
+        """Take a pose that the tracker has given a label."""
+        frame, stamp_ns = frame_name(measured.frame_id), measured.stamp_ns
+        usable = stamp_ns > 0 and bool(np.isfinite(measured.pose).all())
+        if not usable or frame not in settings.frames:
+            self._send(self._who.get(label) or label, body, measured)  # to be refused
+            return
+        if stamp_ns < self._newest_ns - _SET_BACK_NS:
+            self.forget()
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        if body == self._body:
+            self._expected.add(label)
+        if stamp_ns <= self._taken_ns:
+            self._pass_on([(label, body, measured)])
+            return
+        positions, poses = self._frames.setdefault(stamp_ns, _Frame({}, []))
+        poses.append((label, body, measured))
+        if body == self._body:
+            positions[label] = settings.frames[frame].apply(measured.pose[:3])
+        for stamp_ns in sorted(self._frames):
+            complete = self._frames[stamp_ns].positions.keys() >= self._expected
+            if not complete and self._newest_ns - stamp_ns < _WAIT_NS:
+                break
+            self._take_frame(stamp_ns)
+
+    def _take_frame(self, stamp_ns: int) -> None:
+        before, (positions, poses) = self._identities, self._frames.pop(stamp_ns)
+        self._taken_ns = stamp_ns
+        self._identities, found = identify(self._settings, before, stamp_ns, positions)
+        gone = {k: who for k, who in self._who.items() if who not in found.values()}
+        self._who = {**gone, **found}
+        self._expected = set(positions).union(*(f.positions for f in self._frames.values()))
+        for name in ("n_undone", "n_unknown"):
+            if getattr(self._identities, name) > getattr(before, name):
+                self._diagnostics.count(f"identity_{name[2:]}")
+        self._pass_on(poses)
+
+    def _pass_on(self, poses: Sequence[tuple[str, str, PoseNumbers]]) -> None:
+        for label, body, measured in poses:
+            person = self._who.get(label, NOBODY)
+            if person == NOBODY:
+                self._diagnostics.count("of_nobody")
+            else:
+                self._send(person, body, measured)

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is believed of one person: observations in, and what is recognised and predicted out."""
+
+from collections.abc import Callable, Hashable
+from typing import NamedTuple
+
+from std_msgs.msg import String
+
+from intent_recognition.demonstrations import (
+    DofSpec,
+)
+from intent_recognition.errors import ArgumentError, IntentError, one_line
+from intent_recognition.model import Model, frames_of
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.frames import FrameOutput
+from intent_recognition.nodes.intent_output import IntentOutput
+from intent_recognition.nodes.lifecycle import ManagedNode
+from intent_recognition.nodes.observation_input import ObservationInput
+from intent_recognition.nodes.runtime import LeftOvers, elapsed_s
+from intent_recognition.recognition import Estimate, IntentEstimator
+from intent_recognition.signals import Observation
+from intent_recognition.tracking import LOST_S
+
+STREAM_TIMEOUT_S = 0.5
+"""Silence of the observed agent during a movement that is reported [s]; the default `timeout` of
+`primitive_activation` (contract)."""
+WAITING = Level.OK, "waiting for a movement"
+"""Status of a person at rest."""
+
+
+class Around(NamedTuple):
+    """What the people of a node share.
+
+    Attributes:
+        node: owner of the topics.
+        diagnostics: of the node.
+        frames: where predicted hands are told.
+        postures: of the controlled agent.
+        tell_next: called when what may come next may have changed.
+        tell: called when a status may have.
+    """
+
+    node: ManagedNode
+    diagnostics: Diagnostics
+    frames: FrameOutput
+    postures: PostureInput
+    tell_next: Callable[["PersonBelief"], None]
+    tell: Callable[[], None]
+
+
+class PersonBelief:
+    """Translates messages of one person to `recognition.IntentEstimator`, and its estimates back.
+
+    Somebody with a name who was not seen for `tracking.LOST_S` is forgotten.
+
+    Args:
+        around: what people share.
+        person: the name; empty for the only one.
+        publish_rate: of predictions [Hz].
+
+    Attributes:
+        estimator: of the person, from `configure` on.
+        inputs: what is observed of the person.
+        output: what is told of the person.
+        status: level and text.
+        publish_rate: likewise.
+    """
+
+    estimator: IntentEstimator
+
+    def __init__(self, around: Around, person: str, publish_rate: float) -> None:
+        node = self._node = around.node
+        diagnostics = self._diagnostics = around.diagnostics
+        self._around = around
+        self.person, self.status, self.publish_rate = person, WAITING, publish_rate
+        self._newest_ns = 0
+        topic = f"intent/{person}/" if person else "intent/"
+        self._next_task = NextTaskOutput(node, f"{topic}next_task")
+        self.output = IntentOutput(node, diagnostics, around.frames, person)
+        node.create_subscription(String, f"{topic}answer", self._take_answer, qos.STATE)
+        self.inputs = ObservationInput(
+            node, diagnostics, self._observe, self._observe_context, person
+        )
+        self._last_ns: dict[Hashable, int] = {}
+        self._left_overs = LeftOvers({})
+
+    def configure(self, model: Model, dofs: DofSpec, estimator: IntentEstimator) -> None:
+        """Go by a model."""
+        self.estimator = estimator
+        self.inputs.configure(dofs)
+        self._use(model)
+        self.output.configure(model)
+        self._moving = self._silent = False
+        self._last_arrival_s = 0.0
+        self._last_publication_ns = 0
+
+    def _use(self, model: Model) -> None:
+        self._model = model
+        self.inputs.learned_in(frames_of(model.library))
+
+    def reload(self, model: Model) -> None:
+        """Go on with another model of the same DOFs."""
+        self.estimator.swap(model.library)
+        self._use(model)
+        self.output.swap(model)
+
+    def tell_next(self) -> bool:
+        """Publish what may come next, if that has changed; whether so."""
+        return self._next_task.update(self.estimator)
+
+    def forget(self) -> None:
+        """Forget the movement and what came before."""
+        self.estimator.reset()
+        self.output.forget()
+        self._moving = self._silent = False
+        self._last_publication_ns = 0
+        self._around.tell_next(self)
+
+    def start_over(self) -> None:
+        """The clock went back: what comes next is earlier."""
+        self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
+
+    def _say(self, level: Level, text: str) -> None:
+        self.status = level, text
+        self._around.tell()
+
+    def _take_answer(self, message: String) -> None:
+        """Count what a person says the movement is as evidence, from the next observation on."""
+        if not self._node.active:
+            return
+        try:
+            self.estimator.answer(message.data)
+        except IntentError as error:
+            self._diagnostics.reject("bad_answer", str(error))
+
+    def _observe(self, observation: Observation, topic: str) -> bool:
+        """Take an observation; False if it cannot be used."""
+        stream = (observation.group, observation.derivative)
+        if not self._accepts(stream, observation, topic, self.estimator.reason_to_reject):
+            return False
+        self._last_arrival_s = elapsed_s(self._node)
+        self._forget_if_lost(observation.stamp_ns)
+        try:
+            estimate = self.estimator.update(observation)
+        except ArgumentError as error:  # numbers so large that nothing can be computed of them
+            self._diagnostics.reject("not_finite", f"{topic}: {one_line(error)}")
+            self.forget()
+            return False
+        self._publish(estimate, observation)
+        return True
+
+    def _observe_context(self, observation: Observation, topic: str) -> bool:
+        """Take a sample of the scene; False if it cannot be used."""
+        stream = ("context", observation.group)
+        return self._accepts(stream, observation, topic, self.estimator.update_context)
+
+    def _accepts(
+        self,
+        stream: Hashable,
+        observation: Observation,
+        topic: str,
+        reason_not_to: Callable[[Observation], str | None],
+    ) -> bool:
+        """Whether an observation can be used; if not, it is counted."""
+        if self._left_overs.include(stream, observation.stamp_ns):
+            self._diagnostics.count("left_over")
+            return False
+        reason = reason_not_to(observation)
+        if reason is not None:
+            misfit = self.estimator.first_samples.misfit if reason == "unit" else None
+            detail = f"at {observation.stamp_ns} ns" if misfit is None else misfit.reason
+            self._diagnostics.reject(reason, f"{topic}: {detail}")
+            return False
+        self._last_ns[stream] = observation.stamp_ns
+        return True
+
+    def _publish(self, estimate: Estimate, observation: Observation) -> None:
+        """Publish the prediction before the tasks: who decides on them needs its certain end."""
+        if estimate.moving:
+            self._publish_prediction(estimate, observation)
+        self.output.publish_tasks(estimate)
+        if estimate.moving != self._moving or self._silent:
+            self._moving, self._silent = estimate.moving, False
+            self._say(Level.OK, "moving" if self._moving else WAITING[1])
+        self._around.tell_next(self)
+
+    def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
+        self.output.observe(observation)
+        since_s = abs(estimate.stamp_ns - self._last_publication_ns) * 1e-9
+        if since_s < 0.999 / self.publish_rate:
+            return
+        self._last_publication_ns = estimate.stamp_ns
+        robot = self.estimator.predict_controlled()
+        if robot is not None:
+            self._around.postures.note(robot, self.person)
+            self.output.publish_robot(robot)
+        if self.output.human_shown or self.output.human_told:
+            human = self.estimator.predict_observed()
+            if human is not None:
+                self.output.publish_human(estimate, human, self.inputs.frame)
+
+    def _forget_if_lost(self, stamp_ns: int) -> None:
+        """Begin anew with somebody who has a name and was not seen for a while."""
+        if self.person and stamp_ns - self._newest_ns > LOST_S * 1e9:
+            self.forget()
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+
+    def look(self) -> None:
+        """Tell whether the person's stream is silent, or too sparse."""
+        silent_s = elapsed_s(self._node) - self._last_arrival_s
+        if self._moving and silent_s > STREAM_TIMEOUT_S:
+            self._silent = True
+            self._say(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
+        elif not self._moving:
+            sparse = self.estimator.too_sparse()
+            if sparse is None:
+                self._say(*WAITING)
+            else:
+                topic = self._model.dofs.observed[sparse.group].topic
+                self._say(Level.WARN, sparse.told(topic))

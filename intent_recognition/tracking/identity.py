@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which person each tracked body belongs to, whatever label the tracker gives it.
+
+Each person's position is followed by a Kalman filter of constant velocity; the bodies of a frame
+are assigned to the persons by global nearest neighbours: the assignment of the largest likelihood
+(Blackman and Popoli 1999, *Design and Analysis of Modern Tracking Systems*, 6.4). The tracker's
+labels are no evidence in that, for a tracker that exchanges two people keeps both labels. Labels
+name the persons who are new, and those found again after `LOST_S`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+LOST_S = 0.5
+"""A person who was not seen for longer [s] is a new one when seen again. Convention: the default
+`timeout` of `primitive_activation`, after which nothing goes on as before."""
+UNKNOWN_S = 0.6
+"""Time for which two who cannot be told apart are nobody [s]. Convention: longer than `LOST_S`, so
+that what was believed of them is forgotten everywhere."""
+MISSED = 0.05
+"""Probability that the tracker does not see a person in a frame. Convention."""
+NEW_PER_M3 = 1e-3
+"""Density of new people in a frame [1/m^3]. Convention: some ten a minute in a cell, at 100 Hz."""
+FIRST_SPEED_STD_M_S = 1.0
+"""Standard deviation of a new person's velocity [m/s]. Convention: of a reach."""
+NOBODY = ""
+"""The person of a body whose person is not known."""
+
+
+@dataclass(frozen=True)
+class IdentitySettings:
+    """How people move, and when they can be told apart.
+
+    Attributes:
+        acceleration_std_m_s2: of a tracked point between two frames, and while it is not seen.
+            The peak of a reach of 0.6 m in 0.8 s (minimum jerk, Flash and Hogan 1985: 5.8 D/T^2).
+        position_std_m: of the tracker. Convention: twice that of `IngestSettings`; with it the
+            squared innovations of the shipped toolbox demonstrations have a mean of 0.19, of 3.
+        least_odds: an assignment holds only if exchanging two people is less likely by this.
+            Convention.
+    """
+
+    acceleration_std_m_s2: float = 5.0
+    position_std_m: float = 0.004
+    least_odds: float = 1000.0
+
+
+class Track(NamedTuple):
+    """A person who is followed.
+
+    Attributes:
+        person: its name.
+        label: of the tracker, at the last sight.
+        stamp_ns: of that sight.
+        mean: position [m] and velocity [m/s] then, (2, 3).
+        covariance: of the two along each axis, (2, 2).
+    """
+
+    person: str
+    label: str
+    stamp_ns: int
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+class Identities(NamedTuple):
+    """What is remembered between frames, at first nothing; never modified.
+
+    Attributes:
+        tracks: the persons who are followed.
+        unknown_until_ns: of labels whose persons cannot be told apart, until when.
+        n_undone: exchanges of the tracker that were undone so far.
+        n_unknown: times that two could not be told apart.
+    """
+
+    tracks: tuple[Track, ...] = ()
+    unknown_until_ns: Mapping[str, int] = {}
+    n_undone: int = 0
+    n_unknown: int = 0
+
+
+def identify(
+    settings: IdentitySettings,
+    people: Identities,
+    stamp_ns: int,
+    positions: Mapping[str, NDArray[np.float64]],
+) -> tuple[Identities, dict[str, str]]:
+    """Assign the bodies of a frame to people.
+
+    Args:
+        settings: of the motion.
+        people: what the last call returned, or `Identities()`.
+        stamp_ns: of the frame; later than the last one's.
+        positions: of a point of each body that was seen (3,) [m], by the tracker's label.
+
+    Returns:
+        What to remember, and the person of each label: `NOBODY` where two cannot be told apart.
+    """
+    held = {k: until for k, until in people.unknown_until_ns.items() if until > stamp_ns}
+    known = [t for t in people.tracks if stamp_ns - t.stamp_ns <= LOST_S * 1e9]
+    seen = {label: at for label, at in positions.items() if label not in held}
+    ahead = [_predicted(settings, track, stamp_ns) for track in known]
+    labels = list(seen)
+    costs, columns = _assignment(ahead, [seen[label] for label in labels], settings)
+    unsure = _alike(costs, columns, math.log(settings.least_odds))
+    tracks, found = [], dict.fromkeys(positions, NOBODY)
+    for k, (track, at) in enumerate(zip(known, ahead, strict=True)):
+        label = labels[columns[k]] if columns[k] < len(labels) else ""
+        if k in unsure:
+            until = stamp_ns + round(UNKNOWN_S * 1e9)
+            held |= dict.fromkeys({track.label, label} - {""}, until)
+        elif label:
+            tracks.append(_corrected(settings, at, label, seen[label]))
+            found[label] = track.person
+        else:
+            tracks.append(track)
+    before = {track.person: track.label for track in known}
+    exchanged = any(
+        track.label != before[track.person] and track.label in before.values() for track in tracks
+    )
+    for label in labels:
+        if found[label] or label in held:
+            continue
+        leaps = next((t for t in tracks if t.label == label), None)
+        if leaps is not None:  # farther than anybody moves: for the gate of `ingest_pose`
+            found[label] = leaps.person
+            continue
+        found[label] = _name(label, tracks, positions)
+        tracks.append(_born(settings, found[label], label, stamp_ns, seen[label]))
+    for name in held:
+        found.update({name: NOBODY} if name in found else {})
+    undone, unknown = people.n_undone + exchanged, people.n_unknown + bool(unsure)
+    return Identities(tuple(tracks), held, undone, unknown), found
+
+
+def _name(label: str, tracks: list[Track], labels: Mapping[str, object]) -> str:
+    """What a new person is called: as its label, or as one whose label another person has now."""
+    taken = {track.person for track in tracks}
+    free = [name for name in (label, *sorted(labels)) if name not in taken]
+    k = 2
+    while not free:
+        free = [name for name in [f"{label}_{k}"] if name not in taken]
+        k += 1
+    return free[0]
+
+
+def _predicted(settings: IdentitySettings, track: Track, stamp_ns: int) -> Track:
+    """Where a person is by now; the acceleration is one draw, also while it was not seen."""
+    dt_s = (stamp_ns - track.stamp_ns) * 1e-9
+    move = np.array([[1.0, dt_s], [0.0, 1.0]])
+    pushed = settings.acceleration_std_m_s2 * np.array([0.5 * dt_s**2, dt_s])
+    covariance = move @ track.covariance @ move.T + np.outer(pushed, pushed)
+    return track._replace(stamp_ns=stamp_ns, mean=move @ track.mean, covariance=covariance)
+
+
+def _corrected(
+    settings: IdentitySettings, track: Track, label: str, position: NDArray[np.float64]
+) -> Track:
+    """A predicted track after a measurement of its position."""
+    variance = track.covariance[0, 0] + settings.position_std_m**2
+    gain = track.covariance[:, 0] / variance
+    mean = track.mean + np.outer(gain, position - track.mean[0])
+    covariance = track.covariance - np.outer(gain, gain) * variance
+    return track._replace(label=label, mean=mean, covariance=covariance)
+
+
+def _born(
+    settings: IdentitySettings, person: str, label: str, stamp_ns: int, at: NDArray[np.float64]
+) -> Track:
+    covariance = np.diag([settings.position_std_m**2, FIRST_SPEED_STD_M_S**2])
+    return Track(person, label, stamp_ns, np.stack([at, np.zeros(3)]), covariance)
+
+
+def _assignment(
+    tracks: list[Track], positions: list[NDArray[np.float64]], settings: IdentitySettings
+) -> tuple[NDArray[np.float64], list[int]]:
+    """Negative log-likelihoods (n, m + n), and the best column of each of n tracks.
+
+    Columns are the m positions, then "not seen" for each track. A position left over is of a new
+    person.
+    """
+    n, m = len(tracks), len(positions)
+    costs = np.full((n + m, m + n), np.inf)
+    costs[n:, m:] = 0.0
+    np.fill_diagonal(costs[:n, m:], -math.log(MISSED))
+    np.fill_diagonal(costs[n:, :m], -math.log(NEW_PER_M3))
+    for i, track in enumerate(tracks):
+        variance = track.covariance[0, 0] + settings.position_std_m**2
+        density = 1.5 * math.log(2.0 * math.pi * variance)
+        for j, position in enumerate(positions):
+            off = position - track.mean[0]
+            costs[i, j] = 0.5 * float(off @ off) / variance + density
+    columns = linear_sum_assignment(costs)[1] if n + m else np.empty(0, dtype=int)
+    return costs[:n], columns[:n].tolist()
+
+
+def _alike(costs: NDArray[np.float64], columns: list[int], least: float) -> set[int]:
+    """Tracks that could as well be exchanged with another one."""
+    n = len(columns)
+    m, alike = costs.shape[1] - n, set[int]()
+    for i, k in combinations(range(n), 2):
+        now = costs[i, columns[i]] + costs[k, columns[k]]
+        # Not seen is a column of each track's own.
+        of_i = columns[k] if columns[k] < m else m + i
+        of_k = columns[i] if columns[i] < m else m + k
+        if min(columns[i], columns[k]) < m and costs[i, of_i] + costs[k, of_k] - now < least:
+            alike |= {i, k}
+    return alike

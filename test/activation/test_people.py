@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One arm for several people: whom it helps first, and that it helps one at a time."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from activation_world import LABELS, START_NS, STEP_NS, World, prediction
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from intent_recognition.activation.people import HelpRequest, first_to_help
+from intent_recognition.activation.states import Mode
+
+SECOND_NS = 1_000_000_000
+PEOPLE = ("anna", "ben")
+times = st.floats(-20.0, 20.0)
+
+
+def request(person, needed_s=0.0, p=0.9, duration_s=2.0):
+    return HelpRequest(person, p, START_NS + round(needed_s * 1e9), duration_s)
+
+
+def expected_waiting(order, between_s):
+    """Sum of p w^2 by simulating the arm, which comes when it is needed, or later."""
+    free_s, total = 0.0, 0.0
+    for one in order:
+        needed_s = (one.needed_ns - START_NS) * 1e-9
+        arrives_s = needed_s if free_s + one.duration_s <= needed_s else free_s + one.duration_s
+        total += one.probability * (arrives_s - needed_s) ** 2
+        free_s = arrives_s + between_s
+    return total
+
+
+@given(st.lists(st.tuples(times, st.floats(0.1, 1.0), st.floats(0.5, 4.0)), min_size=1, max_size=2))
+def test_of_two_the_order_with_the_least_expected_waiting_is_chosen(drawn):
+    requests = [request(f"p{k}", *one) for k, one in enumerate(drawn)]
+    chosen = first_to_help(requests, START_NS, 1.0)
+    cost = {order[0].person: expected_waiting(order, 1.0) for order in permutations(requests)}
+    assert cost[chosen] <= min(cost.values()) + 1e-9
+
+
+@given(st.lists(st.tuples(times, st.floats(0.1, 1.0)), min_size=2, max_size=5), st.randoms())
+def test_the_order_of_the_requests_does_not_matter(drawn, random):
+    requests = [request(f"p{k}", *one) for k, one in enumerate(drawn)]
+    mixed = random.sample(requests, len(requests))
+    assert first_to_help(requests, START_NS) == first_to_help(mixed, START_NS)
+
+
+def test_who_needs_it_sooner_and_whose_task_is_more_certain_comes_first():
+    assert first_to_help([request("late", 1.0), request("soon", 0.5)], START_NS) == "soon"
+    assert first_to_help([request("a", 0.0, 0.6), request("b", 0.0, 0.95)], START_NS) == "b"
+
+
+@given(st.integers(0, 10**6), st.integers(2, 4))
+def test_nobody_starves_however_often_others_need_the_arm(seed, n):
+    """The others ask anew at once with a shorter task, which minimal sums of waiting prefer."""
+    rng = np.random.default_rng(seed)
+    now_ns = START_NS
+    slow = HelpRequest("slow", 0.6, now_ns, 4.0)
+    others = {f"p{k}": HelpRequest(f"p{k}", 0.99, now_ns, 0.5) for k in range(n)}
+    for _ in range(200):
+        chosen = first_to_help([slow, *others.values()], now_ns, 0.5)
+        if chosen == "slow":
+            return
+        now_ns += round((others[chosen].duration_s + 0.5) * 1e9)
+        others[chosen] = HelpRequest(chosen, 0.99, now_ns, float(rng.uniform(0.3, 0.7)))
+    raise AssertionError("it waited for 200 others")
+
+
+class SharedWorld(World):
+    """Two people before one arm; `needs` says what each does, and since when."""
+
+    def __init__(self, **settings):
+        super().__init__(**settings)
+        self.needs = dict.fromkeys(PEOPLE, ("idle", 0))
+        self.silent = set()
+        self.helped = []
+
+    def ask(self, person, task, already_s=0.8):
+        self.needs[person] = task, self.now_ns - round(already_s * 1e9)
+
+    def step(self):
+        self.now_ns += STEP_NS
+        self.activation.take_joint_state(self.now_ns, self.arm(), np.zeros(7))
+        for person, (task, onset_ns) in self.needs.items():
+            if person in self.silent:
+                continue
+            if task != "idle":
+                self.activation.take_prediction(self.now_ns, prediction(task, onset_ns), person)
+            self.task = task
+            self.activation.take_tasks(
+                self.now_ns, self.now_ns, LABELS, self.probabilities(), person=person
+            )
+        command = self.activation.step(self.now_ns)
+        if command is not None:
+            self.commands.append(command)
+        now = self.activation.attended, self.activation.active_task
+        if not self.helped or now != self.helped[-1]:
+            self.helped.append(now)
+
+    def until(self, happened, longest_s=20.0):
+        for _ in range(round(longest_s * 1e9 / STEP_NS)):
+            if happened():
+                return
+            self.step()
+        raise AssertionError(f"not within {longest_s} s: {self.helped}")
+
+    def helps(self, person):
+        return self.activation.attended == person
+
+
+def both_ask(first_s=0.8, second_s=0.4):
+    world = SharedWorld()
+    world.run(0.5)
+    world.ask("anna", "plate", first_s)
+    world.ask("ben", "screw", second_s)
+    return world
+
+
+def test_the_one_who_needs_it_first_is_helped_and_the_other_one_after():
+    world = both_ask()
+    world.until(lambda: world.helps("anna"))
+    world.run(1.2)
+    world.ask("anna", "idle")
+    world.ask("ben", "idle")  # both hands rest where they are
+    world.until(lambda: world.helps("ben"))
+    assert [pair for pair in world.helped if pair[0]] == [("anna", "plate"), ("ben", "screw")]
+    world.until(lambda: world.activation.mode is Mode.IDLE)
+    world.run(2.0)
+    assert world.activation.counts["started"] == 2
+    world.check_continuous()
+
+
+def test_who_needs_it_first_does_not_depend_on_the_names():
+    world = both_ask(0.4, 0.8)
+    world.until(lambda: world.activation.attended)
+    assert world.helps("ben")
+
+
+@pytest.mark.parametrize("leaves", ["moves", "vanishes"])
+def test_somebody_who_waited_and_left_is_not_helped(leaves):
+    world = both_ask()
+    world.until(lambda: world.helps("anna"))
+    world.run(1.2)
+    for person in PEOPLE:
+        world.ask(person, "idle")
+    world.run(0.2)
+    if leaves == "vanishes":
+        world.silent.add("ben")
+    else:
+        now_ns, moves = world.now_ns, np.array([0.3, 0.3, 0.4])
+        world.activation.take_tasks(now_ns, now_ns, LABELS, moves, person="ben")
+    world.until(lambda: world.activation.mode is Mode.IDLE)
+    world.silent.clear()
+    world.run(3.0)
+    assert {person for person, _ in world.helped} == {"anna", ""}
+
+
+def test_the_arm_stops_when_the_one_it_helps_vanishes_and_goes_on_with_the_other():
+    world = both_ask(0.4, 0.2)
+    world.until(lambda: world.helps("anna"))
+    world.silent.add("anna")
+    world.until(lambda: world.activation.mode is Mode.STOPPED)
+    assert world.activation.stop_reason == "stream_stopped"
+    world.until(lambda: world.helps("ben"))
+    world.check_continuous()
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 10**6))
+def test_in_random_sessions_help_is_for_what_was_asked_and_one_at_a_time(seed):
+    rng = np.random.default_rng(seed)
+    world = SharedWorld()
+    asked = dict.fromkeys(PEOPLE, "")
+    for _ in range(600):
+        for person in PEOPLE:
+            task, since_ns = world.needs[person]
+            if task == "idle" and rng.random() < 0.01:
+                asked[person] = str(rng.choice(["plate", "screw"]))
+                world.ask(person, asked[person], rng.uniform(0.2, 0.6))
+            elif task != "idle" and world.now_ns - since_ns > 2.0 * SECOND_NS:
+                world.ask(person, "idle")
+        before = world.helped[-1:]
+        world.step()
+        person, task = world.helped[-1]
+        assert bool(person) == bool(task)
+        assert world.helped[-1:] == before or task in ("", asked.get(person))
+    if world.commands:
+        world.check_continuous()

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two people through the nodes: each is followed as if alone, and the arm helps one at a time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from activation_graph import HOME, JOINT_NAMES, LABELS, START_NS, predicted
+from geometry_msgs.msg import PoseStamped
+from model_builder import WRIST, learned_model, make_dofs, perform, true_library
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.model.file import save_model
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, to_pose, to_stamp
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.recognition import IntentEstimator
+from intent_recognition.signals import Observation
+from intent_recognition.tracking import IngestSettings, IngestState, ingest_pose
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+TASKS = {"anna": 0, "ben": 1}
+BESIDE = {"anna": np.zeros(3), "ben": np.array([0.0, 0.2, 0.0])}
+T0 = 10**18
+STEP_NS = 2 * 10**7
+
+
+def overrides(**values):
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return true_library(make_dofs(WRIST))
+
+
+@pytest.fixture(scope="module")
+def model(truth):
+    return learned_model(make_dofs(WRIST), truth)
+
+
+def paths(truth):
+    """Where the wrists of two people are, (T, 3) each, at 50 Hz: ben's is beside anna's."""
+    found = {who: perform(truth, task, 300 + task).observed[0] for who, task in TASKS.items()}
+    n = min(len(signal.values) for signal in found.values())
+    return {who: s.values[:n] + BESIDE[who] for who, s in found.items()}
+
+
+def alone(model, path):
+    """What the library makes of a path without anybody else."""
+    state, estimator, found = IngestState(), IntentEstimator(model.library), []
+    for k, position in enumerate(path):
+        stamp = T0 + k * STEP_NS
+        state, pose = ingest_pose(IngestSettings(), state, stamp, position, UPRIGHT, "world")
+        seen = Observation(stamp, 0, pose.position, covariance=pose.position_covariance)
+        found.append(estimator.update(seen))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("persons", [["anna", "ben"], ["*"]])
+def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
+    harness, truth, model, tmp_path, persons
+):
+    save_model(tmp_path / "model.npz", model)
+    wrists = paths(truth)
+    poses = {
+        label: harness.publisher(PoseStamped, f"mocap/{label}/wrist/pose", qos.SENSOR)
+        for label in TASKS
+    }
+    ingest = harness.add(MocapIngest(parameter_overrides=overrides(persons=persons)))
+    named = overrides(persons=persons, model=str(tmp_path / "model.npz"))
+    estimator = harness.add(IntentEstimatorNode(parameter_overrides=named))
+    tasks = {
+        who: harness.collect(JointState, f"intent/{who}/tasks", qos.keep_last(1000))
+        for who in TASKS
+    }
+    harness.connect(*poses.values())
+    apart = np.linalg.norm(wrists["anna"] - wrists["ben"], axis=1)
+    k0 = int(np.argmax((apart > 0.1) & (np.arange(len(apart)) > 70)))
+
+    def show(stamp, at, labels):
+        for who, label in zip(TASKS, labels, strict=True):
+            message = PoseStamped(pose=to_pose(at[who], UPRIGHT))
+            message.header.frame_id, message.header.stamp = "world", to_stamp(stamp)
+            poses[label].publish(message)
+
+    totals, sent = ingest._diagnostics._totals, 0
+    first = {who: path[0] for who, path in wrists.items()}
+    while not len(ingest._outputs) == len(estimator.people) == 2:  # met, and forgotten by T0
+        sent += 1
+        show(T0 - 10**11 + sent * STEP_NS, first, TASKS)
+        harness.spin_until(
+            lambda sent=sent: all(totals[f"mocap/{label}/wrist/pose"] == sent for label in TASKS),
+            what="both poses",
+        )
+    outputs = [belief.output.tasks for belief in estimator.people.values()]
+    harness.connect(*ingest._outputs.values(), *outputs)
+    for k in range(len(apart)):
+        at = {who: path[k] for who, path in wrists.items()}
+        show(T0 + k * STEP_NS, at, list(reversed(TASKS)) if k >= k0 else TASKS)
+        harness.spin_until(
+            lambda k=k: all(m and stamp_ns(m[-1]) == T0 + k * STEP_NS for m in tasks.values()),
+            what="tasks of both",
+        )
+    for who in TASKS:
+        expected = alone(model, wrists[who])
+        for message, estimate in zip(tasks[who][-len(expected) :], expected, strict=True):
+            assert stamp_ns(message) == estimate.stamp_ns
+            np.testing.assert_allclose(message.position, estimate.probabilities, atol=1e-9)
+    assert ingest._diagnostics._counts["identity_undone"] == 1
+    assert {id(b.estimator.library) for b in estimator.people.values()} == {
+        id(estimator.people["anna"].estimator.library)
+    }
+
+
+class TwoBeliefs:
+    """Fake beliefs of two people, an arm and a clock around the activation node."""
+
+    def __init__(self, harness):
+        self.harness, self.now_ns, self.needs = harness, START_NS, {}
+        named = overrides(use_sim_time=True, home=HOME.tolist(), persons=["anna", "ben"])
+        self.node = harness.add(PrimitiveActivation(parameter_overrides=named))
+        self.clock = harness.publisher(Clock, "/clock", 10)
+        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        self.tasks = {
+            w: harness.publisher(JointState, f"intent/{w}/tasks", qos.STATE) for w in TASKS
+        }
+        self.predictions = {
+            w: harness.publisher(JointTrajectory, f"intent/{w}/robot_trajectory", qos.COMMAND)
+            for w in TASKS
+        }
+        self.helped = harness.collect(String, "intent/active_person", qos.LATCHED)
+        outputs = (*self.tasks.values(), *self.predictions.values())
+        self.measures = False
+        harness.connect(self.clock, self.joints, *outputs)
+
+    def send(self, publisher, message, stream):
+        totals = self.node.diagnostics._totals
+        before = totals[stream]
+        publisher.publish(message)
+        self.harness.spin_until(lambda: totals[stream] > before, what=stream)
+
+    def step(self):
+        self.now_ns += STEP_NS
+        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
+        clock = self.node.get_clock()
+        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns, what="clock")
+        if self.measures:
+            state = to_joint_state(JOINT_NAMES, HOME, np.zeros(7), time_ns=self.now_ns)
+            self.send(self.joints, state, "joint_states")
+        for person in TASKS:
+            p = [0.0, 0.0, 1.0]
+            if person in self.needs:
+                task, onset_ns = self.needs[person]
+                p = [0.02 + 0.94 * (label == task) for label in LABELS]
+                message = predicted(task, onset_ns)
+                self.send(self.predictions[person], message, "intent/robot_trajectory")
+            message = to_joint_state(LABELS, np.array(p), time_ns=self.now_ns)
+            self.send(self.tasks[person], message, "intent/tasks")
+
+
+@pytest.mark.slow
+def test_the_arm_helps_the_one_who_needs_it_first_and_says_whom(harness):
+    graph = TwoBeliefs(harness)
+    graph.step()
+    onset_ns = graph.now_ns
+    graph.needs = {"ben": ("screw", onset_ns - 800_000_000), "anna": ("plate", onset_ns)}
+    for _ in range(10):  # without joint states no motion begins
+        graph.step()
+    assert graph.node.activation.attended == ""
+    graph.measures = True
+    for _ in range(5):
+        graph.step()
+    activation = graph.node.activation
+    assert (activation.attended, activation.active_task) == ("ben", "screw")
+    assert activation.counts["started"] == 1
+    harness.spin_until(lambda: graph.helped and graph.helped[-1].data == "ben", what="who")
+
+
+@pytest.mark.parametrize("names", [["anna", "anna"], ["no/topic"], ["1st"]])
+def test_names_that_cannot_be_told_apart_or_be_topics_are_refused(harness, names):
+    with pytest.raises(ArgumentError, match="persons"):
+        MocapIngest(parameter_overrides=overrides(persons=names))
+
+
+def test_a_plan_is_of_one_person(harness, model, tmp_path):
+    save_model(tmp_path / "model.npz", replace(model))
+    named = overrides(persons=["anna"], model=str(tmp_path / "model.npz"), plan="steps: []\n")
+    with pytest.raises(ArgumentError, match="plan"):
+        IntentEstimatorNode(parameter_overrides=named)
