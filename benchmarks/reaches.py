@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import betainc
@@ -37,6 +37,8 @@ APART: Goals = {
     "up": np.array([0.45, 0.0, 0.433]),
 }
 """Three goals 0.5 m apart."""
+ORIGIN = np.zeros(3)
+"""Where hands rest [m]."""
 ELSEWHERE: Goals = {
     "": np.array([0.45, 0.75, 0.0]),
     " ": np.array([0.1, 0.0, 0.5]),
@@ -195,7 +197,7 @@ def demonstrations(
     rng: np.random.Generator,
     per_task: int = 15,
     goals: Goals = APART,
-    seat: ArrayLike = (0.0, 0.0, 0.0),
+    seat: NDArray[np.float64] = ORIGIN,
 ) -> list[Demonstration]:
     """Demonstrations of some tasks from a seat (3,); the robot meets the hand with a delay."""
     found = []

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 from std_msgs.msg import String
 
-from intent_recognition.demonstrations import (
-    DofSpec,
-)
+from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.model import Model, frames_of
 from intent_recognition.nodes import qos

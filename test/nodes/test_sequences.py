@@ -99,7 +99,7 @@ def test_the_estimator_expects_the_step(harness, tmp_path):
     status.publish(DiagnosticStatus(values=[KeyValue(key="task", value="task_1")]))
     value = Parameter("model", value=str(folder.path))
     node = harness.add(IntentEstimatorNode(parameter_overrides=[value]))
-    expectation = node._estimator.expectation
+    expectation = node.people[""].estimator.expectation
     harness.spin_until(lambda: expectation.prior[1] > HABIT_TRUST, what="the step")
     status.publish(DiagnosticStatus(message="no sequence"))
     harness.spin_until(lambda: expectation.prior[1] < HABIT_TRUST, what="no step")
