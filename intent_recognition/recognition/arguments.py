@@ -67,6 +67,19 @@ def as_observation(
     )
 
 
+def measured_part(observation: Observation, n_dofs: int) -> Observation | None:
+    """The DOFs that are not NaN, of a signal of so many; None where there are none.
+
+    As it is where values or covariance do not fit: `observation_error` says why.
+    """
+    covariance, m = observation.covariance, len(observation.dofs or range(n_dofs))
+    if np.shape(observation.values) != (m,):
+        return observation
+    if covariance is not None and np.shape(covariance) != (m, m):
+        return observation
+    return observation.measured()
+
+
 def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int) -> Observation:
     """The observation of the controlled agent, as far as `observation_error` does not look at it.
 

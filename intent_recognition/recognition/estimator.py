@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, check_type, first_of
-from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
+from intent_recognition.filtering import N_SCALES, PriorGrid, make_prior_grid
 from intent_recognition.promp import (
     NONE,
     TaskLibrary,
@@ -28,6 +28,7 @@ from intent_recognition.recognition.arguments import (
     as_times,
     check_same_dofs,
     covariance_defect,
+    measured_part,
     observation_error,
     values_defect,
 )
@@ -36,9 +37,8 @@ from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.explaining import Evidence, explain_movement
 from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
-from intent_recognition.recognition.movement import Movement, MovementAfterStop
+from intent_recognition.recognition.movement import Movements
 from intent_recognition.recognition.observed_turns import ObservedTurns
-from intent_recognition.recognition.posterior import TaskPosterior, answered
 from intent_recognition.recognition.predicting import Predictor, at_rest, predict_observed
 from intent_recognition.recognition.start_posture import OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
@@ -49,10 +49,6 @@ CLOCK_RESET_AFTER = 50
 
 Convention: half a second of a motion capture system at 100 Hz.
 """
-
-
-def _as_it_is(library: TaskLibrary) -> TaskLibrary:
-    return library
 
 
 class IntentEstimator:
@@ -92,7 +88,7 @@ class IntentEstimator:
     ):
         check_type("library", library, TaskLibrary, LIBRARY_CURE)
         self.library = self.taught = library
-        self._bend: Callable[[TaskLibrary], TaskLibrary] = _as_it_is
+        self._bend: Callable[[TaskLibrary], TaskLibrary] = lambda taught: taught
         self._context, self._task_prior = KnownContext(library), task_prior
         self._labels = (*library.labels, NONE)
         self._n_scales = n_scales
@@ -102,15 +98,12 @@ class IntentEstimator:
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._turns = ObservedTurns(library)
         self.first_samples = FirstSamples(library)
-        self._switching = switching
-        self._answer = ""
-        self._movement: Movement | None = None
-        self._posterior: TaskPosterior | None = None
-        self._make_memory()
+        self._movements = Movements(self.expectation, switching=switching)
+        self._movements.use(library, self._grid())
 
     def __repr__(self) -> str:
         """What it can recognise, and whether a movement is under way."""
-        state = "at rest" if self._movement is None else "following a movement"
+        state = "at rest" if self._movements.movement is None else "following a movement"
         return f"<IntentEstimator of {first_of(self.library.labels)}: {state}>"
 
     def observe(
@@ -144,20 +137,15 @@ class IntentEstimator:
                 CLOCK_RESET_AFTER such stamps the clock is taken to have been set back, and the
                 estimator starts anew.
         """
-        sizes = [past.n_dofs for past in self._detector.pasts]
+        sizes, run = [past.n_dofs for past in self._detector.pasts], self._movements.movement
         observation = as_observation(sizes, stamp_s, values, signal, dofs, covariance)
-        n_dofs = sizes[signal]
-        m = n_dofs if observation.dofs is None else len(observation.dofs)
-        if np.shape(values) == (m,) and (covariance is None or np.shape(covariance) == (m, m)):
-            measured = observation.measured()
-            if measured is None:
-                last = self._movement.observations[-1] if self._movement else observation
-                return self._estimate(last.stamp_ns)
-            observation = measured
-        reason = self._defect(observation)
+        measured = measured_part(observation, n_dofs := sizes[signal])
+        if measured is None:
+            return self._estimate((run.observations[-1] if run else observation).stamp_ns)
+        reason = self._defect(measured)
         if reason is not None:
-            raise observation_error(reason, observation, n_dofs, self.first_samples.misfit)
-        return self.update(observation)
+            raise observation_error(reason, measured, n_dofs, self.first_samples.misfit)
+        return self.update(measured)
 
     def reason_to_reject(self, observation: Observation) -> str | None:
         """Why `update` cannot take an observation, as a diagnostics key, or None when it can.
@@ -182,48 +170,35 @@ class IntentEstimator:
     def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
         observation = self._turns.bring(observation)
-        self._detector.add(observation)
-        if self._movement is None:
-            self.expectation.forget_if_long_ago(observation.stamp_ns)
-            onset_ns = self._detector.onset_ns()
+        now_ns, movements, detector = observation.stamp_ns, self._movements, self._detector
+        detector.add(observation)
+        if movements.movement is None:
+            self.expectation.forget_if_long_ago(now_ns)
+            onset_ns = detector.onset_ns()
             if onset_ns is not None:
                 if self._context.changed():
-                    self._use(self._context.library(observation.stamp_ns))
-                self._begin(onset_ns, self._detector.since(onset_ns))
-            elif self._switching and self._detector.waits_for_rest:
-                self._follow_stops(observation)
-                return self._estimate(observation.stamp_ns)
-        elif observation.stamp_ns >= self._movement.onset_ns:
-            if self._context.due(observation.stamp_ns, self._movement.onset_ns):
-                self._use(self._context.library(observation.stamp_ns))
-            self._movement.observe(observation)
-        if self._movement is None:
-            return self._estimate(observation.stamp_ns)
-        self._posterior = self._believed(self._movement, observation.stamp_ns)
-        elapsed_s = (observation.stamp_ns - self._movement.onset_ns) * 1e-9
-        if self._detector.is_over(elapsed_s, self._posterior):
-            self.expectation.remember(observation.stamp_ns, self._posterior)
-            self._movement = self._posterior = None
-            self._answer = ""
-        elif self._switching:
-            self._follow_stops(observation)
-        return self._estimate(observation.stamp_ns)
-
-    def _believed(self, movement: Movement, stamp_ns: int) -> TaskPosterior:
-        """What is believed of the movement under way at a stamp."""
-        posterior = self.expectation.weigh(movement.posterior(stamp_ns))
-        if self._answer in self.library.labels:
-            return answered(posterior, self.library.labels.index(self._answer))
-        return posterior
+                    self._use(self._context.library(now_ns))
+                movements.begin(onset_ns, detector.since(onset_ns))
+                detector.forget_stops()
+        elif now_ns >= movements.movement.onset_ns:
+            if self._context.due(now_ns, movements.movement.onset_ns):
+                self._use(self._context.library(now_ns))
+            movements.movement.observe(observation)
+        posterior = movements.believe(now_ns)
+        elapsed_s = (now_ns - movements.onset_ns) * 1e-9
+        if posterior is not None and detector.is_over(elapsed_s, posterior):
+            movements.end(now_ns)
+        elif posterior is not None or detector.waits_for_rest:
+            movements.follow_stops(detector, observation)
+        return self._estimate(now_ns)
 
     def _estimate(self, stamp_ns: int) -> Estimate:
         """What the observations up to a stamp have given, or that no movement is under way."""
-        if self._movement is None or self._posterior is None:
+        posterior, onset_ns = self._movements.posterior, self._movements.onset_ns
+        if posterior is None:
             return Estimate.idle(stamp_ns, self._labels)
-        phase = self._posterior.phase.copy()
-        phase[-1] = 0.0
-        found = Estimate.of(stamp_ns, self._movement.onset_ns, self._posterior, self._labels)
-        return found._replace(phase=phase)
+        phase = np.append(posterior.phase[:-1], 0.0)
+        return Estimate.of(stamp_ns, onset_ns, posterior, self._labels)._replace(phase=phase)
 
     def observe_controlled(self, stamp_s: float, values: ArrayLike, *, signal: int = 0) -> None:
         """Take the robot's measured position, of which its posture at onset is used.
@@ -300,18 +275,17 @@ class IntentEstimator:
         Raises:
             ArgumentError: no movement is under way, or there is no such task.
         """
-        if self._movement is None or self._posterior is None:
+        if self._movements.posterior is None:
             cure = "Answer while the human moves."
             raise ArgumentError.about("answer", "a movement under way", "none", cure)
         if task not in self.library.labels:
             cure = "Name a task of the model."
             raise ArgumentError.about("answer", f"one of {self.library.labels}", repr(task), cure)
-        self._answer = task
-        self._posterior = self._believed(self._movement, self._movement.observations[-1].stamp_ns)
+        self._movements.answer(task)
 
     def expect(self, task: str) -> None:
         """Let a task be that of the next movement, as sure as a habit; empty: as it was learned."""
-        self.expectation.expect(task, at_once=self._movement is None)
+        self.expectation.expect(task, at_once=self._movements.movement is None)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
@@ -320,12 +294,10 @@ class IntentEstimator:
         task to predict. Ask only where `estimate.moving and estimate.task != "none"`.
         `predict_controlled_at` always says where the controlled agent is expected.
         """
-        if self._movement is None or self._posterior is None:
+        run, task = self._movements.most_probable
+        if run is None or task == self.library.n_tasks:
             return None
-        task = int(np.argmax(self._posterior.probabilities))
-        if task == self.library.n_tasks:
-            return None
-        return self._predictor.controlled(self.taught, self._movement.filter, task, n_points)
+        return self._predictor.controlled(self.taught, run, task, n_points)
 
     def predict_controlled_at(self, times_s: ArrayLike) -> Trajectory:
         """Where the controlled agent is at some times, task and phase unknown.
@@ -344,11 +316,12 @@ class IntentEstimator:
             ShapeError: times_s has more than one dimension.
             ArgumentError: a time is not finite.
         """
-        times, movement = as_times(times_s), self._movement
-        if movement is None or self._posterior is None:
+        times, movement = as_times(times_s), self._movements.movement
+        posterior = self._movements.posterior
+        if movement is None or posterior is None:
             return at_rest(self.library, self.expectation.prior, times)
-        run, known = movement.filter, self._posterior.probabilities[:-1]
-        return self._predictor.controlled_at(self.taught, run, known, times)
+        known = posterior.probabilities[:-1]
+        return self._predictor.controlled_at(self.taught, movement.filter, known, times)
 
     def predicted_end_std(self) -> dict[str, float] | None:
         """Largest standard deviation at the predicted end over the controlled DOFs of each unit.
@@ -365,10 +338,8 @@ class IntentEstimator:
 
         None at rest and before an onset is found.
         """
-        if self._movement is None or self._posterior is None:
-            return None
-        task = int(np.argmax(self._posterior.probabilities))
-        return predict_observed(self._movement.filter, task, n_points)
+        run, task = self._movements.most_probable
+        return None if run is None else predict_observed(run, task, n_points)
 
     def explain(self, task: str | None = None, rival: str | None = None) -> Evidence | None:
         """Why a task is more probable than another: evidence by observation and observed DOF.
@@ -384,9 +355,10 @@ class IntentEstimator:
         Raises:
             ArgumentError: there is no such label, or both are the same.
         """
-        if self._movement is None or self._posterior is None:
-            return None
-        return explain_movement(self._movement, self._posterior, task, rival)
+        movement, posterior = self._movements.movement, self._movements.posterior
+        if movement is not None and posterior is not None:
+            return explain_movement(movement, posterior, task, rival)
+        return None
 
     def too_sparse(self) -> SparseSignal | None:
         """A signal with too few samples for a movement to be found; None where all have enough."""
@@ -394,8 +366,7 @@ class IntentEstimator:
 
     def reset(self) -> None:
         """Forget the movement under way and the past, but not what is known of the scene."""
-        self._movement = self._posterior = None
-        self._answer = ""
+        self._movements.reset()
         self.expectation.reset()
         self._posture.clear()
         self._detector.clear()
@@ -420,47 +391,10 @@ class IntentEstimator:
         self._labels = (*library.labels, NONE)
         self._detector.use(library.onset)
         self.expectation.swap(library, self._task_prior)
-        self._make_memory()
         self._posture.library_changed()
-        if self._movement is not None:
-            before = self._movement
-            self._begin(before.onset_ns, before.observations)
-            last_ns = before.observations[-1].stamp_ns
-            self._posterior = self._believed(self._movement, last_ns)
+        self._movements.use(library, self._grid())
+        if self._movements.movement is not None:
+            self._detector.forget_stops()
 
-    def _make_memory(self) -> None:
-        """What one movement after the other is filtered in."""
-        library, switching = self.library, self._switching
-        grid = make_prior_grid(library, self._task_prior, self._n_scales)
-
-        def make() -> Movement:
-            return Movement(MovementFilter(library, grid, 0, prune=True, switching=switching))
-
-        self._memory = make()
-        usual_s = float(np.exp(np.mean(library.log_duration_mean)))
-        self._after_stop = MovementAfterStop(usual_s, make)
-
-    def _begin(self, onset_ns: int, past: list[Observation]) -> None:
-        """Filter a movement from its onset, in the memory of the one before."""
-        self._memory.begin(onset_ns, past, self.expectation.ratio)
-        self._movement = self._memory
-        self._after_stop.forget()
-        self._detector.forget_stops()
-
-    def _follow_stops(self, observation: Observation) -> None:
-        """Go over to the movement that began where the hand stopped, once it is recognised."""
-        after, stamp_ns = self._after_stop, observation.stamp_ns
-        stopped_ns = self._detector.stopped_ns()
-        if stopped_ns is None:
-            after.observe(observation)
-        else:
-            since = self._detector.since
-            after.begin(stopped_ns, since, self.expectation.ratio, self._posterior)
-        taken = after.take_over(stamp_ns, self._posterior, self._memory)
-        if taken is not None:
-            if self._posterior is not None:
-                self.expectation.remember(stamp_ns, self._posterior)
-            self._detector.waits_for_rest = False
-            self._movement = self._memory = taken
-            self._answer = ""
-            self._posterior = self._believed(taken, stamp_ns)
+    def _grid(self) -> PriorGrid:
+        return make_prior_grid(self.library, self._task_prior, self._n_scales)

@@ -13,8 +13,16 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import MovementFilter
-from intent_recognition.recognition.posterior import TaskBelief, TaskPosterior, task_belief
+from intent_recognition.filtering import MovementFilter, PriorGrid
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition.motion_detection import MotionDetector
+from intent_recognition.recognition.posterior import (
+    TaskBelief,
+    TaskPosterior,
+    answered,
+    task_belief,
+)
+from intent_recognition.recognition.transitions import Expectation
 from intent_recognition.signals import Observation, every_second
 
 MAX_OBSERVATIONS = 2**14
@@ -142,6 +150,104 @@ class MovementAfterStop:
             return None
         self._movement, self._begun = before, False
         return found
+
+
+class Movements:
+    """The movement under way, and the one that may have begun where the hand last stopped.
+
+    Args:
+        expectation: of the next task; it remembers each movement that ends.
+        switching: see `IntentEstimator`.
+
+    Attributes:
+        movement: the one under way; None at rest.
+        posterior: what is believed of it after the last observation; None at rest.
+    """
+
+    _labels: tuple[str, ...]
+    _memory: Movement
+    _after_stop: MovementAfterStop
+    """From `use` on: of the library, what the next movement is filtered in, and what may follow."""
+
+    def __init__(self, expectation: Expectation, *, switching: bool):
+        self._expectation, self._switching = expectation, switching
+        self.reset()
+
+    def reset(self) -> None:
+        """There is no movement under way."""
+        self.movement: Movement | None = None
+        self.posterior: TaskPosterior | None = None
+        self._answer = ""
+
+    @property
+    def onset_ns(self) -> int:
+        """Stamp of the onset of the movement under way, 0 at rest."""
+        return 0 if self.movement is None else self.movement.onset_ns
+
+    @property
+    def most_probable(self) -> tuple[MovementFilter | None, int]:
+        """The filter of the movement under way, None at rest, and its most probable task."""
+        if self.movement is None or self.posterior is None:
+            return None, 0
+        return self.movement.filter, int(np.argmax(self.posterior.probabilities))
+
+    def use(self, library: TaskLibrary, grid: PriorGrid) -> None:
+        """Filter with a library from now on, the movement under way from its onset."""
+
+        def make() -> Movement:
+            run = MovementFilter(library, grid, 0, prune=True, switching=self._switching)
+            return Movement(run)
+
+        self._labels, self._memory = library.labels, make()
+        usual_s = float(np.exp(np.mean(library.log_duration_mean)))
+        self._after_stop = MovementAfterStop(usual_s, make)
+        if self.movement is not None:
+            seen = self.movement.observations
+            self.begin(self.movement.onset_ns, seen)
+            self.believe(seen[-1].stamp_ns)
+
+    def begin(self, onset_ns: int, past: Iterable[Observation]) -> None:
+        """Filter a movement from its onset, in the memory of the one before."""
+        self._memory.begin(onset_ns, past, self._expectation.ratio)
+        self.movement = self._memory
+        self._after_stop.forget()
+
+    def believe(self, stamp_ns: int) -> TaskPosterior | None:
+        """Bring what is believed of the movement under way up to a stamp; None at rest."""
+        if self.movement is not None:
+            self.posterior = self._expectation.weigh(self.movement.posterior(stamp_ns))
+            if self._answer in self._labels:
+                self.posterior = answered(self.posterior, self._labels.index(self._answer))
+        return self.posterior
+
+    def answer(self, task: str) -> None:
+        """Count what a person says the movement under way is, until it ends."""
+        self._answer = task
+        if self.movement is not None:
+            self.believe(self.movement.observations[-1].stamp_ns)
+
+    def end(self, stamp_ns: int) -> None:
+        """The movement under way is over."""
+        if self.posterior is not None:
+            self._expectation.remember(stamp_ns, self.posterior)
+        self.reset()
+
+    def follow_stops(self, detector: MotionDetector, observation: Observation) -> None:
+        """Go over to the movement that began where the hand stopped, once it is recognised."""
+        if not self._switching:
+            return
+        after, stamp_ns = self._after_stop, observation.stamp_ns
+        stopped_ns = detector.stopped_ns()
+        if stopped_ns is None:
+            after.observe(observation)
+        else:
+            after.begin(stopped_ns, detector.since, self._expectation.ratio, self.posterior)
+        taken = after.take_over(stamp_ns, self.posterior, self._memory)
+        if taken is not None:
+            self.end(stamp_ns)
+            detector.waits_for_rest = False
+            self.movement = self._memory = taken
+            self.believe(stamp_ns)
 
 
 def is_done(posterior: TaskPosterior | None) -> bool:

@@ -176,7 +176,9 @@ def perform(estimator, library, task, rng, after_ns):
 
 @pytest.mark.slow
 def test_the_task_before_picks_the_row(library, rng):
-    on, off = IntentEstimator(library), IntentEstimator(library, transitions=False)
+    """Of movements without births, which take the habit of the task that was turned from."""
+    on = IntentEstimator(library, switching=False)
+    off = IntentEstimator(library, switching=False, transitions=False)
     np.testing.assert_allclose(on.expectation.prior, expected([0.9, 0.05, 0.05]))
     stamp = START_NS
     for task in (0, 1, 2):
