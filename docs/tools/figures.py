@@ -239,7 +239,9 @@ def plan(names: Sequence[str]) -> str:
     lines = []
     for name in SOURCES:
         figure = figures.get(name, {})
-        state = "current" if is_current(name, figures) else figure.get("version", "not measured")
+        version = figure.get("version", "not measured")
+        other = "other code" if version == __version__ else version
+        state = "current" if is_current(name, figures) else other
         known = "" if "seconds" in figure else " (guessed)"
         mark = "*" if name in names else " "
         lines.append(f"{mark} {name:28}{state:14}{minutes(name, figures):5.0f} min{known}")
