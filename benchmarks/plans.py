@@ -60,6 +60,7 @@ def score(
         progress, last = WorkProgress(plan, labels), len(labels)
         missing: set[str] = set()
         told: set[str] = set()
+        late: set[str] = set()
         for act in build(rng, job, SLIPS):
             habit = table[last]
             p, k = progress.next_tasks(habit), labels.index(act.label)
@@ -80,6 +81,8 @@ def score(
             missing |= new
             out["forgotten"] += len(new)
             out["told"] += len(new & now)
+            out["told by the next"] += len(new & now) + len(late & now)
+            late = new - now
             out["false"] += len(now - told - missing)
             told |= now
     return out
@@ -94,9 +97,9 @@ def main() -> None:
     seeds = range(options.first, options.first + options.seeds)
     print(
         "| demonstrations | right of decidable | table | log loss / table's"
-        " | one that may come | forgotten, told at once | false a hundred movements |"
+        " | one that may come | forgotten, told at once | by the next movement | false a hundred movements |"
     )
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|")
     for n, slips, by_hand in (
         (2, 0.0, False),
         (2, SLIPS, False),
@@ -113,6 +116,7 @@ def main() -> None:
             f" | {c['loss'] / c['loss of table']:.2f}"
             f" | {c['possible'] / c['movements']:.1%}"
             f" | {c['told']} of {c['forgotten']}"
+            f" | {c['told by the next']}"
             f" | {100 * c['false'] / c['movements']:.1f} |",
             flush=True,
         )
