@@ -97,7 +97,8 @@ def main() -> None:
     seeds = range(options.first, options.first + options.seeds)
     print(
         "| demonstrations | right of decidable | table | log loss / table's"
-        " | one that may come | forgotten, told at once | by the next movement | false a hundred movements |"
+        " | one that may come | forgotten, told at once | by the next movement"
+        " | false a hundred movements |"
     )
     print("|---|---|---|---|---|---|---|---|")
     for n, slips, by_hand in (

@@ -199,6 +199,7 @@ NODES: Mapping[str, RegisteredNode] = {
             "joint_states",
             f"mocap/{BODY}/pose",
             "robot_description",
+            "intent/plan",
             "intent/question",
             "intent/via_points",
             "teach/skills",

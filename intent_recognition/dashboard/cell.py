@@ -110,6 +110,7 @@ class CellState:
         teaching: last sentence of `teach/status`.
         skills: changes of each task, the oldest first.
         via_points: in force.
+        plan: steps of the assembly, and whether each is `done`, `forgotten`, `may come` or `later`.
     """
 
     joints: dict[str, float] = field(default_factory=dict)
@@ -128,6 +129,7 @@ class CellState:
     teaching: str = ""
     skills: dict[str, list[SkillRow]] = field(default_factory=dict)
     via_points: tuple[ViaPoint, ...] = ()
+    plan: dict[str, str] = field(default_factory=dict)
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
     _question: tuple[str, ...] = ()
     _question_at_s: float = -np.inf

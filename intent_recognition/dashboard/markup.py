@@ -61,6 +61,17 @@ def now_line(state: CellState, colours: Mapping[str, str]) -> str:
     return _block(f'<div style="padding:.25em 0 .55em">{" &nbsp; ".join(parts)}</div>')
 
 
+def plan(steps: Mapping[str, str]) -> str:
+    """The steps of an assembly, a line each for what is done, forgotten, may come, and is later."""
+    rows = [
+        f"<div style='margin:.2em 0{f';color:{BAD}' if what == 'forgotten' else ''}'>"
+        f"<span style='color:{SOFT}'>{what}:</span> {escape(', '.join(map(readable, names)))}</div>"
+        for what in ("done", "forgotten", "may come", "later")
+        if (names := [name for name, now in steps.items() if now == what])
+    ]
+    return _block("".join(rows)) if rows else ""
+
+
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
     """Every node that ever reported: state, message, rates, latency; silent ones stand out."""
     if not nodes:

@@ -76,6 +76,7 @@ class CellSubscriptions:
             (String, "intent/active_task", self._on_active, qos.LATCHED),
             (DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK),
             (JointState, "intent/question", self._on_question, qos.LATCHED),
+            (DiagnosticStatus, "intent/plan", self._on_plan, qos.LATCHED),
             (String, "coworker/task", self._on_truth, qos.STATE),
             (String, "robot_description", self._on_description, qos.LATCHED),
             (String, "teach/status", self._on_teaching, qos.LATCHED),
@@ -137,6 +138,11 @@ class CellSubscriptions:
     def _on_question(self, message: JointState) -> None:
         names = checked_names("name", message.name, MOST_NAMES)
         self._state.take_question(names, self._clock())
+
+    def _on_plan(self, message: DiagnosticStatus) -> None:
+        steps = [pair for pair in message.values if pair.key != "yaml"]
+        _, told = _told(DiagnosticStatus(message=message.message, values=steps))
+        self._state.plan = {step: what.rpartition(" ")[0] for step, what in told.items()}
 
     def _on_truth(self, message: String) -> None:
         self._state.truth = checked_text("data", message.data)

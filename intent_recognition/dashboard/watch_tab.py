@@ -34,6 +34,7 @@ class WatchTab:
         self._server, self._gui = server, gui
         self._empty = gui.add_html(markup.ways(NO_INPUT, NEXT_STEPS))
         self._bars = gui.add_html("")
+        self._plan = gui.add_html("")
         self._question = gui.add_folder("Which task is it?", visible=False)
         self._choices: dict[str, viser.GuiButtonHandle] = {}
         self._do = do
@@ -58,6 +59,7 @@ class WatchTab:
         self._empty.visible = not present and not state.joints
         fresh = present and state.fresh(state.tasks_at_s, now_s)
         self._bars.content = markup.bars(state, colours, fresh)
+        self._plan.content = markup.plan(state.plan)
         self._ask(state.question(now_s) if fresh else ())
         self._place.visible = present
         if present and now_s - self._plotted_at_s >= PLOT_PERIOD_S:

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pieces of the page say what is known, and nothing of a label becomes markup."""
 
+from types import SimpleNamespace
+
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState, NodeHealth, Posterior, SkillRow
 from intent_recognition.dashboard.skills_tab import skills_table
+from intent_recognition.dashboard.subscriptions import CellSubscriptions
 
 EVIL = "<script>alert(1)</script>"
 
@@ -23,6 +27,31 @@ def test_bars_show_probability_and_phase():
     assert "93%" in text
     assert "0.40" in text
     assert "#0072b2" in text
+
+
+def test_the_plan_that_is_told_is_listed_by_what_is_done_forgotten_and_due():
+    """`intent/plan`, as `PlanFollower` publishes it, and with a hostile name."""
+    taken, state = {}, CellState()
+    node = SimpleNamespace(
+        create_subscription=lambda _, topic, take, __: taken.update({topic: take})
+    )
+    CellSubscriptions(node, state)
+    rows = {
+        "bolt": "done 1.00",
+        EVIL: "forgotten 0.02",
+        "lid 2": "may come 0.00",
+        "yaml": "y" * 9999,
+    }
+    values = [KeyValue(key=key, value=value) for key, value in rows.items()]
+    taken["intent/plan"](DiagnosticStatus(name="plan", message="may come: lid 2", values=values))
+    text = markup.plan(state.plan)
+    places = [text.index(f"{what}:</span> ") for what in ("done", "forgotten", "may come")]
+    assert places == sorted(places)
+    assert "later" not in text
+    assert EVIL not in text
+    assert "lid 2" in text
+    taken["intent/plan"](DiagnosticStatus(name="plan", message="no plan"))
+    assert markup.plan(state.plan) == ""
 
 
 def test_old_probabilities_lose_their_colour():
