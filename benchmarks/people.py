@@ -30,7 +30,7 @@ from intent_recognition.recognition import (
     decision_settings,
 )
 from intent_recognition.signals import Observation
-from intent_recognition.tracking import LOST_S, Identities, IdentitySettings, identify
+from intent_recognition.tracking import LOST_S, Identities, identify
 
 SEATS = {"anna": np.array([0.0, -0.3, 0.0]), "ben": np.array([0.0, 0.3, 0.0])}
 GOALS = {"right": (0.45, -0.3, 0.0), "left": (0.45, 0.3, 0.0), "up": (0.45, 0.0, 0.43)}
@@ -197,7 +197,7 @@ def session(library: TaskLibrary, seed: tuple[int, int]) -> Counter:
     noise = np.random.default_rng([*seed, 2])
     alone = {who: Belief(library) for who in SEATS}
     beliefs: dict[str, Belief] = {}
-    identities, settings, arm = Identities(), IdentitySettings(), Arm(library)
+    identities, arm = Identities(), Arm(library)
     owner: dict[str, tuple[str, int]] = {}
     out, before, k = Counter(reaches=2), ("", ""), -1
     helped: set[str] = set()
@@ -208,7 +208,7 @@ def session(library: TaskLibrary, seed: tuple[int, int]) -> Counter:
         seen_at = {who: x + NOISE_M * noise.standard_normal(3) for who, x in at.items()}
         seen = tracker.see(k, at)
         identities, found = identify(
-            settings, identities, now_ns, {label: seen_at[who] for label, who in seen.items()}
+            identities, now_ns, {label: seen_at[who] for label, who in seen.items()}
         )
         named = {}
         for label, person in found.items():
@@ -262,12 +262,12 @@ def cost(library: TaskLibrary, n: int) -> Cost:
     """Time of a frame [ms] of n people of whom each makes the same reach somewhere else."""
     hand = Hand(np.random.default_rng(5), "anna", "left", 1.0)
     beliefs = [Belief(library) for _ in range(n)]
-    identities, settings = Identities(), IdentitySettings()
+    identities = Identities()
     start_s = time.process_time()
     for k in range(hand.end):
         now_ns, at = T0_NS + k * STEP_NS, hand.at(k)
         apart = {f"p{i}": at + np.array([0.0, 3.0 * i, 0.0]) for i in range(n)}
-        identities, _ = identify(settings, identities, now_ns, apart)
+        identities, _ = identify(identities, now_ns, apart)
         for belief in beliefs:
             belief.take(now_ns, at)
     return Cost(n, 1e3 * (time.process_time() - start_s) / hand.end)

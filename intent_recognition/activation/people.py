@@ -35,10 +35,7 @@ def first_to_help(requests: Sequence[HelpRequest], now_ns: int, between_s: float
     while somebody new costs nothing at first. After the first one, the others come in the order in
     which they need the arm.
 
-    Args:
-        requests: at least one.
-        now_ns: now.
-        between_s: from the arrival at one person until the arm can begin with the next one.
+    `between_s` passes from the arrival at one person until the arm can begin with the next one.
     """
     by_need = sorted(requests, key=lambda request: (request.needed_ns, request.person))
 
@@ -59,10 +56,6 @@ class People:
 
     One person has no name. Where people have names, somebody whose movement is over before the arm
     was free waits, until the arm comes, or the person moves again or is not seen any more.
-
-    Args:
-        settings: how to act.
-        reject: called with (reason, text) for everything not acted on.
 
     Attributes:
         attended: whom the arm helps, or would help.
@@ -106,17 +99,9 @@ class People:
     def take_tasks(
         self, person: str, helps: bool, now_ns: int, stamp_ns: int, *numbers: Any
     ) -> DecisionState | None:
-        """Take the probabilities of one observation of a person; see `EstimatorInbox.take_tasks`.
+        """What is decided by an observation; None where it is ruled out (`EstimatorInbox`).
 
-        Args:
-            person: who.
-            helps: whether the arm does something for whom it attends to.
-            now_ns: now.
-            stamp_ns: of the observation.
-            *numbers: labels, probabilities and evidence.
-
-        Returns:
-            What was decided; None where the stamp rules the observation out.
+        `helps` says whether the arm does something for whom it attends to.
         """
         inbox = self.of(person)
         needed = inbox.needed()

@@ -18,7 +18,7 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.observation_input import human_topic
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
 from intent_recognition.nodes.people import ANYBODY, meet, named_people
-from intent_recognition.nodes.person_belief import WAITING, Around, PersonBelief
+from intent_recognition.nodes.person_belief import WAITING, PersonBelief
 from intent_recognition.nodes.plan_follower import PLAN, PlanFollower
 from intent_recognition.nodes.runtime import run, steady_timer, when_clock_goes_back
 from intent_recognition.nodes.services import serve
@@ -58,6 +58,7 @@ class IntentEstimatorNode(ManagedNode):
         keep_live(self, LIVE, self._check, self._change)
         self._frames = FrameOutput(self)
         self.people: dict[str, PersonBelief] = {}
+        self._statuses: dict[str, tuple[Level, str]] = {}
         serve(self, "reset", self._reset)
         serve(self, "reload_model", self._reload)
         self.create_subscription(
@@ -87,10 +88,10 @@ class IntentEstimatorNode(ManagedNode):
         """Follow a person, if that is a new one."""
         if person in self.people:
             return
-        around = Around(
-            self, self._diagnostics, self._frames, self._postures, self._tell_next, self._tell
+        self.people[person] = belief = PersonBelief(
+            self, self._diagnostics, self._frames, self._postures, self._tell, person
         )
-        self.people[person] = belief = PersonBelief(around, person, self._publish_rate)
+        belief.publish_rate = self._publish_rate
         if self._configured:
             self._configure(belief)
         if self.active:
@@ -124,7 +125,7 @@ class IntentEstimatorNode(ManagedNode):
         for belief in self.people.values():
             belief.estimator.expectation.change(self._transitions, self._forget_after_s)
             if self.active:
-                self._tell_next(belief)
+                self._tell(belief)
 
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""
@@ -170,7 +171,7 @@ class IntentEstimatorNode(ManagedNode):
         if not self._meets and "" not in self.people:
             self._meets = meet(self, self._topic_of("{}"), self._meet)
         for belief in self.people.values():
-            self._tell_next(belief)
+            self._tell(belief)
         self._diagnostics.status(*WAITING)
 
     def deactivate(self) -> None:
@@ -181,16 +182,15 @@ class IntentEstimatorNode(ManagedNode):
         self._forget()
         self._diagnostics.status(Level.OK, "not active")
 
-    def _tell_next(self, belief: PersonBelief) -> None:
-        """Publish what may come next, if that has changed."""
+    def _tell(self, belief: PersonBelief) -> None:
+        """Publish what may come next, and report the worst of the people's states, if changed."""
         if belief.tell_next():
             self._plan.update(belief.estimator)
-
-    def _tell(self) -> None:
-        """Report the worst of the people's states."""
-        told = [(*belief.status, person) for person, belief in self.people.items()]
-        text = "; ".join(f"{person}: {text}" if person else text for _, text, person in told)
-        self._diagnostics.status(max(level for level, *_ in told), text)
+        if belief.status != self._statuses.get(belief.person):
+            self._statuses[belief.person] = belief.status
+            texts = (f"{who}: {text}" if who else text for who, (_, text) in self._statuses.items())
+            level = max(level for level, _ in self._statuses.values())
+            self._diagnostics.status(level, "; ".join(texts))
 
     def _forget(self) -> None:
         for belief in self.people.values():
@@ -251,7 +251,7 @@ class IntentEstimatorNode(ManagedNode):
             raise
         self._model = model
         for belief in self.people.values():
-            self._tell_next(belief)
+            self._tell(belief)
         self._diagnostics.value(MODEL, self.get_parameter("model").value)
         self.get_logger().info(f"model changed; {self._told_tasks()}")
         return self._told_tasks()

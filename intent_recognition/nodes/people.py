@@ -17,7 +17,6 @@ from intent_recognition.nodes.serialized import PoseNumbers
 from intent_recognition.tracking import (
     NOBODY,
     Identities,
-    IdentitySettings,
     IngestSettings,
     frame_name,
     identify,
@@ -53,10 +52,8 @@ def named_people(node: Node) -> list[str]:
 def meet(node: Node, template: str, act: Callable[[str], object]) -> bool:
     """Act once for each person; whether the parameter `persons` names any.
 
-    Args:
-        node: has the parameter.
-        template: of a topic that a person has, with {} for the name.
-        act: takes the name; later where somebody else appears, if that is asked for.
+    The template is of a topic that each person has, with {} for the name. Where the parameter asks
+    for that, the action follows later for whoever appears.
     """
     names = named_people(node)
     met = set(names) - {ANYBODY}
@@ -89,19 +86,13 @@ class IdentityInput:
     """Collects the bodies of a frame, and passes them on by person.
 
     A frame is complete once all who were seen the last time have come; after `_WAIT_NS` it is taken
-    as it is.
-
-    Args:
-        body: whose position tells who it is.
-        send: takes person, body and pose.
-        diagnostics: counts exchanges that were undone, and poses of nobody.
+    as it is. The position of `body` tells who it is; `send` takes person, body and pose.
     """
 
     def __init__(
         self, body: str, send: Callable[[str, str, PoseNumbers], object], diagnostics: Diagnostics
     ) -> None:
         self._body, self._send, self._diagnostics = body, send, diagnostics
-        self._settings = IdentitySettings()
         self.forget()
 
     def forget(self) -> None:
@@ -140,7 +131,7 @@ class IdentityInput:
     def _take_frame(self, stamp_ns: int) -> None:
         before, (positions, poses) = self._identities, self._frames.pop(stamp_ns)
         self._taken_ns = stamp_ns
-        self._identities, found = identify(self._settings, before, stamp_ns, positions)
+        self._identities, found = identify(before, stamp_ns, positions)
         gone = {k: who for k, who in self._who.items() if who not in found.values()}
         self._who = {**gone, **found}
         self._expected = set(positions).union(*(f.positions for f in self._frames.values()))

@@ -2,7 +2,6 @@
 """What is believed of one person: observations in, and what is recognised and predicted out."""
 
 from collections.abc import Callable, Hashable
-from typing import NamedTuple
 
 from std_msgs.msg import String
 
@@ -28,55 +27,38 @@ WAITING = Level.OK, "waiting for a movement"
 """Status of a person at rest."""
 
 
-class Around(NamedTuple):
-    """What the people of a node share.
-
-    Attributes:
-        node: owner of the topics.
-        diagnostics: of the node.
-        frames: where predicted hands are told.
-        postures: of the controlled agent.
-        tell_next: called when what may come next may have changed.
-        tell: called when a status may have.
-    """
-
-    node: ManagedNode
-    diagnostics: Diagnostics
-    frames: FrameOutput
-    postures: PostureInput
-    tell_next: Callable[["PersonBelief"], None]
-    tell: Callable[[], None]
-
-
 class PersonBelief:
     """Translates messages of one person to `recognition.IntentEstimator`, and its estimates back.
 
     Somebody with a name who was not seen for `tracking.LOST_S` is forgotten.
 
-    Args:
-        around: what people share.
-        person: the name; empty for the only one.
-        publish_rate: of predictions [Hz].
+    The only one has no name. `told` is called when status or next task may be other ones.
 
     Attributes:
         estimator: of the person, from `configure` on.
         inputs: what is observed of the person.
         output: what is told of the person.
         status: level and text.
-        publish_rate: likewise.
+        publish_rate: of predictions [Hz].
     """
 
     estimator: IntentEstimator
 
-    def __init__(self, around: Around, person: str, publish_rate: float) -> None:
-        node = self._node = around.node
-        diagnostics = self._diagnostics = around.diagnostics
-        self._around = around
-        self.person, self.status, self.publish_rate = person, WAITING, publish_rate
+    def __init__(
+        self,
+        node: ManagedNode,
+        diagnostics: Diagnostics,
+        frames: FrameOutput,
+        postures: PostureInput,
+        told: Callable[["PersonBelief"], None],
+        person: str = "",
+    ) -> None:
+        self._node, self._diagnostics, self._postures = node, diagnostics, postures
+        self._told, self.person, self.status, self.publish_rate = told, person, WAITING, 25.0
         self._newest_ns = 0
         topic = f"intent/{person}/" if person else "intent/"
         self._next_task = NextTaskOutput(node, f"{topic}next_task")
-        self.output = IntentOutput(node, diagnostics, around.frames, person)
+        self.output = IntentOutput(node, diagnostics, frames, person)
         node.create_subscription(String, f"{topic}answer", self._take_answer, qos.STATE)
         self.inputs = ObservationInput(
             node, diagnostics, self._observe, self._observe_context, person
@@ -114,7 +96,8 @@ class PersonBelief:
         self.output.forget()
         self._moving = self._silent = False
         self._last_publication_ns = 0
-        self._around.tell_next(self)
+        self.status = WAITING
+        self._told(self)
 
     def start_over(self) -> None:
         """The clock went back: what comes next is earlier."""
@@ -122,7 +105,7 @@ class PersonBelief:
 
     def _say(self, level: Level, text: str) -> None:
         self.status = level, text
-        self._around.tell()
+        self._told(self)
 
     def _take_answer(self, message: String) -> None:
         """Count what a person says the movement is as evidence, from the next observation on."""
@@ -182,7 +165,7 @@ class PersonBelief:
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False
             self._say(Level.OK, "moving" if self._moving else WAITING[1])
-        self._around.tell_next(self)
+        self._told(self)
 
     def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
         self.output.observe(observation)
@@ -192,7 +175,7 @@ class PersonBelief:
         self._last_publication_ns = estimate.stamp_ns
         robot = self.estimator.predict_controlled()
         if robot is not None:
-            self._around.postures.note(robot, self.person)
+            self._postures.note(robot, self.person)
             self.output.publish_robot(robot)
         if self.output.human_shown or self.output.human_told:
             human = self.estimator.predict_observed()
@@ -201,9 +184,9 @@ class PersonBelief:
 
     def _forget_if_lost(self, stamp_ns: int) -> None:
         """Begin anew with somebody who has a name and was not seen for a while."""
-        if self.person and stamp_ns - self._newest_ns > LOST_S * 1e9:
+        if self.person and abs(stamp_ns - self._newest_ns) > LOST_S * 1e9:
             self.forget()
-        self._newest_ns = max(self._newest_ns, stamp_ns)
+        self._newest_ns = stamp_ns
 
     def look(self) -> None:
         """Tell whether the person's stream is silent, or too sparse."""

@@ -87,7 +87,7 @@ class PrimitiveActivation(ManagedNode):
         if not meet(self, "intent/{}/tasks", self._meet):
             self._meet("")
             self._hear(JointState, "intent/next_task", self._on_next_task, qos.LATCHED)
-        elif self._sequences.configured:
+        elif self.get_parameter("sequences").value:
             cure = "Leave one of the two empty: a sequence is of one person's work."
             raise ArgumentError.about("sequences", "none with persons", "both", cure)
         serve(self, "reset", self._reset)

@@ -75,11 +75,6 @@ class SequenceRunner:
             when_clock_goes_back(node, self.forget)
             node.create_subscription(String, "intent/via_points", self._take_points, qos.LATCHED)
 
-    @property
-    def configured(self) -> bool:
-        """Whether there is a file of sequences."""
-        return bool(self._path)
-
     def configure(self, library: TaskLibrary | None) -> None:
         """Read the file.
 

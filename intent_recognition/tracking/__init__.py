@@ -6,7 +6,6 @@ from intent_recognition.tracking.identity import (
     LOST_S,
     NOBODY,
     Identities,
-    IdentitySettings,
     identify,
 )
 from intent_recognition.tracking.ingest import (
@@ -35,7 +34,6 @@ __all__ = [
     "AcceptedPoses",
     "Extrinsics",
     "Identities",
-    "IdentitySettings",
     "IngestSettings",
     "IngestState",
     "NoTransformError",

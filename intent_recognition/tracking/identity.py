@@ -10,8 +10,7 @@ name the persons who are new, and those found again after `LOST_S`.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations, count
 from typing import NamedTuple
 
 import numpy as np
@@ -34,22 +33,14 @@ NOBODY = ""
 """The person of a body whose person is not known."""
 
 
-@dataclass(frozen=True)
-class IdentitySettings:
-    """How people move, and when they can be told apart.
-
-    Attributes:
-        acceleration_std_m_s2: of a tracked point between two frames, and while it is not seen.
-            The peak of a reach of 0.6 m in 0.8 s (minimum jerk, Flash and Hogan 1985: 5.8 D/T^2).
-        position_std_m: of the tracker. Convention: twice that of `IngestSettings`; with it the
-            squared innovations of the shipped toolbox demonstrations have a mean of 0.19, of 3.
-        least_odds: an assignment holds only if exchanging two people is less likely by this.
-            Convention.
-    """
-
-    acceleration_std_m_s2: float = 5.0
-    position_std_m: float = 0.004
-    least_odds: float = 1000.0
+ACCELERATION_STD_M_S2 = 5.0
+"""Of a tracked point between two frames, and while it is not seen [m/s^2]. The peak of a reach of
+0.6 m in 0.8 s (minimum jerk, Flash and Hogan 1985: 5.8 D/T^2)."""
+POSITION_STD_M = 0.004
+"""Of the tracker [m]. Convention: twice that of `IngestSettings`; with it the squared innovations
+of the shipped toolbox demonstrations have a mean of 0.19, of 3."""
+LEAST_ODDS = 1000.0
+"""An assignment holds only if exchanging two people is less likely by this. Convention."""
 
 
 class Track(NamedTuple):
@@ -87,15 +78,11 @@ class Identities(NamedTuple):
 
 
 def identify(
-    settings: IdentitySettings,
-    people: Identities,
-    stamp_ns: int,
-    positions: Mapping[str, NDArray[np.float64]],
+    people: Identities, stamp_ns: int, positions: Mapping[str, NDArray[np.float64]]
 ) -> tuple[Identities, dict[str, str]]:
     """Assign the bodies of a frame to people.
 
     Args:
-        settings: of the motion.
         people: what the last call returned, or `Identities()`.
         stamp_ns: of the frame; later than the last one's.
         positions: of a point of each body that was seen (3,) [m], by the tracker's label.
@@ -106,10 +93,10 @@ def identify(
     held = {k: until for k, until in people.unknown_until_ns.items() if until > stamp_ns}
     known = [t for t in people.tracks if stamp_ns - t.stamp_ns <= LOST_S * 1e9]
     seen = {label: at for label, at in positions.items() if label not in held}
-    ahead = [_predicted(settings, track, stamp_ns) for track in known]
+    ahead = [_predicted(track, stamp_ns) for track in known]
     labels = list(seen)
-    costs, columns = _assignment(ahead, [seen[label] for label in labels], settings)
-    unsure = _alike(costs, columns, math.log(settings.least_odds))
+    costs, columns = _assignment(ahead, [seen[label] for label in labels])
+    unsure = _alike(costs, columns, math.log(LEAST_ODDS))
     tracks, found = [], dict.fromkeys(positions, NOBODY)
     for k, (track, at) in enumerate(zip(known, ahead, strict=True)):
         label = labels[columns[k]] if columns[k] < len(labels) else ""
@@ -117,7 +104,7 @@ def identify(
             until = stamp_ns + round(UNKNOWN_S * 1e9)
             held |= dict.fromkeys({track.label, label} - {""}, until)
         elif label:
-            tracks.append(_corrected(settings, at, label, seen[label]))
+            tracks.append(_corrected(at, label, seen[label]))
             found[label] = track.person
         else:
             tracks.append(track)
@@ -133,7 +120,7 @@ def identify(
             found[label] = leaps.person
             continue
         found[label] = _name(label, tracks, positions)
-        tracks.append(_born(settings, found[label], label, stamp_ns, seen[label]))
+        tracks.append(_born(found[label], label, stamp_ns, seen[label]))
     for name in held:
         found.update({name: NOBODY} if name in found else {})
     undone, unknown = people.n_undone + exchanged, people.n_unknown + bool(unsure)
@@ -143,43 +130,35 @@ def identify(
 def _name(label: str, tracks: list[Track], labels: Mapping[str, object]) -> str:
     """What a new person is called: as its label, or as one whose label another person has now."""
     taken = {track.person for track in tracks}
-    free = [name for name in (label, *sorted(labels)) if name not in taken]
-    k = 2
-    while not free:
-        free = [name for name in [f"{label}_{k}"] if name not in taken]
-        k += 1
-    return free[0]
+    numbered = (f"{label}_{k}" for k in count(2))
+    return next(name for name in chain([label], sorted(labels), numbered) if name not in taken)
 
 
-def _predicted(settings: IdentitySettings, track: Track, stamp_ns: int) -> Track:
+def _predicted(track: Track, stamp_ns: int) -> Track:
     """Where a person is by now; the acceleration is one draw, also while it was not seen."""
     dt_s = (stamp_ns - track.stamp_ns) * 1e-9
     move = np.array([[1.0, dt_s], [0.0, 1.0]])
-    pushed = settings.acceleration_std_m_s2 * np.array([0.5 * dt_s**2, dt_s])
+    pushed = ACCELERATION_STD_M_S2 * np.array([0.5 * dt_s**2, dt_s])
     covariance = move @ track.covariance @ move.T + np.outer(pushed, pushed)
     return track._replace(stamp_ns=stamp_ns, mean=move @ track.mean, covariance=covariance)
 
 
-def _corrected(
-    settings: IdentitySettings, track: Track, label: str, position: NDArray[np.float64]
-) -> Track:
+def _corrected(track: Track, label: str, position: NDArray[np.float64]) -> Track:
     """A predicted track after a measurement of its position."""
-    variance = track.covariance[0, 0] + settings.position_std_m**2
+    variance = track.covariance[0, 0] + POSITION_STD_M**2
     gain = track.covariance[:, 0] / variance
     mean = track.mean + np.outer(gain, position - track.mean[0])
     covariance = track.covariance - np.outer(gain, gain) * variance
     return track._replace(label=label, mean=mean, covariance=covariance)
 
 
-def _born(
-    settings: IdentitySettings, person: str, label: str, stamp_ns: int, at: NDArray[np.float64]
-) -> Track:
-    covariance = np.diag([settings.position_std_m**2, FIRST_SPEED_STD_M_S**2])
+def _born(person: str, label: str, stamp_ns: int, at: NDArray[np.float64]) -> Track:
+    covariance = np.diag([POSITION_STD_M**2, FIRST_SPEED_STD_M_S**2])
     return Track(person, label, stamp_ns, np.stack([at, np.zeros(3)]), covariance)
 
 
 def _assignment(
-    tracks: list[Track], positions: list[NDArray[np.float64]], settings: IdentitySettings
+    tracks: list[Track], positions: list[NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], list[int]]:
     """Negative log-likelihoods (n, m + n), and the best column of each of n tracks.
 
@@ -192,7 +171,7 @@ def _assignment(
     np.fill_diagonal(costs[:n, m:], -math.log(MISSED))
     np.fill_diagonal(costs[n:, :m], -math.log(NEW_PER_M3))
     for i, track in enumerate(tracks):
-        variance = track.covariance[0, 0] + settings.position_std_m**2
+        variance = track.covariance[0, 0] + POSITION_STD_M**2
         density = 1.5 * math.log(2.0 * math.pi * variance)
         for j, position in enumerate(positions):
             off = position - track.mean[0]

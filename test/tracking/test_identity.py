@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from intent_recognition.tracking import NOBODY, Identities, IdentitySettings, identify
+from intent_recognition.tracking import NOBODY, Identities, identify
 from intent_recognition.tracking.identity import LOST_S, UNKNOWN_S
 
-DEFAULT = IdentitySettings()
 T0 = 10**18
 STEP_NS = 10**7
 RATE_HZ = 100
@@ -41,11 +40,11 @@ def frames(paths, rng, labels=lambda k: {}, hidden=lambda k: ()):
         }
 
 
-def follow(all_frames, settings=DEFAULT, people=None):
+def follow(all_frames, people=None):
     """The persons of each frame by label, and the last state."""
     people, found = people or Identities(), []
     for k, frame in enumerate(all_frames):
-        people, persons = identify(settings, people, T0 + k * STEP_NS, frame)
+        people, persons = identify(people, T0 + k * STEP_NS, frame)
         found.append(persons)
     return found, people
 
