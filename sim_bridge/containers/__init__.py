@@ -9,7 +9,7 @@ from sim_bridge.containers.generate import (
     build_container,
     make_container,
 )
-from sim_bridge.containers.scanning import scan
+from sim_bridge.containers.scanning import Camera, scan
 from sim_bridge.containers.surfaces import TUBE_CORNERS, at_heights, pieces_between
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "CONTAINER_SEED",
     "SHAPES",
     "TUBE_CORNERS",
+    "Camera",
     "Container",
     "at_heights",
     "build_container",

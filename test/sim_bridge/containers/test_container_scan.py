@@ -6,9 +6,9 @@ import pytest
 import trimesh
 
 from benchmarks.measured_mesh import measure_mesh
+from experiments.annotate import annotated
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects.file import find_object, load_object
-from sim_bridge.containers.annotate import annotated
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 from sim_bridge.containers.scanning import Camera, scan
 

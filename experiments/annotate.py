@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped annotated mug: `python -m sim_bridge.containers.annotate`."""
+"""The shipped annotated mug: `python -m experiments.annotate`."""
 
 import sys
 
@@ -8,9 +8,7 @@ import numpy as np
 from intent_recognition.objects import FOLDER, save_object
 from intent_recognition.share import share_path
 from intent_recognition.warping import AnnotatedObject, Grasp
-from sim_bridge.containers.container import Container
-from sim_bridge.containers.generate import make_container
-from sim_bridge.containers.scanning import Camera, scan
+from sim_bridge.containers import Camera, Container, make_container, scan
 
 N_AROUND, ALL_AROUND = 8, Camera(elevation_rad=(-0.9, 1.2))
 """Views from all sides."""
