@@ -3,6 +3,8 @@
 
 import os
 import time
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -53,6 +55,9 @@ GRIPPER_STEPS = 5
 """Physics steps between two decisions of the gripper. Convention."""
 BURST = 8
 """Joint states sent at once when catching up: fewer than their queue holds (`qos.STATE`)."""
+DROPPED_S = 0.02
+"""Time that the physics has left out [s], after which the command in force is taken up where it is
+by its stamp. Convention: 0.04 rad of a fast motion."""
 LARGEST_PUSH_N = 500.0
 """Stronger pushes are rejected [N]. Convention."""
 WORLD_FRAME = "world"
@@ -97,19 +102,18 @@ class ArmSim(Node):
         self._others = self.arm.other_joints
         self._message = JointState(name=[*self._robot.joint_names, *self._others])
         self._make_topics()
-        self._external_clock = (
-            self.get_parameter("use_sim_time").value and not self._publishes_clock
-        )
+        follows = self.get_parameter("use_sim_time").value
+        self._external_clock = follows and not self._publishes_clock
         self._pacer: Pacer | None = None
+        self._followed: tuple[TrajectoryCommand, int] | None = None
+        self._caught_up_s = 0.0
         self._answers = ClockAnswers(self, self._answering, self.diagnostics)
         self._person = False
         if self._answering:
             self.create_subscription(JointState, ANSWERS, self._on_answer, FEEDBACK)
         self.add_post_set_parameters_callback(self._on_parameters)
-        self._pacing_timers = [
-            steady_timer(self, TICK_S, self._tick),
-            steady_timer(self, 0.5, self._report),
-        ]
+        timers = ((TICK_S, self._tick), (0.5, self._report))
+        self._pacing_timers = [steady_timer(self, *timer) for timer in timers]
 
     def destroy_node(self) -> None:
         """Close the world with the node."""
@@ -144,9 +148,8 @@ class ArmSim(Node):
 
     def _make_arm(self) -> SimulatedArm:
         if not self._headless and not os.environ.get("DISPLAY"):
-            raise ResourceBusyError.about(
-                "headless", "a display for the window", "none", "Set headless:=true."
-            )
+            cure = "Set headless:=true."
+            raise ResourceBusyError.about("headless", "a display for the window", "none", cure)
         initial = self._initial
         if not initial and self._scene == POURING:
             initial = self._pouring.posture
@@ -169,10 +172,8 @@ class ArmSim(Node):
 
     def _make_spread(self) -> SpreadControl | None:
         if self._controller not in CONTROLLERS:
-            expected = f"one of {', '.join(CONTROLLERS)}"
-            raise ArgumentError.about(
-                "controller", expected, self._controller, "Choose one of them."
-            )
+            expected, cure = f"one of {', '.join(CONTROLLERS)}", "Choose one of them."
+            raise ArgumentError.about("controller", expected, self._controller, cure)
         control = SpreadControl(self._robot.joint_names)
         return control if self._controller == CONTROLLERS[1] else None
 
@@ -234,6 +235,8 @@ class ArmSim(Node):
                 self._pacer = Pacer(TIME_STEP_S, factor, now_s, largest_batch=batch)
             return
         n_due = self._pacer.due(now_s, self.arm.n_steps)
+        if self._pacer.dropped_s > self._caught_up_s + DROPPED_S:
+            self._catch_up(self._pacer)
         if n_due == 0:
             return
         zero_ns = 0 if self._publishes_clock else self._zero_ns(self._pacer, now_s)
@@ -242,9 +245,8 @@ class ArmSim(Node):
                 return
             self.arm.step()
             n = self.arm.n_steps
-            if int(n * TIME_STEP_S * self._rate_hz + 1e-9) != int(
-                (n - 1) * TIME_STEP_S * self._rate_hz + 1e-9
-            ):
+            period = TIME_STEP_S * self._rate_hz
+            if int(n * period + 1e-9) != int((n - 1) * period + 1e-9):
                 self._publish(zero_ns + self._elapsed_ns(self._pacer))
 
     def _on_answer(self, message: JointState) -> None:
@@ -291,9 +293,21 @@ class ArmSim(Node):
             self.diagnostics.reject("gravity_compensation", "joint_trajectory while guided")
             return
         try:
-            self.follower.accept(self._command(message), self.arm.time_s)
+            command = self._command(message)
+            self.follower.accept(command, self.arm.time_s)
+            self._followed = command, stamp_ns(message)
         except RejectedTrajectoryError as error:
             self.diagnostics.reject(error.reason, str(error))
+
+    def _catch_up(self, pacer: Pacer) -> None:
+        """Follow the last command where it is by its stamp: the physics has left out some time."""
+        self._caught_up_s = pacer.dropped_s
+        command, at_ns = self._followed or (None, 0)
+        if command is None or not at_ns or self._publishes_clock:
+            return
+        moved = replace(command, start_s=self._start_s(at_ns))
+        with suppress(RejectedTrajectoryError):
+            self.follower.accept(moved, self.arm.time_s)
 
     def _on_prediction(self, spread: SpreadControl, message: JointTrajectory) -> None:
         start_s = self._start_s(stamp_ns(message))
@@ -327,9 +341,9 @@ class ArmSim(Node):
             return None
         if self._publishes_clock:
             return at_ns * 1e-9
-        factor = self._pacer.factor if self._pacer is not None else 1.0
-        ahead_ns = at_ns - self.get_clock().now().nanoseconds
-        return self.arm.time_s + ahead_ns * 1e-9 * factor
+        if self._pacer is None:
+            return self.arm.time_s + (at_ns - self.get_clock().now().nanoseconds) * 1e-9
+        return (at_ns - self._zero_ns(self._pacer, self._now_s())) * 1e-9 * self._pacer.factor
 
     def _on_push(self, message: WrenchStamped) -> None:
         force = message.wrench.force
@@ -347,6 +361,7 @@ class ArmSim(Node):
         self, request: SetBool.Request, response: SetBool.Response
     ) -> SetBool.Response:
         self.arm.set_gravity_compensation(request.data)
+        self._followed = None
         if not request.data:
             self.follower.hold(self.arm.reference.q)
         else:

@@ -152,6 +152,7 @@ ELSEWHERE = {
     "link_pose.dofs.yaml": "test/nodes/test_pose_graph.py",
     "toolbox_sequence.yaml": "test/composing/test_sequences.py",
     "moved_box.dofs.yaml": "test/demonstrations/test_context.py",
+    "wrench.dofs.yaml": "test/demonstrations/test_wrench.py",
 }
 """Examples that other tests use."""
 
