@@ -11,16 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.handover.fingers import Fingers, with_fingers
 from benchmarks.handover.grip import CompliantHand
 from intent_recognition.kinematics import Arm
-from sim_bridge.arm import (
-    TIME_STEP_S,
-    Fingers,
-    SensorNoise,
-    SimulatedArm,
-    find_robot,
-    with_fingers,
-)
+from sim_bridge.arm import TIME_STEP_S, SensorNoise, SimulatedArm, find_robot
 from sim_bridge.physics import pybullet
 
 FRICTION = 0.6

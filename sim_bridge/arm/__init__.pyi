@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
-from .fingers import Fingers, with_fingers
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
 from .resting_gains import FeedbackSettings
@@ -23,7 +22,6 @@ __all__ = [
     "ArmState",
     "Edge",
     "FeedbackSettings",
-    "Fingers",
     "LockStep",
     "Pacer",
     "RejectedTrajectoryError",
@@ -39,5 +37,4 @@ __all__ = [
     "find_robot",
     "load_urdf",
     "lwr_urdf",
-    "with_fingers",
 ]
