@@ -4,9 +4,9 @@
 An observation passes through the observation model into the table of hypotheses. Task, progress and
 both agents' trajectories are read off the same table.
 
-Pruning is lag: tasks of negligible posterior are not conditioned, and catch up when they matter. A
-measurement cannot be more probable under any task than at the peak of its own noise, because an
-innovation covariance H S H^T + R is never smaller than R. So
+Pruning is lag: tasks of negligible posterior are not conditioned, and catch up when they matter, as
+far as they do. A measurement cannot be more probable under any task than at the peak of its own
+noise, because an innovation covariance H S H^T + R is never smaller than R. So
 
     log p(all so far | task)  <=  log p(until it lagged | task) + sum of -1/2 log det(2 pi R),
 
@@ -138,43 +138,51 @@ class MovementFilter:
 
     def _condition(self, measurement: Measurement) -> None:
         """Condition the tasks that do not lag; choose anew which do."""
-        index = None if self._follows.all() else self._rows_of(self._follows)
+        index = None if self._follows.all() else self._rows_of(np.flatnonzero(self._follows))
         self.table.condition(measurement, self._model, index)
         self._measurements.append(measurement)
         self._seen[self._follows] = self.n_used
         peak = _peak(measurement) if self._prunes else 0.0
         self._peaks = np.append(self._peaks, self._peaks[-1] + peak)
         if self._prunes:
-            ahead = self._ahead()
-            self._catch_up(ahead > -NEGLIGIBLE_BELOW)
-            self._follows = (self._seen == self.n_used) & (ahead > -PRUNE_BELOW)
+            limit = self._limit()
+            self._catch_up(limit - NEGLIGIBLE_BELOW)
+            self._follows = self._seen == self.n_used
+            self._follows[:-1] &= self._bound()[:-1] > limit[:-1] - PRUNE_BELOW
 
-    def _catch_up(self, tasks: NDArray[np.bool_]) -> None:
-        """Bring tasks to where they would be had they never lagged."""
-        for k in range(int(np.min(self._seen, where=tasks, initial=self.n_used)), self.n_used):
-            index = self._rows_of(tasks & (self._seen <= k))
-            self.table.condition(self._measurements[k], self._model, index)
-        self._seen[tasks] = self.n_used
-        self._follows |= tasks
+    def _catch_up(self, limit: NDArray[np.float64]) -> None:
+        """Condition tasks on what they missed, until their bound is not above a limit, (K + 1,)."""
+        wanted = (self._seen < self.n_used) & (self._bound() >= limit)
+        while wanted.any():
+            k = int(self._seen[wanted].min())
+            tasks = np.flatnonzero(wanted & (self._seen == k))
+            self.table.condition(self._measurements[k], self._model, self._rows_of(tasks))
+            self._seen[tasks] = k + 1
+            wanted[tasks] = (k + 1 < self.n_used) & (self._bound(tasks) >= limit[tasks])
 
-    def _rows_of(self, tasks: NDArray[np.bool_]) -> NDArray[np.int64]:
-        return np.flatnonzero(np.repeat(tasks, self.grid.n_scales))
+    def _rows_of(self, tasks: NDArray[np.int64]) -> NDArray[np.int64]:
+        n_scales = self.grid.n_scales
+        return (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
 
-    def _ahead(self) -> NDArray[np.float64]:
-        """How far log joints, or bounds, are above the most probable known task's, (K + 1,).
+    def _bound(self, tasks: NDArray[np.int64] | slice = slice(None)) -> NDArray[np.float64]:
+        """Log joint of some tasks, or where they lag a bound on it, (k,)."""
+        joint = self.table.log_joint.reshape(-1, self.grid.n_scales)[tasks]
+        missed = self._peaks[-1] - self._peaks[self._seen[tasks]]
+        return np.asarray(np.logaddexp.reduce(joint, axis=1) + missed)
 
-        The largest of two: under the posterior as it is, and multiplied by the task weights. The
-        tasks that hypotheses are born of are known exactly, too.
+    def _limit(self) -> NDArray[np.float64]:
+        """What the log joint of each task is compared with, (K + 1,); that of none matters always.
+
+        The most probable known task's, under the posterior as it is and multiplied by the task
+        weights. The tasks that hypotheses are born of are to be known exactly, too.
         """
-        joint = (self.grid.log_prior + self.log_evidence).reshape(-1, self.grid.n_scales)
-        bound = np.logaddexp.reduce(joint, axis=1)[:-1]
-        exact = np.where(self._seen[:-1] == self.n_used, bound, -np.inf)
+        exact = np.where(self._seen == self.n_used, self._bound(), -np.inf)[:-1]
         weighed = (exact + self._log_weight).max() - self._log_weight
         limit = np.minimum(exact.max(), weighed)
         if self.births is not None and len(exact) > MAX_TASKS:
             least = np.partition(exact, -MAX_TASKS)[-MAX_TASKS]
             limit = np.minimum(limit, least + NEGLIGIBLE_BELOW)
-        return np.r_[bound - limit, np.inf]
+        return np.r_[limit, -np.inf]
 
     @property
     def log_evidence(self) -> NDArray[np.float64]:
@@ -189,7 +197,8 @@ class MovementFilter:
 
     def task(self, task: int) -> GaussianBatch:
         """Weights of a task's hypotheses of the onset, which does not lag any more: (S, ...)."""
-        self._catch_up(np.arange(len(self._prior)) == task)
+        self._catch_up(np.where(np.arange(len(self._prior)) == task, -np.inf, np.inf))
+        self._follows[task] = True
         return self.table.courses(task * self.grid.n_scales + np.arange(self.grid.n_scales))
 
     def born(self) -> BornBelief | None:
