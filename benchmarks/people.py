@@ -219,7 +219,7 @@ def session(library: TaskLibrary, seed: tuple[int, int]) -> Counter:
             last_who, last_k = owner.get(person, (who, k))
             out["unnoticed"] += last_who != who and (k - last_k) * STEP_S <= LOST_S
             owner[person] = who, k
-            belief = beliefs.setdefault(person, Belief(library))
+            belief = beliefs[person] = beliefs.get(person) or Belief(library)
             estimate = belief.take(now_ns, seen_at[who])
             arm.tell(now_ns, person, belief, estimate, k)
         arm.step(now_ns)

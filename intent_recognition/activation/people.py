@@ -104,6 +104,8 @@ class People:
         `helps` says whether the arm does something for whom it attends to.
         """
         inbox = self.of(person)
+        if self.named and inbox.silent(now_ns):  # it may be somebody else by now
+            inbox.forget_interaction()
         needed = inbox.needed()
         request = self._request(person, needed) if self.named and needed else None
         if not inbox.take_tasks(now_ns, stamp_ns, *numbers):

@@ -33,12 +33,14 @@ NOBODY = ""
 """The person of a body whose person is not known."""
 
 
-ACCELERATION_STD_M_S2 = 5.0
-"""Of a tracked point between two frames, and while it is not seen [m/s^2]. The peak of a reach of
-0.6 m in 0.8 s (minimum jerk, Flash and Hogan 1985: 5.8 D/T^2)."""
+ACCELERATION_STD_M_S2 = 2.0
+"""Of a tracked point between two frames, and while it is not seen [m/s^2]. Moving hands of the
+shipped toolbox demonstrations imply 0.65 over gaps of 0.1 s and 0.3 over 0.3 s; with 1.5 exchanges
+of people who reach in 1 s went unnoticed, with 5 more people cannot be told apart
+(docs/several_people.md)."""
 POSITION_STD_M = 0.004
 """Of the tracker [m]. Convention: twice that of `IngestSettings`; with it the squared innovations
-of the shipped toolbox demonstrations have a mean of 0.19, of 3."""
+of the shipped toolbox demonstrations have a mean of 0.2, of 3."""
 LEAST_ODDS = 1000.0
 """An assignment holds only if exchanging two people is less likely by this. Convention."""
 

@@ -157,6 +157,20 @@ def test_somebody_who_waited_and_left_is_not_helped(leaves):
     assert {person for person, _ in world.helped} == {"anna", ""}
 
 
+def test_what_somebody_asked_before_they_were_lost_counts_no_more():
+    world = both_ask()
+    world.until(lambda: world.helps("anna"))
+    world.silent.add("ben")
+    world.run(0.6)
+    world.silent.clear()
+    world.ask("ben", "idle")  # as an estimator that has begun anew says
+    world.run(1.0)
+    world.ask("anna", "idle")
+    world.until(lambda: world.activation.mode is Mode.IDLE)
+    world.run(1.0)
+    assert {person for person, _ in world.helped} == {"anna", ""}
+
+
 def test_the_arm_stops_when_the_one_it_helps_vanishes_and_goes_on_with_the_other():
     world = both_ask(0.4, 0.2)
     world.until(lambda: world.helps("anna"))
