@@ -8,7 +8,6 @@ from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import run_online, where_both_were_recorded
 from intent_recognition.evaluation.protocol import evaluate
 from intent_recognition.evaluation.rehearsing import (
-    CONFIDENCE,
     Rehearsal,
     Rehearsed,
     rehearse,
@@ -47,7 +46,6 @@ from intent_recognition.evaluation.traces import Trace, usable
 __all__ = [
     "CM_PER_M",
     "CONDITIONS",
-    "CONFIDENCE",
     "FIXED_PLACE",
     "PAPER_HAND_ERROR",
     "PAPER_RECOGNISED",

@@ -79,14 +79,6 @@ class Explanation(NamedTuple):
         }
 
 
-class _Moment(NamedTuple):
-    """What is explained: a decision, or the best moment of a movement without one."""
-
-    task: str
-    stamp_ns: int
-    movement: list[Decided]
-
-
 def explain(
     reader: BagReader,
     model: Model,
@@ -109,25 +101,38 @@ def explain(
     rejected = Counter() if rejected is None else rejected
     settings = settings or decision_settings(model.library)
     samples = list(samples_of(reader, model, rejected))
-    moments = _moments(list(_run(model, settings, samples, rejected)))
-    evidence = _evidence(model, samples, moments, against)
+    run = list(_run(model, settings, samples, rejected))
     instead = {
         name: list(_run(model, settings, _drop(samples, model.library, dofs)))
         for name, dofs in missing(model).items()
     }
-    return [
-        Explanation(
-            moment.task,
-            moment.movement[0].estimate.onset_ns,
-            (moment.stamp_ns - moment.movement[0].estimate.onset_ns) * 1e-9,
-            moment.movement[0].estimate.labels,
-            np.array([_since_onset(one) for one in moment.movement]),
-            np.array([one.estimate.probabilities for one in moment.movement]),
-            found,
-            {name: _first(run, moment.movement) for name, run in instead.items()},
+    movements: dict[int, list[int]] = {}
+    for k, one in enumerate(run):
+        if one.estimate.moving:
+            movements.setdefault(one.estimate.onset_ns, []).append(k)
+    moments = {k: some for some in movements.values() for k in _moments(run, some)}
+    estimator, found = IntentEstimator(model.library), []
+    for k, estimate in enumerate(follow(estimator, samples, Counter())):
+        if k not in moments:
+            continue
+        task = run[k].state.active if _acts(run[k]) else ""
+        evidence = estimator.explain(task or None, against)
+        assert evidence is not None  # a movement is under way
+        movement = [run[one] for one in moments[k]]
+        times_s = [(one.estimate.stamp_ns - estimate.onset_ns) * 1e-9 for one in movement]
+        found.append(
+            Explanation(
+                task,
+                estimate.onset_ns,
+                (estimate.stamp_ns - estimate.onset_ns) * 1e-9,
+                estimate.labels,
+                np.array(times_s),
+                np.array([one.estimate.probabilities for one in movement]),
+                evidence,
+                {name: _first(other, movement) for name, other in instead.items()},
+            )
         )
-        for moment, found in zip(moments, evidence, strict=True)
-    ]
+    return found
 
 
 def missing(model: Model) -> dict[str, frozenset[int]]:
@@ -164,46 +169,21 @@ def _drop(samples: Sequence[Sample], library: TaskLibrary, dropped: frozenset[in
     return kept
 
 
-def _moments(run: Sequence[Decided]) -> list[_Moment]:
-    """What to explain, in order of time."""
-    movements: dict[int, list[Decided]] = {}
-    for one in run:
-        if one.estimate.moving:
-            movements.setdefault(one.estimate.onset_ns, []).append(one)
-    found = []
-    for movement in movements.values():
-        acted = [one for one in movement if one.state.event in ("activated", "switched")]
-        if not acted:
-            best = max(movement, key=lambda one: one.estimate.probabilities[:-1].max())
-            found.append(_Moment("", best.estimate.stamp_ns, movement))
-        for one in acted:
-            found.append(_Moment(one.state.active, one.estimate.stamp_ns, movement))
-    return found
+def _moments(run: Sequence[Decided], movement: Sequence[int]) -> list[int]:
+    """What to explain of a movement: its decisions, or without any its best moment."""
+    acted = [k for k in movement if _acts(run[k])]
+    return acted or [max(movement, key=lambda k: run[k].estimate.probabilities[:-1].max())]
 
 
-def _evidence(
-    model: Model, samples: Sequence[Sample], moments: Sequence[_Moment], against: str | None
-) -> list[Evidence]:
-    """Of each moment."""
-    wanted = {moment.stamp_ns: moment for moment in moments}
-    estimator, found = IntentEstimator(model.library), []
-    for estimate in follow(estimator, samples, Counter()):
-        moment = wanted.get(estimate.stamp_ns)
-        if moment is not None and (one := estimator.explain(moment.task or None, against)):
-            found.append(one)
-            del wanted[estimate.stamp_ns]
-    return found
+def _acts(one: Decided) -> bool:
+    """Whether a task has just become active."""
+    return one.state.event in ("activated", "switched")
 
 
 def _first(run: Sequence[Decided], movement: Sequence[Decided]) -> Without:
     """The first decision during a movement of another run."""
     first_ns, last_ns = movement[0].estimate.onset_ns, movement[-1].estimate.stamp_ns
     for one in run:
-        acted = one.state.event in ("activated", "switched")
-        if acted and first_ns <= one.estimate.stamp_ns <= last_ns:
+        if _acts(one) and first_ns <= one.estimate.stamp_ns <= last_ns:
             return Without(one.state.active, (one.estimate.stamp_ns - first_ns) * 1e-9)
     return Without("", None)
-
-
-def _since_onset(one: Decided) -> float:
-    return (one.estimate.stamp_ns - one.estimate.onset_ns) * 1e-9

@@ -5,7 +5,15 @@ import json
 
 import numpy as np
 import pytest
-from model_builder import learned_model, make_dofs, perform, true_library, write_recording
+from model_builder import (
+    TOOL,
+    WRIST,
+    learned_model,
+    make_dofs,
+    perform,
+    true_library,
+    write_recording,
+)
 
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import Source, iter_samples
@@ -77,6 +85,21 @@ def _decided(model, bag, lost):
         current = estimate.labels, estimate.probabilities
         state, task = decide(settings, state, *current, end_std, estimate.log_evidence)
         yield one.stamp_ns, task
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [62, 70])  # decided by the second of two
+def test_of_two_signals_with_equal_stamps_the_deciding_one_is_explained(seed, tmp_path):
+    dofs = make_dofs(WRIST, TOOL)
+    truth = true_library(dofs, n_tasks=2)
+    model = learned_model(dofs, truth)
+    bag = write_recording(tmp_path / "bag", perform(truth, 1, seed), dofs)
+    rows = list(replay(BagReader(bag), model))
+    first = next(row for row in rows if row["active_task"])
+    one, *_ = explain(BagReader(bag), model)
+    p = first["probabilities"]
+    np.testing.assert_allclose(one.evidence.log_odds, np.log(p["task_1"] / p["task_0"]))
+    assert [*one.without][-2:] == [WRIST.topic, TOOL.topic]
 
 
 @pytest.mark.slow
