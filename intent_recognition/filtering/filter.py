@@ -40,7 +40,8 @@ Measured: fewer are filtered in less time than it takes to choose among them (do
 PRUNE_BELOW = 60.0
 """A task lags from where its log posterior is this far below the most probable task's.
 
-Measured: 80 to 250 take longer where a movement turns, and not less time elsewhere.
+Measured with 300 tasks: of 45 to 120 it takes the least time (20 % less than 120) as long as no
+movement turns, and 6 % more than 120 where one does.
 """
 NEGLIGIBLE_BELOW = 40.0
 """The bound on a lagging task's log posterior stays this far below the most probable task's.
