@@ -74,10 +74,10 @@ def _bends(library: TaskLibrary) -> Result:
         begun_s = time.process_time()
         found = guard.clear(path, library.labels[k], 0.0, robot.limits)
         taken_s = time.process_time() - begun_s
-        refused = isinstance(found, Obstruction)
-        if refused or found[1] is not None:
+        how = "refused" if isinstance(found, Obstruction) else found.how
+        if how:
             times.append(taken_s)
-            n_bent += not refused
+            n_bent += how == "bent"
     return _result("a bend or its refusal, 99th percentile", times, f"{n_bent} bent")
 
 

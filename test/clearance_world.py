@@ -30,9 +30,9 @@ def bodies_among(*boxes, clearance_m=0.02):
     return Bodies(ROBOT.description, ROBOT.joint_names, boxes, clearance_m=clearance_m)
 
 
-def clearance(*boxes, largest=3.0, spreads=None):
+def clearance(*boxes, largest=3.0, spreads=None, **settings):
     spreads = {"plate": Spread.of(primitive())} if spreads is None else spreads
-    return Clearance(bodies_among(*boxes), spreads, largest)
+    return Clearance(bodies_among(*boxes), spreads, largest, **settings)
 
 
 def box_beside(depth_m, size=0.06):

@@ -15,14 +15,17 @@ from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
 
 LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
 """What is wanted: runs in which the unguarded arm touches, and time lost in the median [s]."""
-OUTCOMES = ("as before", "bent", "refused")
+LEAST_ARRIVING = 0.8
+"""Wanted of the runs that touch unguarded and are refused where paths are only bent."""
+OUTCOMES = ("as before", "bent", "replanned", "refused")
 N_SHOWN = 3
-"""Bent motions that the report draws. Convention."""
+"""Replanned motions that the report draws. Convention."""
 CONDITIONS = (
     "No paper gives figures of this; what stands in the column of the paper is what is wanted.",
     "Reaches are the simulated coworker's, recognised and predicted on line; one or two boxes of 5"
     " to 20 cm stand at random beside or in the hand's way, none where it begins or ends.",
-    f"The guard keeps {100 * CLEARANCE_M:g} cm, and bends by 3 standard deviations at most.",
+    f"The guard keeps {100 * CLEARANCE_M:g} cm, bends by 3 standard deviations at most, and plans"
+    " anew what lies beyond. Runs that it plans anew are run once more with a guard that does not.",
     "The arm is the simulated LWR with its low gains and noisy sensors, which boxes stop; touches"
     " are its own contacts at 1 kHz. Distances are PyBullet's, every 10 ms; the guard asks coal.",
 )
@@ -49,7 +52,10 @@ def _findings(study: ClearanceStudy) -> tuple[Finding, ...]:
     touched = sum(one.guarded.touches > 0 for one in runs)
     counts = Counter(one.outcome for one in touching)
     loss = _median([one.lost_s for one in runs])
-    moved = [one.lost_s for one in runs if one.outcome == "bent"]
+    moved = [one.lost_s for one in runs if one.outcome in ("bent", "replanned")]
+    hard = [runs[k] for k in study.refused if runs[k].unguarded.touches]
+    arriving = [one for one in hard if math.isfinite(one.lost_s)]
+    share = len(arriving) / len(hard) if hard else math.nan
     return (
         Finding(
             f"runs of {len(runs)} in which the unguarded arm touches",
@@ -72,15 +78,29 @@ def _findings(study: ClearanceStudy) -> tuple[Finding, ...]:
             loss <= LARGEST_LOSS_S,
             "Runs that were refused count as infinite.",
         ),
+        Finding(
+            "of those that would touch and are refused without planning anew, arrive",
+            f">= {100 * LEAST_ARRIVING:g} %",
+            f"{len(arriving)} of {len(hard)}, {_median([one.lost_s for one in hard]):.2f} s later",
+            not hard or share >= LEAST_ARRIVING,
+            "Later in the median, infinite for those that do not arrive.",
+        ),
         Finding.alone(
-            "arrival lost where the path was bent, median (worst) [s]",
+            "arrival lost where the path was bent or replanned, median (worst) [s]",
             f"{_median(moved):.2f} ({max(moved, default=math.nan):.2f})",
             f"{len(moved)} runs.",
         ),
         Finding.alone(
-            "of those that would touch: bent / refused",
-            f"{counts['bent'] + counts['as before']} / {counts['refused']}",
-            "What lies beyond the spread of what was taught is refused, not planned around.",
+            "of those that would touch: bent / replanned / refused",
+            " / ".join(
+                str(n)
+                for n in (
+                    counts["bent"] + counts["as before"],
+                    counts["replanned"],
+                    counts["refused"],
+                )
+            ),
+            "What lies beyond the spread of what was taught is planned anew.",
         ),
     )
 
@@ -119,14 +139,14 @@ def _blocks(runs: Sequence[ClearanceRun]) -> tuple[Block, ...]:
         "Least distance between the arm and a box in each run, by PyBullet. Left of the line the"
         " arm would be inside a box.",
     )
-    bent = sorted(of_outcome["bent"], key=lambda one: one.free_m)
+    moved = sorted(of_outcome["replanned"], key=lambda one: one.free_m)
     table = TableBlock.of(columns, rows, "What became of the runs.")
-    if not bent:
+    if not moved:
         return nearest, table
     courses = Figure(
-        to_svg(courses_figure(bent[:N_SHOWN])),
-        "The hand's way to the handover in the runs that were bent although without boxes it"
-        " went deepest; the boxes are seen through the arm, whose links have a width of their own.",
+        to_svg(courses_figure(moved[:N_SHOWN])),
+        "The hand's way to the handover in those runs planned anew in which it went deepest without"
+        " boxes; the boxes are seen through the arm, whose links have a width of their own.",
     )
     return nearest, table, courses
 
@@ -135,6 +155,7 @@ def _numbers(study: ClearanceStudy) -> Mapping[str, object]:
     """All numbers of the experiment, ready for JSON."""
     return {
         "self_contacts": study.self_contacts,
+        "refused_without_replanning": list(study.refused),
         "runs": [
             {
                 "task": one.task,
@@ -147,6 +168,7 @@ def _numbers(study: ClearanceStudy) -> Mapping[str, object]:
                 "lost_s": one.lost_s if math.isfinite(one.lost_s) else None,
                 "boxes": [box._asdict() for box in one.boxes],
                 "refusals": list(one.guarded.refusals),
+                "waited": one.guarded.counts.get("waited", 0),
             }
             for one in study.runs
         ],

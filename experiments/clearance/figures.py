@@ -24,7 +24,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {"as before": NONE_COLOUR, "bent": PALETTE[2], "refused": PALETTE[1]}
+COLOURS = {
+    "as before": NONE_COLOUR,
+    "bent": PALETTE[2],
+    "replanned": PALETTE[0],
+    "refused": PALETTE[1],
+}
 """Colour of each outcome."""
 
 

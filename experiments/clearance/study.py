@@ -54,10 +54,11 @@ class ClearanceRun(NamedTuple):
 
     @property
     def outcome(self) -> str:
-        """`as before`, `bent` or `refused`."""
+        """`as before`, `bent`, `replanned` (at any time) or `refused`."""
         if not self.guarded.interacting:
             return "refused"
-        return "bent" if self.guarded.counts.get("bent") else "as before"
+        ways = (how for how in ("replanned", "bent") if self.guarded.counts.get(how))
+        return next(ways, "as before")
 
     @property
     def lost_s(self) -> float:
@@ -72,9 +73,16 @@ class ClearanceRun(NamedTuple):
 
 
 class ClearanceStudy(NamedTuple):
-    """All runs, and how many pairs of links touched at a sample of the guarded ones."""
+    """All runs, and those of them again that are refused where nothing is planned anew.
+
+    Attributes:
+        runs: of each reach with each draw of boxes.
+        refused: numbers of the runs in which a guard that only bends refuses.
+        self_contacts: how many pairs of links touched at a sample of the guarded ones.
+    """
 
     runs: tuple[ClearanceRun, ...]
+    refused: tuple[int, ...]
     self_contacts: int
 
 
@@ -87,7 +95,9 @@ def investigate(settings: Settings) -> ClearanceStudy:
     spreads = {label: Spread.of(library.primitive(k)) for k, label in enumerate(library.labels)}
     itself = Bodies(robot.description, robot.joint_names, clearance_m=1e-3)
     n_reaches, n_boxes = N_QUICK if settings.quick else (N_REACHES, N_BOXES)
-    runs, self_contacts = [], 0
+    runs: list[ClearanceRun] = []
+    refused: list[int] = []
+    self_contacts = 0
     for k in range(n_reaches):
         rng = np.random.default_rng([settings.seed, 91, k])
         watched = watch_reach(library, k, rng, limits)
@@ -100,10 +110,15 @@ def investigate(settings: Settings) -> ClearanceStudy:
             unguarded = perform(_noise(settings, k), boxes=boxes)
             guard = Clearance(bodies, spreads)
             guarded = perform(_noise(settings, k), boxes=boxes, clearance=guard)
+            if guarded.counts.get("replanned") or not guarded.interacting:
+                bends = Clearance(bodies, spreads, replan_budget_s=0.0)
+                bent = perform(_noise(settings, k), boxes=boxes, clearance=bends)
+                if not bent.interacting:
+                    refused.append(len(runs))
             self_contacts += len(itself.contacts(guarded.positions))
             nearest = nearest_m(robot, boxes, (free.positions, guarded.positions))
             runs.append(ClearanceRun(watched.task, boxes, free, unguarded, guarded, *nearest))
-    return ClearanceStudy(tuple(runs), self_contacts)
+    return ClearanceStudy(tuple(runs), tuple(refused), self_contacts)
 
 
 def _noise(settings: Settings, k: int) -> np.random.Generator:

@@ -3,6 +3,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from typing import NamedTuple
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.inbox import EstimatorInbox
@@ -13,13 +14,42 @@ from intent_recognition.activation.states import (
     ActiveInteraction,
     Arrived,
     Executing,
+    PredictedInteraction,
     Transition,
 )
 from intent_recognition.activation.waiting import Waiting
 
+_RETRY_NS = 250_000_000
+"""Time between two tries of the same prediction while no way is clear [ns]. Convention: a search
+takes less than half of it."""
+
+
+class _Blocked(NamedTuple):
+    """An interaction that has not begun since no way is clear.
+
+    Attributes:
+        inbox: of whom it is.
+        prediction: the newest that was tried.
+        tried_ns: when.
+        until_ns: how long it is waited for once its movement is over.
+    """
+
+    inbox: EstimatorInbox
+    prediction: PredictedInteraction
+    tried_ns: int
+    until_ns: int
+
+    @property
+    def label(self) -> str:
+        """Its task."""
+        return self.prediction.label
+
 
 class Interacting:
     """Begins an interaction, and plans it anew while it runs.
+
+    Where no way is clear it waits for one: it tries again with each new prediction, and for a while
+    after the movement, since things and people move.
 
     Args:
         arm: the commands sent, and the joints measured.
@@ -27,7 +57,8 @@ class Interacting:
         people: whom to help; which task of theirs is active, and what is predicted.
         waiting: learns where home is when the first interaction begins.
         pretrigger: whether the arm has gone ahead for a task.
-        counts: gets how often an interaction began, and whether the arm had gone ahead for it.
+        counts: gets how often an interaction began, waited or was refused, and whether the arm had
+            gone ahead for it.
     """
 
     def __init__(
@@ -41,6 +72,19 @@ class Interacting:
     ) -> None:
         self._arm, self._motions, self._people = arm, motions, people
         self._waiting, self._pretrigger, self._counts = waiting, pretrigger, counts
+        self._blocked: _Blocked | None = None
+
+    @property
+    def waits_for(self) -> str:
+        """The task that waits for a clear way, and what is in it; empty for none."""
+        obstruction = self._motions.blocked
+        if self._blocked is None or obstruction is None:
+            return ""
+        return f"{self._blocked.label}: {obstruction}"
+
+    def forget(self) -> None:
+        """Wait for nothing."""
+        self._blocked = None
 
     @property
     def _inbox(self) -> EstimatorInbox:
@@ -49,7 +93,7 @@ class Interacting:
 
     def begin(self, now_ns: int) -> Transition | None:
         """Start the active task, if there is one to start and it can be started."""
-        prediction = self._inbox.startable(now_ns)
+        prediction = self._inbox.startable(now_ns) or self._waited_for(now_ns)
         if prediction is None:
             return None
         start_ns = self._arm.switch_ns(now_ns)
@@ -62,7 +106,9 @@ class Interacting:
             self._waiting.home = start.position
         command = self._motions.interact(now_ns, prediction, start_ns, start)
         if command is None:
+            self._wait(now_ns, prediction)
             return None
+        self._blocked = None
         if self._pretrigger.label:
             right = self._pretrigger.label == prediction.label
             self._counts["pretrigger right" if right else "pretrigger wrong"] += 1
@@ -73,6 +119,31 @@ class Interacting:
         ordered = not self._inbox.decision.active
         interaction = ActiveInteraction(prediction, now_ns, ordered=ordered)
         return Transition(Executing(interaction), command)
+
+    def _wait(self, now_ns: int, prediction: PredictedInteraction) -> None:
+        """Try again later, where something is in the way."""
+        clearance, blocked = self._motions.settings.clearance, self._blocked
+        if self._motions.blocked is None or clearance is None:
+            return
+        until_ns = now_ns + round(1e9 * clearance.wait_s)
+        if blocked is None or blocked.inbox is not self._inbox or blocked.label != prediction.label:
+            self._counts["waited"] += 1
+        elif not self._inbox.decision.active:
+            until_ns = blocked.until_ns
+        self._blocked = _Blocked(self._inbox, prediction, now_ns, until_ns)
+
+    def _waited_for(self, now_ns: int) -> PredictedInteraction | None:
+        """What to try again now; refused where another task has begun or it has waited in vain."""
+        blocked = self._blocked
+        if blocked is None:
+            return None
+        label, active = blocked.label, blocked.inbox.decision.active
+        if active not in ("", label) or (not active and now_ns > blocked.until_ns):
+            self._motions.refuse(label)
+            self._blocked = None
+            return None
+        due = now_ns - blocked.tried_ns >= _RETRY_NS and blocked.inbox is self._inbox
+        return blocked.prediction if due and not self._inbox.silent(now_ns) else None
 
     def follow(self, state: Executing | Arrived, now_ns: int) -> Transition:
         """Follow the newest prediction of the running task, if it is time for an update."""
@@ -90,6 +161,6 @@ class Interacting:
         vias = state.interaction.vias
         command = self._motions.interact(now_ns, prediction, start_ns, start, progress, vias)
         if command is None:
-            return Transition(state)
+            return Transition(state, self._motions.keep_pace(now_ns))
         interaction = state.interaction.recognised(prediction)
         return Transition(replace(state, interaction=interaction), command)

@@ -14,6 +14,8 @@ from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import Command, PredictedInteraction
 from intent_recognition.motion import (
     BEGINNING,
+    Clearance,
+    ClearPath,
     JointPath,
     JointPlan,
     JointReference,
@@ -35,8 +37,10 @@ _N_SLOWED = 6
 _HEADROOM = 0.93
 """Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
 Convention: the first or second further plan mostly keeps it."""
-_GOING_BACK = ("home", "retreat")
-_OFF_THE_PATH = (*_GOING_BACK, "yield")
+_SEARCH_EVERY_S = 0.25
+"""Time between two searches for a way that take their time [s]. Convention: a search takes less
+than half of it."""
+_OFF_THE_PATH = ("home", "yield")
 """Kinds of plans."""
 
 _Planner = Callable[[NDArray[np.float64] | None, float], JointPlan | None]
@@ -45,11 +49,10 @@ takes than it must, to a plan; None where there is none."""
 
 
 class _Followed(NamedTuple):
-    """The path of a task that the arm follows, and by which weights it was bent."""
+    """The path of a task that the arm follows."""
 
     label: str
-    path: JointPath
-    weights: NDArray[np.float64] | None = None
+    clear: ClearPath
 
 
 class _Way(NamedTuple):
@@ -62,6 +65,7 @@ class _Way(NamedTuple):
         onset_ns: when the motion is to begin; None: as soon as it may.
         slowed: whether it is slower than it would be without people.
         command: that was sent: the plan, or a brake along the path.
+        blocked: whether it brakes because of things.
     """
 
     kind: str
@@ -70,6 +74,7 @@ class _Way(NamedTuple):
     onset_ns: int | None = None
     slowed: bool = False
     command: Command | None = None
+    blocked: bool = False
 
 
 class Motions:
@@ -84,6 +89,7 @@ class Motions:
     Attributes:
         people: where people are predicted to be, as far as that is known.
         corrected: what is followed, if it was corrected by hand.
+        blocked: what was in the way of the last interaction that was asked for; None for nothing.
     """
 
     def __init__(
@@ -98,8 +104,11 @@ class Motions:
         self._followed: _Followed | None = None
         self._way: _Way | None = None
         self._paced_by: tuple[PredictedPerson, ...] = ()
+        self._clear_of: Clearance | None = None
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
+        self.blocked: Obstruction | None = None
+        self._n_searches, self._search_ns = 0, 0
 
     def interact(
         self,
@@ -125,24 +134,29 @@ class Motions:
                 prediction.path, prediction.label, vias, self.settings.limits
             )
             prediction = prediction._replace(path=path)
-        followed = self._clear_of_things(prediction, progress.phase)
-        if followed is None:
+        label = prediction.label
+        found = self._clear_of_things(now_ns, label, prediction.path, progress.phase)
+        if isinstance(found, Obstruction):
+            self._block(label, found)
             return None
+        start_ns += round(1e9 * found.later_s)
         way = self._way_along(
-            "interaction", followed.path, prediction.onset_ns, start_ns, start, progress
+            "interaction", found.path, prediction.onset_ns, start_ns, start, progress
         )
         if way is None:
-            self._reject("infeasible", f"no plan for {prediction.label} keeps the limits")
+            self._reject("infeasible", f"no plan for {label} keeps the limits")
             return None
-        plan = way.plan
-        if self._touches(plan, prediction.label):
+        plan, self.blocked = way.plan, self._obstruction(way.plan)
+        if self.blocked is not None:
+            self._block(label, self.blocked)
             return None
-        self._followed = followed
+        self._followed, self._n_searches = _Followed(label, found), 0
         self.corrected = prediction if vias else None
         self._counts["planned"] += 1
         self._counts["slowed"] += plan.slowed
         self._counts["clamped"] += bool(plan.clamped)
-        self._counts["bent"] += followed.weights is not None
+        for how in ("bent", "replanned"):
+            self._counts[how] += found.how == how
         return self._send_way(now_ns, start_ns, way)
 
     def _planner(
@@ -190,30 +204,45 @@ class Motions:
             plan = again(ceiling, 2.0**k)
         return None
 
-    def _clear_of_things(self, prediction: PredictedInteraction, phase: float) -> _Followed | None:
-        """The predicted path, bent where it must be; None where nothing makes it clear."""
-        label, path, last = prediction.label, prediction.path, self._followed
-        clearance = self.settings.clearance
+    def _clear_of_things(
+        self, now_ns: int, label: str, path: JointPath, phase: float
+    ) -> ClearPath | Obstruction:
+        """A path of a task, moved where it must be; what is in its way where nothing is found.
+
+        At rest there is time for a search, now and then.
+        """
+        clearance, last = self.settings.clearance, self._followed
         if clearance is None:
-            return _Followed(label, path)
-        before = last.weights if last is not None and last.label == label else None
-        found = clearance.clear(path, label, phase, self.settings.limits, before)
-        if isinstance(found, Obstruction):
-            self._refuse(label, found)
-            return None
-        return _Followed(label, *found)
+            return ClearPath(path)
+        before = last.clear if last is not None and last.label == label else None
+        rests = not self._arm.under_way(now_ns)
+        due = not 0 <= now_ns - self._search_ns < 1e9 * _SEARCH_EVERY_S
+        tries = self._n_searches if rests and due else None
+        found = clearance.clear(path, label, phase, self.settings.limits, before, tries)
+        if isinstance(found, Obstruction) and tries is not None:
+            self._n_searches, self._search_ns = tries + 1, now_ns
+        return found
+
+    def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
+        clearance = self.settings.clearance
+        return None if clearance is None else clearance.obstruction(plan, since_s)
 
     def _touches(self, plan: JointPlan, what: str) -> bool:
         """Whether a plan comes too near to something; such a one is refused."""
-        clearance = self.settings.clearance
-        found = None if clearance is None else clearance.obstruction(plan)
+        found = self._obstruction(plan)
         if found is not None:
-            self._refuse(what, found)
+            self._block(what, found)
+            self.refuse(what)
         return found is not None
 
-    def _refuse(self, what: str, obstruction: Obstruction) -> None:
-        self._counts["refused"] += 1
+    def _block(self, what: str, obstruction: Obstruction) -> None:
+        self.blocked = obstruction
         self._reject("would_touch", f"no motion for {what}: {obstruction}")
+
+    def refuse(self, what: str) -> None:
+        """Give up a motion for which no way is clear."""
+        self._counts["refused"] += 1
+        self._reject("refused", f"no motion for {what}: {self.blocked}")
 
     def stop(self, now_ns: int, executed: PredictedInteraction | None) -> Command | None:
         """Stop along the path of what is executed, or straight on where that is nothing.
@@ -237,24 +266,22 @@ class Motions:
 
         It begins at `start`; None: at the running reference.
 
-        Where the way there is not clear, the arm goes back along its path first. None where the
-        command under way goes home already, braking would leave the limits, or that way is not
-        clear either.
+        Where the straight way is not clear, another one is planned once the arm is at rest. None
+        where the command under way goes home already, braking would leave the limits, or no way is
+        clear.
         """
-        current = self._arm.current
-        if current is not None and self._arm.under_way(now_ns) and current.plan.kind in _GOING_BACK:
+        current, moves = self._arm.current, self._arm.under_way(now_ns)
+        if current is not None and moves and current.plan.kind == "home":
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.in_force().at(start_ns) if start is None else start
         way = self._way_to(start_ns, start, target)
         if way is None and current is None:
             return None
-        if way is None:
+        if way is None or (moves and self._obstruction(way.plan) is not None):
             brake = self._stop_plan(start_ns, executed)
             return self._send_unless_outside(now_ns, start_ns, brake)
-        if self._touches(way.plan, "the way home"):
-            way = self._retreat(current, start_ns, start)
-        return None if way is None else self._send_way(now_ns, start_ns, way)
+        return self._send_clear(now_ns, start_ns, start, way, "the way home")
 
     def _way_to(
         self, start_ns: int, start: JointReference, target: NDArray[np.float64], kind: str = "home"
@@ -300,61 +327,92 @@ class Motions:
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan))
         self._way, self._paced_by = way._replace(command=command), self.people
+        self._clear_of = self.settings.clearance
         return command
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """The motion under way at another speed, or a brake along its path; None to go on as it is.
 
-        Looked at where people are predicted elsewhere than when it was planned. Where no plan
-        keeps the speeds permitted now, the arm brakes, and goes on as soon as one does.
+        Looked at where people are predicted, or things stand, elsewhere than when it was planned.
+        Where no plan keeps the speeds permitted now, or clear of things, the arm brakes, and goes
+        on as soon as one does.
         """
-        way, people, separation = self._way, self.people, self.settings.separation
-        current, start_ns = self._arm.current, self._arm.switch_ns(now_ns)
+        way, current, start_ns = self._way, self._arm.current, self._arm.switch_ns(now_ns)
         if way is None or way.path is None or current is None or way.command is not current:
             return None
-        if not people or separation is None or not self._arm.is_update_due(now_ns):
+        if not self._arm.is_update_due(now_ns):
             return None
         brakes = way.plan.kind == "stop"
-        if not brakes and (people is self._paced_by or start_ns >= current.end_ns):
+        paced = self.settings.separation is not None and bool(self.people)
+        paced = paced and (brakes or self.people is not self._paced_by)
+        moved = self.settings.clearance is not self._clear_of
+        if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
-        self._paced_by = people
-        worst = separation.worst_excess(current.plan, current.start_ns, people, start_ns)
-        too_fast = worst > 1.0
-        if not (too_fast or way.slowed or brakes):
+        self._paced_by, self._clear_of = self.people, self.settings.clearance
+        too_fast = paced and self._too_fast(current, start_ns)
+        since_s = (start_ns - current.start_ns) * 1e-9
+        touches = moved and self._obstruction(current.plan, since_s) is not None
+        if not (too_fast or touches or brakes or (paced and way.slowed)):
             return None
-        progress = way.plan.phase_at((start_ns - current.start_ns) * 1e-9)
-        start = current.at(start_ns)
-        newer = self._way_along(way.kind, way.path, way.onset_ns, start_ns, start, progress)
-        if newer is not None and not self._touches(newer.plan, f"the way {way.kind}"):
-            return self._send_way(now_ns, start_ns, newer)
-        if brakes or not too_fast:
+        progress, start = way.plan.phase_at(since_s), current.at(start_ns)
+        found: ClearPath | Obstruction = ClearPath(way.path)
+        if touches or brakes:
+            found = self._clear_of_things(now_ns, "", way.path, progress.phase)
+        if isinstance(found, ClearPath):
+            start_ns += round(1e9 * found.later_s)
+            newer = self._way_along(way.kind, found.path, way.onset_ns, start_ns, start, progress)
+            if newer is not None and self._obstruction(newer.plan) is None:
+                self._counts["replanned"] += bool(found.how)
+                if found.how and self._followed is not None and way.kind == "interaction":
+                    self._followed = self._followed._replace(clear=ClearPath(found.path))
+                return self._send_way(now_ns, start_ns, newer)
+        if brakes or not (too_fast or touches):
             return None
-        self._counts["braked for person"] += 1
+        self._counts["braked for person" if too_fast else "braked for things"] += 1
         brake = stop_plan(way.path, start, self.settings.limits, progress)
         command = self._arm.put_in_force(now_ns, Command(start_ns, brake))
-        self._way = way._replace(plan=brake, slowed=True, command=command)
+        self._way = way._replace(
+            plan=brake, slowed=True, command=command, blocked=touches and not too_fast
+        )
         return command
 
-    def _retreat(
-        self, current: Command | None, start_ns: int, start: JointReference
-    ) -> _Way | None:
-        """Back to where the path that was followed begins; None if that is not clear either."""
-        followed, settings = self._followed, self.settings
-        if followed is None or settings.clearance is None:
+    def waited_in_vain(self, now_ns: int) -> bool:
+        """Whether the arm rests since things came in the way, and no way has been found."""
+        way, current, clearance = self._way, self._arm.current, self.settings.clearance
+        if way is None or current is None or way.command is not current or clearance is None:
+            return False
+        waited_s = (now_ns - current.end_ns) * 1e-9
+        return way.plan.kind == "stop" and way.blocked and waited_s > clearance.wait_s
+
+    def _too_fast(self, current: Command, start_ns: int) -> bool:
+        """Whether the motion in force is faster from a time on than people permit."""
+        separation, start = self.settings.separation, current.start_ns
+        if separation is None:
+            return False
+        return separation.worst_excess(current.plan, start, self.people, start_ns) > 1.0
+
+    def _send_clear(
+        self, now_ns: int, start_ns: int, start: JointReference, way: _Way, what: str
+    ) -> Command | None:
+        """Go straight to a posture, or around what is in the way; None where nothing is clear."""
+        if self._obstruction(way.plan) is None:
+            return self._send_way(now_ns, start_ns, way)
+        if self._arm.under_way(now_ns):
+            self._touches(way.plan, what)
             return None
-        if current is None or current.plan.kind in _GOING_BACK:
-            return None
-        found = settings.clearance.clear(followed.path, followed.label, 0.0, settings.limits)
+        ends = np.stack([start.position, way.plan.end])
+        straight = make_path(np.array([0.0, way.plan.duration_s]), ends, self.settings.limits)
+        found = self._clear_of_things(now_ns, "", straight, 0.0)
         if isinstance(found, Obstruction):
-            self._refuse("the way back", found)
+            self._block(what, found)
+            self.refuse(what)
             return None
-        phase = 1.0 - current.phase_at(start_ns).phase
-        way = self._way_along(
-            "retreat", found[0].reversed(), None, start_ns, start, PhaseState(phase)
-        )
-        if way is None or self._touches(way.plan, "the way back"):
+        start_ns += round(1e9 * found.later_s)
+        around = self._way_along(way.kind, found.path, None, start_ns, start, BEGINNING)
+        if around is None or self._touches(around.plan, what):
             return None
-        return way
+        self._counts["replanned"] += 1
+        return self._send_way(now_ns, start_ns, around)
 
     def _send_unless_outside(self, now_ns: int, start_ns: int, brake: JointPlan) -> Command | None:
         """Send a brake, but none that leaves the position limits."""
@@ -381,9 +439,7 @@ class Motions:
         if way is None or way.plan.clamped:
             self._reject("infeasible", "no plan to the start of the expected task keeps the limits")
             return None
-        if self._touches(way.plan, "the start of the expected task"):
-            return None
-        return self._send_way(now_ns, start_ns, way)
+        return self._send_clear(now_ns, start_ns, start, way, "the start of the expected task")
 
     def _stop_plan(self, start_ns: int, executed: PredictedInteraction | None) -> JointPlan:
         current = self._arm.in_force()
@@ -395,4 +451,4 @@ class Motions:
         )
         if executed is None or followed is None or current.plan.kind in _OFF_THE_PATH:
             return brake_plan(start, progress.phase, limits)
-        return stop_plan(followed.path, start, limits, progress)
+        return stop_plan(followed.clear.path, start, limits, progress)

@@ -99,6 +99,7 @@ class Activation:
         """Back to the beginning, but for the measured arm and the command in force."""
         self.state = Idle()
         self._people.forget()
+        self._transitions.interacting.forget()
         self.pretrigger.forget()
 
     def change(self, settings: ActivationSettings) -> None:
@@ -174,6 +175,11 @@ class Activation:
     def held_back(self) -> str:
         """Why a recognised task is not executed (its end is uncertain), or empty."""
         return self._inbox.held_back
+
+    @property
+    def waits_for(self) -> str:
+        """The task that waits for a clear way, and what is in it; empty for none."""
+        return self._transitions.interacting.waits_for
 
     # Inputs
 
@@ -274,6 +280,7 @@ class Activation:
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""
         self._people.forget_interaction()
+        self._transitions.interacting.forget()
         self.pretrigger.forget()
         state = self.state
         if isinstance(state, Pretriggered):
@@ -306,6 +313,7 @@ class Activation:
         if interaction is not None:
             self._inbox.mark_served(interaction)
         self._enter(Transition(Idle()))
+        self._transitions.interacting.forget()
         self.pretrigger.forget()
         self._arm.forget_commands()
 

@@ -42,6 +42,10 @@ class Transitions:
         waiting: takes the arm home and ahead.
         correcting: whether a person moves the arm.
         counts: gets why motions were stopped.
+
+    Attributes:
+        settings: likewise.
+        interacting: begins interactions, and plans them anew.
     """
 
     def __init__(
@@ -58,7 +62,7 @@ class Transitions:
         self.settings, self._counts = settings, counts
         self._arm, self._motions, self._people = arm, motions, people
         self._pretrigger, self._waiting, self._correcting = pretrigger, waiting, correcting
-        self._interacting = Interacting(arm, motions, people, waiting, pretrigger, counts)
+        self.interacting = Interacting(arm, motions, people, waiting, pretrigger, counts)
 
     @property
     def _inbox(self) -> EstimatorInbox:
@@ -69,7 +73,7 @@ class Transitions:
         """The next state, and the command to send on the way there."""
         match state:
             case Idle():
-                begun = self._interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
+                begun = self.interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
                 return begun or Transition(state)
             case Executing():
                 return self._from_executing(state, now_ns)
@@ -96,25 +100,28 @@ class Transitions:
         waits = interaction.ordered and (self._inbox.decision.idle or not self._people.named)
         withdrawn = expected and not (self._inbox.decision.active or waits)
         reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
+        if self._motions.waited_in_vain(now_ns):
+            self._motions.refuse(interaction.prediction.label)
+            reason = "would_touch"
         if reason:
             return self._stop(now_ns, reason, interaction)
         if expected and self._inbox.decision.active not in ("", interaction.prediction.label):
-            return self._interacting.begin(now_ns) or Transition(state)
-        return self._interacting.follow(state, now_ns)
+            return self.interacting.begin(now_ns) or Transition(state)
+        return self.interacting.follow(state, now_ns)
 
     def _from_arrived(self, state: Arrived, now_ns: int) -> Transition:
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, state.interaction), now_ns)
         interaction, active = state.interaction, self._inbox.decision.active
         if active and (interaction.over or interaction.ordered):
-            return self._interacting.begin(now_ns) or Transition(state)
-        if self._inbox.ordered is not None and (following := self._interacting.begin(now_ns)):
+            return self.interacting.begin(now_ns) or Transition(state)
+        if self._inbox.ordered is not None and (following := self.interacting.begin(now_ns)):
             return following
         held = now_ns - state.since_ns >= self.settings.hold_s * 1e9
         if held and not self._correcting.deviates:
             away = self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
             return away or Transition(state)
-        return self._interacting.follow(state, now_ns)
+        return self.interacting.follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
         if self._arm.under_way(now_ns):
@@ -124,8 +131,8 @@ class Transitions:
         over = interaction is not None and interaction.over
         if decision.active and not silent and not over:
             if interaction is None or decision.active != interaction.prediction.label:
-                return self._interacting.begin(now_ns) or Transition(state)
-            resumed = self._interacting.follow(Executing(interaction), now_ns)
+                return self.interacting.begin(now_ns) or Transition(state)
+            resumed = self.interacting.follow(Executing(interaction), now_ns)
             if resumed.command is not None:
                 return resumed
         at_rest = decision.idle and not decision.active and not silent
@@ -139,13 +146,13 @@ class Transitions:
         return home or Transition(state)
 
     def _from_homing(self, state: Homing, now_ns: int) -> Transition:
-        other = self._interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
+        other = self.interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
         if other is not None:
             return other
         return self._waiting.step_homing(now_ns, state)
 
     def _from_pretriggered(self, state: Pretriggered, now_ns: int) -> Transition:
-        activated = self._interacting.begin(now_ns)
+        activated = self.interacting.begin(now_ns)
         if activated is not None:
             return activated
         reason = self._reason_to_halt(now_ns) if self._arm.under_way(now_ns) else ""

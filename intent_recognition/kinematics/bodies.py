@@ -202,36 +202,15 @@ class Bodies:
 
     # Parting
 
-    def box_of(self, pair: int) -> int | None:
-        """Number of the box in a pair; None for two links."""
-        return self._boxes_of[pair]
-
-    def gap(
-        self, q: NDArray[np.float64], pair: int, side: int | None = None
-    ) -> tuple[float, NDArray[np.float64]]:
-        """Distance of a pair, and its gradient in the joints (n,).
-
-        Args:
-            q: posture (n,).
-            pair: number of the pair.
-            side: one of the six faces of the pair's box: the distance is to the half space below
-                that face instead of to the box; None: to the other body.
-        """
+    def gap(self, q: NDArray[np.float64], pair: int) -> tuple[float, NDArray[np.float64]]:
+        """Distance of a pair at a posture (n,), and its gradient in the joints (n,)."""
         self._place(q)
-        objects = self._geometry.geometryObjects
         first, second = self._ends(pair)
-        result, transform = self._coal.DistanceResult(), self._coal.Transform3s
+        objects, transform = self._geometry.geometryObjects, self._coal.Transform3s
+        result = self._coal.DistanceResult()
         poses = [transform(p.rotation, p.translation) for p in map(self._pose, (first, second))]
-        other = objects[second].geometry
-        if side is not None:
-            box = self.boxes[second - self._n_links]
-            axis, sign = divmod(side, 2)
-            normal = box.rotation[:, axis] * (1.0 - 2.0 * sign)
-            offset = float(normal @ np.array(box.center)) + box.size[axis] / 2.0
-            other, poses[1] = self._coal.Halfspace(normal, offset), transform()
-        distance = self._coal.distance(
-            objects[first].geometry, poses[0], other, poses[1], self._request, result
-        )
+        one, other = objects[first].geometry, objects[second].geometry
+        distance = self._coal.distance(one, poses[0], other, poses[1], self._request, result)
         self._pin.computeJointJacobians(self._model.model, self._data)
         normal = result.normal
         gradient = self._speed(second, result.getNearestPoint2(), normal)
@@ -340,7 +319,6 @@ class Bodies:
         self._work = self._pin.GeometryData(self._geometry)
         ends = [self._ends(k) for k in range(len(self._geometry.collisionPairs))]
         self.pairs = tuple((self._names[i], self._names[j]) for i, j in ends)
-        self._boxes_of = [j - self._n_links if j >= self._n_links else None for _, j in ends]
         drive = np.abs(self._model.drive)
         supports = self._far > 0.0
         self._reach = np.zeros((drive.shape[1], len(ends)))

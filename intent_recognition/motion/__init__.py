@@ -3,7 +3,14 @@
 
 from intent_recognition.motion.bending import Spread, least_change
 from intent_recognition.motion.blending import Offset
-from intent_recognition.motion.clearance import LARGEST_BEND, Clearance, Obstruction
+from intent_recognition.motion.clearance import (
+    LARGEST_BEND,
+    REPLAN_BUDGET_S,
+    WAIT_S,
+    Clearance,
+    ClearPath,
+    Obstruction,
+)
 from intent_recognition.motion.correction import (
     Correction,
     Via,
@@ -43,6 +50,9 @@ from intent_recognition.motion.separation import (
 __all__ = [
     "BEGINNING",
     "LARGEST_BEND",
+    "REPLAN_BUDGET_S",
+    "WAIT_S",
+    "ClearPath",
     "Clearance",
     "Correction",
     "DeviationDetector",

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bending a path away from what it would touch, by the spread of its task.
+"""Bending a path away from what it would touch, by how it may move.
 
-The least change of the weights, measured by the covariance of the task's primitive, that takes
-every touching link away from the box it touches, straight or beyond one of its faces:
+A path is moved by independent standard normal numbers z: those of the spread of its task, or of
+wider detours (`replanning`). The most probable z that takes every touching link away from what it
+touches is
 
-    minimise d^T C^-1 d   subject to   G d >= b.
+    minimise z^T z   subject to   G z >= b.
 
-It is the primitive's mean conditioned exactly on the via points of the active rows (Paraschos et
-al. 2018, "Using Probabilistic Movement Primitives in Robotics", modulation by conditioning). Rows
-are distances linearised in the joints; a few rounds follow their curvature. The root of
-d^T C^-1 d counts standard deviations, and is bounded.
+Within the spread this is the primitive's mean conditioned exactly on the via points of the active
+rows (Paraschos et al. 2018, "Using Probabilistic Movement Primitives in Robotics", modulation by
+conditioning). Rows are distances linearised in the joints; a few rounds follow their curvature
+(sequential convex optimisation: Schulman et al. 2014, "Motion planning with sequential convex
+optimization and convex collision checking"). The norm of z counts standard deviations.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,19 +24,24 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.gaussian import Gaussian, covariance_root, regression
-from intent_recognition.kinematics import Arm, Bodies, Contact
+from intent_recognition.kinematics import Arm, Bodies, Contact, JointLimits
+from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, via_point
 from intent_recognition.signals import right_jacobian, to_tangent
 
 _BEYOND_M = 0.004
 """Paths are bent so much farther than the clearance [m]. Convention: more than splines and
 linearised rows leave."""
-_N_ROUNDS = 6
-"""Rounds of measuring and bending in all. Convention: two or three are the rule."""
+_BEYOND_RAD = 0.005
+"""Joints are taken so much farther inside their limits [rad]. Convention: more than splines leave
+between samples."""
+_N_ROUNDS = 12
+"""Rounds of measuring and bending at most. Convention: two or three are the rule."""
 _N_ROWS = 4
 """Samples of one pair that become rows in one round, its nearest among them. Convention."""
-_WAYS: tuple[int | None, ...] = (None, *range(6))
-"""Past a box: straight away from it, or beyond one of its faces."""
+_LARGEST_STEP_RAD = 0.5
+"""No joint moves farther in one round [rad]: distances are linear in the joints nearby only.
+Convention."""
 _INFEASIBLE = 1e-6
 """Residual below which inequalities contradict one another: weights a million deviations off would
 be needed."""
@@ -114,6 +121,12 @@ class Spread:
             rows = np.einsum("tjd,tk->tjdk", self._inverse(self.arm, positions), table)
         return rows.reshape(*rows.shape[:2], -1)
 
+    def moves(
+        self, phase: NDArray[np.float64], positions: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Joints by independent standard normal numbers (T, n, m); see `design`."""
+        return self.design(phase, positions) @ self.root
+
     def _inverse(self, arm: Arm, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Joints by DOFs of the hand, (T, n, 3) or (T, n, 6)."""
         jacobians = np.array([arm.jacobian(q) for q in positions])
@@ -128,117 +141,81 @@ class Spread:
 
 
 def least_change(
-    root: NDArray[np.float64], rows: NDArray[np.float64], needs: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float]:
-    """The most probable weights d ~ N(0, C) with G d >= b, and how many standard deviations off.
+    rows: NDArray[np.float64], needs: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """The most probable z ~ N(0, I) with G z >= b, (m,); None where there is none.
 
     Least distance programming by nonnegative least squares (Lawson and Hanson 1974, Chapter 23).
-    Where no weights will do, zeros, infinitely far off.
 
     Args:
-        root: L with C = L L^T (m, m).
         rows: G (k, m).
         needs: b (k,).
     """
-    system = np.vstack([(rows @ root).T, needs])
+    system = np.vstack([rows.T, needs])
     wanted = np.zeros(len(system))
     wanted[-1] = 1.0
     multipliers, distance = nnls(system, wanted, maxiter=100 * len(needs))
     if distance < _INFEASIBLE:
-        return np.zeros(len(root)), np.inf
+        return None
     residual = system @ multipliers - wanted
-    whitened = -residual[:-1] / residual[-1]
-    return root @ whitened, float(np.linalg.norm(whitened))
+    return np.asarray(-residual[:-1] / residual[-1])
 
 
 def bend(
     bodies: Bodies,
-    spread: Spread,
     positions: NDArray[np.float64],
-    design: NDArray[np.float64],
+    moves: NDArray[np.float64],
     contacts: Sequence[Contact],
-    largest: float,
+    limits: JointLimits,
+    largest: float = np.inf,
+    start: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64] | None:
-    """Weights (m,) to add, that clear a path of all contacts; None if none were found.
-
-    Each box is passed in the way that is cheapest for what touches it first: straight away from it,
-    or beyond one of its faces; where that leads farther than `largest`, in the next.
+    """How to move a path so that it is clear of all contacts, z (m,); None if nothing was found.
 
     Args:
         bodies: the arm among boxes.
-        spread: of the task.
         positions: samples of the path (T, n) [rad].
-        design: joints by weights at the samples (T, n, m).
+        moves: joints by z at the samples (T, n, m).
         contacts: of the path.
+        limits: of positions, which the path is to keep.
         largest: standard deviations that the path may be moved at most.
+        start: z from which the search begins; None: from the path itself.
     """
-    rounds = 0
-    ways: dict[int, list[int | None]] = {}
-    while rounds < _N_ROUNDS:
-        sides: dict[int | None, int | None] = {}
-        newest: int | None = None
-        weights, found, q = np.zeros(design.shape[2]), contacts, positions
-        rows, needs = np.empty((0, design.shape[2])), np.empty(0)
-        while rounds < _N_ROUNDS:
-            rounds += 1
-            for box in {bodies.box_of(c.pair) for c in found}:
-                if box is None or box in sides:
-                    continue
-                newest = box
-                if box not in ways:
-                    own = [c for c in found if bodies.box_of(c.pair) == box]
-                    ways[box] = _ways(bodies, spread, q, design, own, largest)
-                if not ways[box]:
-                    return None
-                sides[box] = ways[box][0]
-            more = _linearised(bodies, q, design, _thinned(found, _N_ROWS), sides)
-            rows = np.vstack([rows, more[0]])
-            needs = np.append(needs, more[1] + more[0] @ weights)
-            weights, deviations = least_change(spread.root, rows, needs)
-            if deviations > largest:
-                break
-            q = positions + design @ weights
-            found = bodies.contacts(q)
-            if not found:
-                return weights
-        if newest is None:
+    z = np.zeros(moves.shape[2]) if start is None else start
+    watched = {(one.sample, one.pair) for one in _thinned(contacts, _N_ROWS)}
+    for k in range(_N_ROUNDS):
+        q = positions + moves @ z
+        rows, needs = _position_rows(q, moves, z, limits)
+        found = contacts if k == 0 and start is None else bodies.contacts(q)
+        if k and not found and not rows:
+            return z
+        watched |= {(one.sample, one.pair) for one in _thinned(found, _N_ROWS)}
+        for sample, pair in sorted(watched):
+            gap, gradient = bodies.gap(q[sample], pair)
+            rows.append(gradient @ moves[sample])
+            needs.append(bodies.clearance_m + _BEYOND_M - gap + float(rows[-1] @ z))
+        newer = least_change(np.array(rows), np.array(needs))
+        if newer is None or np.linalg.norm(newer) > largest:
             return None
-        del ways[newest][0]
+        step = float(np.abs(moves @ (newer - z)).max())
+        z = z + min(1.0, _LARGEST_STEP_RAD / max(step, 1e-9)) * (newer - z)
     return None
 
 
-def _ways(
-    bodies: Bodies,
-    spread: Spread,
+def _position_rows(
     q: NDArray[np.float64],
-    design: NDArray[np.float64],
-    contacts: Sequence[Contact],
-    largest: float,
-) -> list[int | None]:
-    """Ways past a box that its nearest contacts can be moved, the cheapest first."""
-    box, nearest = bodies.box_of(contacts[0].pair), _thinned(contacts, 1)
-    costs = {
-        side: least_change(spread.root, *_linearised(bodies, q, design, nearest, {box: side}))[1]
-        for side in _WAYS
-    }
-    return sorted((way for way in costs if costs[way] <= largest), key=costs.__getitem__)
-
-
-def _linearised(
-    bodies: Bodies,
-    q: NDArray[np.float64],
-    design: NDArray[np.float64],
-    contacts: Sequence[Contact],
-    sides: Mapping[int | None, int | None],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rows (k, m) by which weights move each contact apart, and what is needed (k,) [m]."""
+    moves: NDArray[np.float64],
+    z: NDArray[np.float64],
+    limits: JointLimits,
+) -> tuple[list[NDArray[np.float64]], list[float]]:
+    """Rows that take joints back inside their limits, and what they need [rad]."""
     rows, needs = [], []
-    for contact in contacts:
-        side = sides.get(bodies.box_of(contact.pair))
-        gap, gradient = bodies.gap(q[contact.sample], contact.pair, side)
-        rows.append(gradient @ design[contact.sample])
-        needs.append(bodies.clearance_m + _BEYOND_M - gap)
-    return np.array(rows), np.array(needs)
+    lower, upper = limits.lower + POSITION_MARGIN_RAD, limits.upper - POSITION_MARGIN_RAD
+    for sign, outside in ((-1.0, q - upper), (1.0, lower - q)):
+        for sample, joint in np.argwhere(outside > 0.0):
+            rows.append(sign * moves[sample, joint])
+            needs.append(float(outside[sample, joint] + _BEYOND_RAD + rows[-1] @ z))
+    return rows, needs
 
 
 def _thinned(contacts: Sequence[Contact], most: int) -> list[Contact]:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plans that keep clear of boxes and of the arm itself: bent within the spread, or refused."""
+"""Plans that keep clear of boxes and of the arm itself: bent, planned anew, or refused."""
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +12,15 @@ from intent_recognition.kinematics import Bodies, Contact, JointLimits
 from intent_recognition.motion.bending import Spread, bend
 from intent_recognition.motion.path import JointPath
 from intent_recognition.motion.plan import JointPlan
+from intent_recognition.motion.replanning import detours, replan
 
 LARGEST_BEND = 3.0
 """A path is bent by at most so many standard deviations. Convention: nearly all that was taught."""
+REPLAN_BUDGET_S = 0.1
+"""Processor time that planning a path anew may take [s]. Requirement."""
+WAIT_S = 3.0
+"""How long to wait for a way after the person's movement [s]. Convention: as long as a prediction
+is followed at most."""
 N_SAMPLES = 61
 """Samples of a path that is looked at. Convention: some centimetres of a reach from one to the
 next; of a plan, nothing is left out."""
@@ -34,6 +41,22 @@ class Obstruction(NamedTuple):
         return f"{self.bodies[0]} would touch {self.bodies[1]} {self.where}"
 
 
+class ClearPath(NamedTuple):
+    """A path that is clear.
+
+    Attributes:
+        path: to follow.
+        away: how far it was moved at `N_SAMPLES` phases (T, n) [rad]; None where it was not.
+        how: "", "bent" within the spread of its task, or "replanned".
+        later_s: a command of it starts so much later, for finding it took its time [s].
+    """
+
+    path: JointPath
+    away: NDArray[np.float64] | None = None
+    how: str = ""
+    later_s: float = 0.0
+
+
 class Clearance:
     """Keeps motions clear of things.
 
@@ -41,21 +64,44 @@ class Clearance:
         bodies: the arm among boxes.
         spreads: how each task's motion may vary, by label; other tasks are never bent.
         largest_bend: standard deviations by which a path is bent at most.
+        replan_budget_s: processor time that planning a path anew may take; 0: none is.
+        wait_s: how long to try again, after the person's movement, for a motion without a way.
+        clock: processor time [s].
+
+    Attributes:
+        bodies: likewise.
+        replan_budget_s: likewise.
+        wait_s: likewise.
     """
 
     def __init__(
-        self, bodies: Bodies, spreads: Mapping[str, Spread], largest_bend: float = LARGEST_BEND
+        self,
+        bodies: Bodies,
+        spreads: Mapping[str, Spread],
+        largest_bend: float = LARGEST_BEND,
+        replan_budget_s: float = REPLAN_BUDGET_S,
+        wait_s: float = WAIT_S,
+        clock: Callable[[], float] = time.thread_time,
     ) -> None:
         self.bodies, self._spreads, self._largest = bodies, spreads, largest_bend
+        self.replan_budget_s, self.wait_s, self._clock = replan_budget_s, wait_s, clock
 
-    def obstruction(self, plan: JointPlan) -> Obstruction | None:
-        """What a plan comes too near to, between its samples too; None if it is clear."""
-        n = self.bodies.steps(plan.subdivided(1)[1])
+    def obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
+        """What a plan comes too near to, between its samples too; None if it is clear.
+
+        Args:
+            plan: of the arm.
+            since_s: what of it is past does not count.
+        """
+        past = int(np.searchsorted(plan.times_s, since_s, side="right")) - 1
+        past = int(np.clip(past, 0, len(plan.times_s) - 2))
+        n = self.bodies.steps(plan.subdivided(1)[1][past:])
         positions, travel = plan.subdivided(n)
-        found = self.bodies.contacts(positions, travel, first_only=True)
+        first = past * n
+        found = self.bodies.contacts(positions[first:], travel[first:], first_only=True)
         if not found:
             return None
-        when = f"{float(plan.times_s[found[0].sample // n]):.2f} s from its start"
+        when = f"{float(plan.times_s[past + found[0].sample // n]):.2f} s from its start"
         return self._named(found[0], when)
 
     def clear(
@@ -64,41 +110,62 @@ class Clearance:
         label: str,
         phase: float,
         limits: JointLimits,
-        before: NDArray[np.float64] | None = None,
-    ) -> tuple[JointPath, NDArray[np.float64] | None] | Obstruction:
-        """A path that keeps clear from a phase on, and by which weights it was bent.
+        before: ClearPath | None = None,
+        tries: int | None = None,
+    ) -> ClearPath | Obstruction:
+        """A path that keeps clear from a phase on.
 
         Args:
             path: predicted.
             label: its task.
             phase: what comes before is past.
             limits: what it must keep inside.
-            before: weights by which the path of the same task was last bent: it goes on like that
-                where that still serves.
+            before: the last one of the same task: it goes on moved like that where that serves.
+            tries: number of searches for a way that failed before, for each draws other detours;
+                None: there is no time to search, a path is moved from where it is at most.
 
         Returns:
-            The path itself and None where it is clear; where no bend within the spread makes it so,
-            what is in its way.
+            The path itself where it is clear; where no way is found, what is in the way of it.
         """
         phases = np.linspace(0.0, 1.0, N_SAMPLES)
         first = min(int(phase * (N_SAMPLES - 1)), N_SAMPLES - 2)
         positions = path.spline(phases)
         found = self.bodies.contacts(positions[first:])
         if not found:
-            return path, None
-        in_the_way = self._named(found[0], f"at phase {phases[first + found[0].sample]:.2f}")
-        spread = self._spreads.get(label)
-        if spread is None:
-            return in_the_way
-        design = spread.design(phases, positions)
-        bent = before
-        if bent is None or self.bodies.contacts((positions + design @ bent)[first:]):
-            bent = bend(
-                self.bodies, spread, positions[first:], design[first:], found, self._largest
+            return ClearPath(path)
+        base, touching = positions, found
+        if before is not None and before.away is not None:
+            base = positions + before.away
+            touching = self.bodies.contacts(base[first:])
+            if not touching:
+                same = path.shifted(phases, before.away, limits)
+                return ClearPath(same, before.away, before.how)
+        spread, moves = self._spreads.get(label), np.empty((*positions.shape, 0))
+        if spread is not None:
+            moves = spread.moves(phases, positions)
+            z = bend(self.bodies, positions[first:], moves[first:], found, limits, self._largest)
+            if z is not None:
+                away = moves @ z
+                return ClearPath(path.shifted(phases, away, limits), away, "bent")
+        z, searched = None, False
+        if self.replan_budget_s:
+            until_s = self._clock() + self.replan_budget_s
+            waves = detours(phases, positions.shape[1], float(phases[first]))
+            moves = np.concatenate([moves, waves], axis=2)
+            z, searched = replan(
+                self.bodies,
+                base[first:],
+                moves[first:],
+                touching,
+                limits,
+                tries,
+                lambda: self._clock() > until_s,
             )
-        if bent is None:
-            return in_the_way
-        return path.shifted(phases, design @ bent, limits), bent
+        if z is None:
+            return self._named(found[0], f"at phase {phases[first + found[0].sample]:.2f}")
+        away = base - positions + moves @ z
+        later_s = self.replan_budget_s if searched else 0.0
+        return ClearPath(path.shifted(phases, away, limits), away, "replanned", later_s)
 
     def _named(self, contact: Contact, where: str) -> Obstruction:
         return Obstruction(self.bodies.pairs[contact.pair], where)

@@ -60,13 +60,6 @@ class JointPath:
         )
         return replace(moved, clamped=tuple(sorted({*self.clamped, *moved.clamped})))
 
-    def reversed(self) -> "JointPath":
-        """The same way back."""
-        knots, positions = self.spline.x, self.spline(self.spline.x)
-        ends = -self.derivative(knots[[-1, 0]])
-        back = _spline(1.0 - knots[::-1], positions[::-1], ends)
-        return JointPath(back, back.derivative(), self.duration_s, self.clamped)
-
 
 def make_path(
     times_s: NDArray[np.float64],

@@ -88,8 +88,8 @@ class JointPlan:
         velocities: (T, n) [rad/s]; the last row is zero.
         phase: (T,) how much of the predicted interaction is done, in [0, 1].
         phase_rate: (T,) its rate [1/s].
-        kind: "interaction", "stop", "home", "retreat" (back along the path), "pretrigger" or
-            "yield" (to a person who leads the arm).
+        kind: "interaction", "stop", "home", "pretrigger" or "yield" (to a person who leads the
+            arm).
         clamped: indices of joints whose prediction left the position limits and was held inside.
         outside: indices of joints that leave the position limits; empty but for a brake.
         slowed: the prediction at its own speed would break a velocity or acceleration limit.

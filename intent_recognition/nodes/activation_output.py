@@ -142,6 +142,7 @@ class ActivationOutput:
         value("expected task", activation.pretrigger.expected or "none")
         if activation.held_back:
             value("last held back", activation.held_back)
+        value("waits for", activation.waits_for or "nothing")
         self.status(activation, silent)
 
     def status(self, activation: Activation | None, silent: str) -> None:
@@ -160,6 +161,8 @@ def _status(activation: Activation | None) -> tuple[int, str]:
         return Level.OK, "running"
     if activation.mode is Mode.STOPPED:
         return Level.WARN, f"stopped: {activation.stop_reason}"
+    if activation.waits_for:
+        return Level.WARN, f"waits: {activation.waits_for}"
     if activation.held_back:
         return Level.WARN, activation.held_back
     if activation.mode is Mode.PRETRIGGERED:

@@ -33,6 +33,7 @@ class ClearanceInput:
         self._distance_m = values["clearance"]
         self._boxes = parse_boxes(values["boxes"])
         self._largest_bend = values["largest_bend"]
+        self._times_s = values["replan_budget"], values["clear_wait"]
         if self._boxes and not self._distance_m:
             cure = "Try 0.02, or leave boxes empty."
             raise ArgumentError.about("clearance", "above 0 m with boxes", 0.0, cure)
@@ -102,7 +103,7 @@ class ClearanceInput:
                 label: Spread.of(library.primitive(k), arm, reference)
                 for k, label in enumerate(library.labels)
             }
-        self.clearance = Clearance(bodies, spreads, self._largest_bend)
+        self.clearance = Clearance(bodies, spreads, self._largest_bend, *self._times_s)
         things = ", ".join([*(box.name for box in boxes), "itself"])
         self._node.get_logger().info(
             f"keeps {self._distance_m:g} m clear of {things}: {len(bodies.pairs)} pairs of bodies"

@@ -82,8 +82,20 @@ def test_the_example_names_its_boxes(harness):
     assert node.get_parameter("clearance").value == 0.02
 
 
-def test_a_path_into_a_box_is_refused_and_both_bodies_are_named(harness):
+def test_a_path_into_a_box_is_planned_anew(harness):
     graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))])
+    graph.describe(ROBOT.description)
+    for _ in range(4):
+        graph.step()
+    graph.harness.spin_until(lambda: graph.commands)
+    q = trajectory_arrays(graph.commands[0])[1]
+    np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
+    assert np.abs(q - HOME - (GOAL - HOME) * (q[:, :1] - HOME[0]) / 0.4).max() > 0.02
+    assert graph.node.activation.counts["replanned"] >= 1
+
+
+def test_a_path_into_a_box_is_not_followed_and_both_bodies_are_named(harness):
+    graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))], replan_budget=0.0)
     told = []
     graph.node.diagnostics.reject = lambda reason, text: told.append((reason, text))
     graph.describe(ROBOT.description)
@@ -96,14 +108,12 @@ def test_a_path_into_a_box_is_refused_and_both_bodies_are_named(harness):
 
 
 @pytest.mark.slow
-def test_a_path_into_a_thing_of_the_planning_scene_is_refused_until_it_is_gone(
-    harness, ros_interfaces
-):
+def test_a_path_into_a_thing_of_the_planning_scene_waits_until_it_is_gone(harness, ros_interfaces):
     ros_interfaces("moveit_msgs")
     from moveit_msgs.msg import CollisionObject, PlanningScene
 
     graph = Graph(harness, clearance=0.02, planning_scene="read")
-    (box,) = parse_boxes([box_at(0.5 * (HOME + GOAL))])
+    (box,) = parse_boxes([box_at(GOAL)])
     thing = CollisionObject(id="container", operation=CollisionObject.ADD)
     thing.header.frame_id = "world"
     thing.pose = to_pose(np.array(box.center), np.array(box.quaternion))
@@ -120,7 +130,13 @@ def test_a_path_into_a_thing_of_the_planning_scene_is_refused_until_it_is_gone(
         graph.describe(ROBOT.description)
         for _ in range(4):
             graph.step()
+        if n_boxes == 0:
+            harness.spin_until(lambda: graph.commands, what="a command")
         assert bool(graph.commands) == (n_boxes == 0)
+        waits = graph.node.diagnostics._message
+        assert ("waits: plate: lwr_a" in waits) == (n_boxes == 1), waits
+    counts = graph.node.activation.counts
+    assert counts["waited"] == 1 and not counts["refused"]
     assert graph.node.diagnostics.rejected("would_touch")
 
 

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 
 from intent_recognition.activation import ActivationSettings
 from intent_recognition.kinematics import DEFAULT_ACCELERATION_RAD_S2
-from intent_recognition.motion import LARGEST_BEND, SeparationSettings
+from intent_recognition.motion import LARGEST_BEND, REPLAN_BUDGET_S, WAIT_S, SeparationSettings
 from intent_recognition.nodes.graph import RECOGNITION
 from intent_recognition.nodes.launch_checks import OF_EVERY_NODE
 from intent_recognition.parameter_table import PARTS, parameters_of
@@ -96,6 +96,8 @@ def test_defaults_are_those_of_the_library():
         "intent_estimator": {"forget_after": FORGET_AFTER_S},
         "primitive_activation": {
             "largest_bend": LARGEST_BEND,
+            "replan_budget": REPLAN_BUDGET_S,
+            "clear_wait": WAIT_S,
             "max_wrong": MAX_WRONG,
             "acceleration_limit": DEFAULT_ACCELERATION_RAD_S2,
             "timeout": ActivationSettings.timeout_s,

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Planning a path anew where no bend within the spread of its task is clear.
+
+Trajectory optimisation in joint space: the path may move by the spread of its task and, at a
+higher cost, by any smooth detour between its ends, a Gaussian process that is fixed there (as in
+Mukadam et al. 2018, "Continuous-time Gaussian process motion planning via probabilistic
+inference"). `bend` descends from the path itself, then from the random detours that come through
+what is in the way with the least depth. Its steps are counted, so the same path and things give the
+same plan.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.kinematics import Bodies, Contact, JointLimits
+from intent_recognition.motion.bending import bend
+
+_DETOUR_RAD = 0.15
+"""Amplitude of the slowest detour [rad], one standard deviation. Convention: some 10 cm at the
+hand, more than demonstrations vary."""
+_N_WAVES = 5
+"""Sine waves of which detours consist. Convention: a path that swerves twice."""
+_ROUGHNESS = 1.5
+"""Power by which the amplitude falls with the number of half waves. Convention: smooth as a
+primitive."""
+_N_DRAWS = 24
+"""Random detours that are drawn. Convention: measuring them takes as long as two descents."""
+_N_DESCENTS = 4
+"""Descents from drawn detours at most. Measurement: docs/decisions/replanning.md."""
+_SEED = 7
+"""Seed of the random detours: the same are drawn every time."""
+
+
+def detours(phases: NDArray[np.float64], n_joints: int, first: float) -> NDArray[np.float64]:
+    """Joints by independent standard normal numbers (T, n, m): smooth, and zero at both ends.
+
+    Args:
+        phases: of the path's samples (T,).
+        n_joints: n.
+        first: phase up to which nothing moves.
+    """
+    share = np.clip((phases - first) / max(1.0 - first, 1e-9), 0.0, 1.0)
+    waves = np.arange(1, _N_WAVES + 1)
+    table = _DETOUR_RAD * np.sin(np.pi * np.outer(share, waves)) / waves**_ROUGHNESS
+    rows = np.einsum("jd,tk->tjdk", np.eye(n_joints), table)
+    return rows.reshape(*rows.shape[:2], -1)
+
+
+def replan(
+    bodies: Bodies,
+    positions: NDArray[np.float64],
+    moves: NDArray[np.float64],
+    contacts: Sequence[Contact],
+    limits: JointLimits,
+    tries: int | None,
+    out_of_time: Callable[[], bool],
+) -> tuple[NDArray[np.float64] | None, bool]:
+    """How to move a path so that it is clear of all contacts, z (m,), and whether detours were
+    drawn for it; None if nothing was found.
+
+    Args:
+        bodies: the arm among boxes.
+        positions: samples of the path (T, n) [rad].
+        moves: joints by z at the samples (T, n, m).
+        contacts: of the path.
+        limits: of positions, which the path is to keep.
+        tries: number of searches before, which drew other detours; None: none are drawn.
+        out_of_time: whether no further descent may begin.
+    """
+    if contacts[-1].sample == len(positions) - 1:
+        return None, False  # its end touches
+    found = bend(bodies, positions, moves, contacts, limits)
+    if found is not None or tries is None:
+        return found, False
+    draws = np.random.default_rng([_SEED, tries]).normal(size=(_N_DRAWS, moves.shape[2]))
+    depths = [_depth(bodies, positions, moves, contacts, z) for z in draws]
+    for k in np.argsort(depths, kind="stable")[:_N_DESCENTS]:
+        if out_of_time():
+            break
+        found = bend(bodies, positions, moves, contacts, limits, start=draws[k])
+        if found is not None:
+            return found, True
+    return None, True
+
+
+def _depth(
+    bodies: Bodies,
+    positions: NDArray[np.float64],
+    moves: NDArray[np.float64],
+    contacts: Sequence[Contact],
+    z: NDArray[np.float64],
+) -> float:
+    """By how much a moved path is too near where the path itself is nearest to each thing [m]."""
+    depth = 0.0
+    for one in {c.pair: c for c in sorted(contacts, key=lambda c: -c.distance_m)}.values():
+        moved = positions[one.sample] + moves[one.sample] @ z
+        depth += max(0.0, bodies.clearance_m - bodies.distance_m(moved, one.pair))
+    return depth
