@@ -182,7 +182,11 @@ def _path_with_intent(folder):
     return f"{program.parent}:{os.environ['PATH']}"
 
 
-MODULES = [w for w in SHOWN if w[:2] == ("python", "-m") and w[2].startswith("experiments")]
+MODULES = [
+    line.split()
+    for line in (ROOT / "bags" / "README.md").read_text(encoding="utf-8").splitlines()
+    if line.startswith("    python -m ")
+]
 
 
 @pytest.mark.parametrize("words", MODULES, ids=" ".join)
