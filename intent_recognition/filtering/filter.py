@@ -67,7 +67,6 @@ class MovementFilter:
     Attributes:
         table: the hypotheses of the onset.
         births: those that were born on the way; None without `switching`.
-        n_used: how many observations were used.
     """
 
     def __init__(
@@ -118,7 +117,8 @@ class MovementFilter:
         self._controlled: dict[tuple[int, int], tuple[StartPosture | None, Trajectory]] = {}
 
     @property
-    def n_used(self) -> int:  # noqa: D102
+    def n_used(self) -> int:
+        """How many observations were used."""
         return len(self._measurements)
 
     def observe(self, observation: Observation) -> None:
