@@ -206,9 +206,9 @@ def test_a_person_of_other_dofs_is_counted_and_unknown(harness):
     graph = Graph(harness, person_dofs=PERSON)
     graph.describe(ROBOT.description)
     tell_person(graph, np.zeros(3))
-    assert graph.node._person.person is not None
+    assert len(graph.node._person.people) == 1
     tell_person(graph, np.zeros(3), ["a", "b", "c"])
-    assert graph.node._person.person is None
+    assert graph.node._person.people == ()
     assert graph.node.diagnostics.rejected("bad_human_trajectory") == 1
 
 

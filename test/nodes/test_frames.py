@@ -39,7 +39,7 @@ class Stream:
         ]
         harness.connect(*self.inputs)
         self.warnings = []
-        self.node._inputs._node = self  # what the input logs
+        self.node.people[""].inputs._node = self  # what the input logs
 
     def get_logger(self):
         return self

@@ -206,7 +206,7 @@ def test_the_estimator_hears_where_the_hand_is(harness, panda, dofs):
     node = harness.add(Node("listener", parameter_overrides=[Parameter("hand_link", value=TIP)]))
     inputs = PostureInput(node, Diagnostics(node))
     estimator = SimpleNamespace(update_controlled=taken.append)
-    inputs.open(estimator, load_dofs(share_path(f"config/{dofs}.yaml")).controlled)
+    inputs.open([estimator], load_dofs(share_path(f"config/{dofs}.yaml")).controlled)
     description = harness.publisher(String, "robot_description", qos.LATCHED)
     joints = harness.publisher(JointState, "joint_states", qos.STATE)
     harness.connect(description, joints)

@@ -83,7 +83,7 @@ class Nodes:
         types = {e.topic: message_class(e.type) for e in self.dofs.observed}
         inputs = {topic: self.harness.publisher(kind, topic, 10) for topic, kind in types.items()}
         self.harness.connect(*inputs.values())
-        heard = [*self.estimator._inputs.subscriptions, *self.ingest._inputs]
+        heard = [*self.estimator.people[""].inputs.subscriptions, *self.ingest.subscriptions]
         heard = [one for one in heard if one.topic_name[1:] in {*inputs, *self.inner}]
         self.harness.spin_until(
             lambda: all(one.get_publisher_count() for one in heard), what="publishers found"
