@@ -4,10 +4,9 @@
 Demonstrations are left out in turn. From samples of the observed agent the filter recognises the
 task and predicts the controlled agent. What is chosen is the pace of both agents
 (`learning.timing`), the noise of an observation, and whether a task's regression borrows from the
-other tasks; the coupling of the residuals is learned beside
-each (`learning.coupling`). The score of a candidate is in nats: the log loss of the task, plus that
-of the controlled agent's Q DOFs under a normal error of fitted variance, Q / 2 log(mean squared
-error).
+other tasks; the coupling of the residuals is learned beside each (`learning.coupling`). The score
+of a candidate is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
+under a normal error of fitted variance, Q / 2 log(mean squared error).
 """
 
 from collections.abc import Mapping, Sequence
