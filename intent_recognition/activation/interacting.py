@@ -77,7 +77,7 @@ class Interacting:
     @property
     def waits_for(self) -> str:
         """The task that waits for a clear way, and what is in it; empty for none."""
-        obstruction = self._motions.blocked
+        obstruction = self._motions.things.obstruction
         if self._blocked is None or obstruction is None:
             return ""
         return f"{self._blocked.label}: {obstruction}"
@@ -123,7 +123,7 @@ class Interacting:
     def _wait(self, now_ns: int, prediction: PredictedInteraction) -> None:
         """Try again later, where something is in the way."""
         clearance, blocked = self._motions.settings.clearance, self._blocked
-        if self._motions.blocked is None or clearance is None:
+        if clearance is None or (blocked is None and self._motions.things.obstruction is None):
             return
         until_ns = now_ns + round(1e9 * clearance.wait_s)
         if blocked is None or blocked.inbox is not self._inbox or blocked.label != prediction.label:
@@ -139,7 +139,7 @@ class Interacting:
             return None
         label, active = blocked.label, blocked.inbox.decision.active
         if active not in ("", label) or (not active and now_ns > blocked.until_ns):
-            self._motions.refuse(label)
+            self._motions.things.refuse(label)
             self._blocked = None
             return None
         due = now_ns - blocked.tried_ns >= _RETRY_NS and blocked.inbox is self._inbox

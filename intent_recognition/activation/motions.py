@@ -4,7 +4,6 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,8 @@ from numpy.typing import NDArray
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import Command, PredictedInteraction
+from intent_recognition.activation.things import Things
+from intent_recognition.activation.ways import PlannedWay, TaskPath
 from intent_recognition.motion import (
     BEGINNING,
     Clearance,
@@ -37,44 +38,10 @@ _N_SLOWED = 6
 _HEADROOM = 0.93
 """Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
 Convention: the first or second further plan mostly keeps it."""
-_SEARCH_EVERY_S = 0.25
-"""Time between two searches for a way that take their time [s]. Convention: a search takes less
-than half of it."""
-_OFF_THE_PATH = ("home", "yield")
-"""Kinds of plans."""
 
 _Planner = Callable[[NDArray[np.float64] | None, float], JointPlan | None]
 """From ceilings of the phase rate (G + 1,) [1/s], or none, and how many times longer an offset
 takes than it must, to a plan; None where there is none."""
-
-
-class _Followed(NamedTuple):
-    """The path of a task that the arm follows."""
-
-    label: str
-    clear: ClearPath
-
-
-class _Way(NamedTuple):
-    """A motion along a path, which can be planned again at another speed.
-
-    Attributes:
-        kind: of its plan as it is sent.
-        plan: with the phases on the path.
-        path: that it keeps to at any speed; None where it has but one.
-        onset_ns: when the motion is to begin; None: as soon as it may.
-        slowed: whether it is slower than it would be without people.
-        command: that was sent: the plan, or a brake along the path.
-        blocked: whether it brakes because of things.
-    """
-
-    kind: str
-    plan: JointPlan
-    path: JointPath | None = None
-    onset_ns: int | None = None
-    slowed: bool = False
-    command: Command | None = None
-    blocked: bool = False
 
 
 class Motions:
@@ -89,7 +56,7 @@ class Motions:
     Attributes:
         people: where people are predicted to be, as far as that is known.
         corrected: what is followed, if it was corrected by hand.
-        blocked: what was in the way of the last interaction that was asked for; None for nothing.
+        things: what is in the way of motions.
     """
 
     def __init__(
@@ -101,14 +68,13 @@ class Motions:
     ):
         self.settings, self._arm = settings, arm
         self._reject, self._counts = reject, counts
-        self._followed: _Followed | None = None
-        self._way: _Way | None = None
+        self._followed: TaskPath | None = None
+        self._way: PlannedWay | None = None
         self._paced_by: tuple[PredictedPerson, ...] = ()
         self._clear_of: Clearance | None = None
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
-        self.blocked: Obstruction | None = None
-        self._n_searches, self._search_ns = 0, 0
+        self.things = Things(arm, reject, counts)
 
     def interact(
         self,
@@ -119,7 +85,7 @@ class Motions:
         progress: PhaseState = BEGINNING,
         vias: tuple[Via, ...] = (),
     ) -> Command | None:
-        """Follow a prediction from a reference on; None where no plan keeps the limits.
+        """Follow a prediction from a reference on; None where no plan keeps the limits, or clear.
 
         Args:
             now_ns: now.
@@ -134,10 +100,10 @@ class Motions:
                 prediction.path, prediction.label, vias, self.settings.limits
             )
             prediction = prediction._replace(path=path)
-        label = prediction.label
+        label, self.things.obstruction = prediction.label, None
         found = self._clear_of_things(now_ns, label, prediction.path, progress.phase)
         if isinstance(found, Obstruction):
-            self._block(label, found)
+            self.things.block(label, found)
             return None
         start_ns += round(1e9 * found.later_s)
         way = self._way_along(
@@ -146,11 +112,12 @@ class Motions:
         if way is None:
             self._reject("infeasible", f"no plan for {label} keeps the limits")
             return None
-        plan, self.blocked = way.plan, self._obstruction(way.plan)
-        if self.blocked is not None:
-            self._block(label, self.blocked)
+        plan, touched = way.plan, self._obstruction(way.plan)
+        if touched is not None:
+            self.things.block(label, touched)
             return None
-        self._followed, self._n_searches = _Followed(label, found), 0
+        self.things.begun()
+        self._followed = TaskPath(label, found)
         self.corrected = prediction if vias else None
         self._counts["planned"] += 1
         self._counts["slowed"] += plan.slowed
@@ -207,21 +174,11 @@ class Motions:
     def _clear_of_things(
         self, now_ns: int, label: str, path: JointPath, phase: float
     ) -> ClearPath | Obstruction:
-        """A path of a task, moved where it must be; what is in its way where nothing is found.
-
-        At rest there is time for a search, now and then.
-        """
-        clearance, last = self.settings.clearance, self._followed
-        if clearance is None:
-            return ClearPath(path)
+        """A path of a task, moved where it must be; what is in its way where nothing is found."""
+        last, settings = self._followed, self.settings
         before = last.clear if last is not None and last.label == label else None
-        rests = not self._arm.under_way(now_ns)
-        due = not 0 <= now_ns - self._search_ns < 1e9 * _SEARCH_EVERY_S
-        tries = self._n_searches if rests and due else None
-        found = clearance.clear(path, label, phase, self.settings.limits, before, tries)
-        if isinstance(found, Obstruction) and tries is not None:
-            self._n_searches, self._search_ns = tries + 1, now_ns
-        return found
+        limits, clearance = settings.limits, settings.clearance
+        return self.things.clear(clearance, now_ns, path, label, phase, limits, before)
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self.settings.clearance
@@ -231,18 +188,8 @@ class Motions:
         """Whether a plan comes too near to something; such a one is refused."""
         found = self._obstruction(plan)
         if found is not None:
-            self._block(what, found)
-            self.refuse(what)
+            self.things.refuse(what, found)
         return found is not None
-
-    def _block(self, what: str, obstruction: Obstruction) -> None:
-        self.blocked = obstruction
-        self._reject("would_touch", f"no motion for {what}: {obstruction}")
-
-    def refuse(self, what: str) -> None:
-        """Give up a motion for which no way is clear."""
-        self._counts["refused"] += 1
-        self._reject("refused", f"no motion for {what}: {self.blocked}")
 
     def stop(self, now_ns: int, executed: PredictedInteraction | None) -> Command | None:
         """Stop along the path of what is executed, or straight on where that is nothing.
@@ -285,12 +232,12 @@ class Motions:
 
     def _way_to(
         self, start_ns: int, start: JointReference, target: NDArray[np.float64], kind: str = "home"
-    ) -> _Way | None:
+    ) -> PlannedWay | None:
         """To a posture, slowed near people; None where no plan keeps the limits."""
         settings = self.settings
         plan = home_plan(start, target, settings.limits)
         if plan is None or settings.separation is None:
-            return None if plan is None else _Way(kind, plan)
+            return None if plan is None else PlannedWay(kind, plan)
         rate = 1.0 / plan.duration_s
         path = make_path(plan.times_s, plan.positions, settings.limits, plan.velocities)
         timing = NominalTiming(0.0, plan.duration_s)
@@ -300,7 +247,7 @@ class Motions:
         if slowed is None:
             return None
         plan = replace(slowed, clamped=plan.clamped)
-        return _Way(kind, plan, path, slowed=slowed is not free)
+        return PlannedWay(kind, plan, path, slowed=slowed is not free)
 
     def _way_along(
         self,
@@ -310,7 +257,7 @@ class Motions:
         start_ns: int,
         start: JointReference,
         progress: PhaseState,
-    ) -> _Way | None:
+    ) -> PlannedWay | None:
         """Along a path from a phase on; None where no plan keeps limits and permitted speeds."""
         onset_s = -progress.phase * path.duration_s
         if onset_ns is not None:
@@ -318,9 +265,9 @@ class Motions:
         again = self._planner(path, NominalTiming(onset_s, path.duration_s), start, progress)
         free = again(None, 1.0)
         plan = self._slowed(free, path, start_ns, again)
-        return None if plan is None else _Way(kind, plan, path, onset_ns, plan is not free)
+        return None if plan is None else PlannedWay(kind, plan, path, onset_ns, plan is not free)
 
-    def _send_way(self, now_ns: int, start_ns: int, way: _Way) -> Command:
+    def _send_way(self, now_ns: int, start_ns: int, way: PlannedWay) -> Command:
         plan = way.plan
         if way.kind != "interaction":
             standing = np.zeros_like(plan.phase)
@@ -343,8 +290,7 @@ class Motions:
         if not self._arm.is_update_due(now_ns):
             return None
         brakes = way.plan.kind == "stop"
-        paced = self.settings.separation is not None and bool(self.people)
-        paced = paced and (brakes or self.people is not self._paced_by)
+        paced = bool(self.people) and (brakes or self.people is not self._paced_by)
         moved = self.settings.clearance is not self._clear_of
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
@@ -378,21 +324,21 @@ class Motions:
 
     def waited_in_vain(self, now_ns: int) -> bool:
         """Whether the arm rests since things came in the way, and no way has been found."""
-        way, current, clearance = self._way, self._arm.current, self.settings.clearance
-        if way is None or current is None or way.command is not current or clearance is None:
+        way, clearance = self._way, self.settings.clearance
+        if way is None or way.command is None or clearance is None or not way.blocked:
             return False
-        waited_s = (now_ns - current.end_ns) * 1e-9
-        return way.plan.kind == "stop" and way.blocked and waited_s > clearance.wait_s
+        rests_s = (now_ns - way.command.end_ns) * 1e-9
+        return way.command is self._arm.current and rests_s > clearance.wait_s
 
     def _too_fast(self, current: Command, start_ns: int) -> bool:
         """Whether the motion in force is faster from a time on than people permit."""
-        separation, start = self.settings.separation, current.start_ns
-        if separation is None:
-            return False
-        return separation.worst_excess(current.plan, start, self.people, start_ns) > 1.0
+        separation, begun_ns = self.settings.separation, current.start_ns
+        return separation is not None and (
+            separation.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
+        )
 
     def _send_clear(
-        self, now_ns: int, start_ns: int, start: JointReference, way: _Way, what: str
+        self, now_ns: int, start_ns: int, start: JointReference, way: PlannedWay, what: str
     ) -> Command | None:
         """Go straight to a posture, or around what is in the way; None where nothing is clear."""
         if self._obstruction(way.plan) is None:
@@ -404,8 +350,7 @@ class Motions:
         straight = make_path(np.array([0.0, way.plan.duration_s]), ends, self.settings.limits)
         found = self._clear_of_things(now_ns, "", straight, 0.0)
         if isinstance(found, Obstruction):
-            self._block(what, found)
-            self.refuse(what)
+            self.things.refuse(what, found)
             return None
         start_ns += round(1e9 * found.later_s)
         around = self._way_along(way.kind, found.path, None, start_ns, start, BEGINNING)
@@ -449,6 +394,6 @@ class Motions:
             self.settings.limits,
             self._followed,
         )
-        if executed is None or followed is None or current.plan.kind in _OFF_THE_PATH:
+        if executed is None or followed is None or current.plan.kind in ("home", "yield"):
             return brake_plan(start, progress.phase, limits)
         return stop_plan(followed.clear.path, start, limits, progress)

@@ -101,7 +101,7 @@ class Transitions:
         withdrawn = expected and not (self._inbox.decision.active or waits)
         reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
         if self._motions.waited_in_vain(now_ns):
-            self._motions.refuse(interaction.prediction.label)
+            self._motions.things.refuse(interaction.prediction.label)
             reason = "would_touch"
         if reason:
             return self._stop(now_ns, reason, interaction)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Things in the way of motions: when to search for a way around, and when a motion is refused."""
+
+from collections import Counter
+from collections.abc import Callable
+
+from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.kinematics import JointLimits
+from intent_recognition.motion import Clearance, ClearPath, JointPath, Obstruction
+
+_SEARCH_EVERY_S = 0.25
+"""Time between two searches for a way that take their time [s]. Convention: a search takes less
+than half of it."""
+
+
+class Things:
+    """Keeps what is in the way, and how often a way was searched for.
+
+    Args:
+        arm: whether it rests.
+        reject: called with (reason, text) for each motion without a way.
+        counts: gets how many were refused.
+
+    Attributes:
+        obstruction: what was in the way last; None since an interaction has begun.
+    """
+
+    def __init__(
+        self, arm: ArmTracking, reject: Callable[[str, str], None], counts: Counter[str]
+    ) -> None:
+        self._arm, self._reject, self._counts = arm, reject, counts
+        self._n_searches, self._search_ns = 0, 0
+        self.obstruction: Obstruction | None = None
+
+    def clear(
+        self,
+        clearance: Clearance | None,
+        now_ns: int,
+        path: JointPath,
+        label: str,
+        phase: float,
+        limits: JointLimits,
+        before: ClearPath | None,
+    ) -> ClearPath | Obstruction:
+        """A path that is clear from a phase on; what is in its way where nothing is found.
+
+        At rest there is time for a search, now and then. See `Clearance.clear`.
+        """
+        if clearance is None:
+            return ClearPath(path)
+        rests = not self._arm.under_way(now_ns)
+        due = not 0 <= now_ns - self._search_ns < 1e9 * _SEARCH_EVERY_S
+        tries = self._n_searches if rests and due else None
+        found = clearance.clear(path, label, phase, limits, before, tries)
+        if isinstance(found, Obstruction) and tries is not None:
+            self._n_searches, self._search_ns = tries + 1, now_ns
+        return found
+
+    def begun(self) -> None:
+        """An interaction has begun: nothing is in its way."""
+        self._n_searches, self.obstruction = 0, None
+
+    def block(self, what: str, obstruction: Obstruction) -> None:
+        """Note what is in the way of a motion, which may be tried again."""
+        self.obstruction = obstruction
+        self._reject("would_touch", f"no motion for {what}: {obstruction}")
+
+    def refuse(self, what: str, obstruction: Obstruction | None = None) -> None:
+        """Give up a motion for which no way is clear."""
+        if obstruction is not None:
+            self.block(what, obstruction)
+        self._counts["refused"] += 1
+        self._reject("refused", f"no motion for {what}: {self.obstruction}")
