@@ -26,7 +26,8 @@ def test_no_box_is_touched_that_would_be(monkeypatch):
     outcome = experiment.run(Settings(quick=True))
     numbers = json.loads(json.dumps(dict(outcome.numbers)))
     runs = numbers["runs"]
-    assert {one["outcome"] for one in runs} == {"as before", "bent", "refused"}
+    assert {one["outcome"] for one in runs} == {"as before", "bent", "replanned"}
+    assert numbers["refused_without_replanning"]
     assert any(one["unguarded_touches"] for one in runs)
     assert not any(one["guarded_touches"] for one in runs) and numbers["self_contacts"] == 0
     for one in runs:
