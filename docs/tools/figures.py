@@ -156,7 +156,7 @@ SOURCES = {
         for name, more in EXPERIMENTS.items()
     },
     "transfer": Source(
-        f"python -m benchmarks.transfer --trials 42 --json {OUT / 'transfer.json'}",
+        f"python -m benchmarks.transfer --json {OUT / 'transfer.json'}",
         OUT / "transfer.json",
         _benchmarks,
     ),
