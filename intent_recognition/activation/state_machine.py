@@ -28,17 +28,14 @@ from numpy.typing import NDArray
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.inbox import EstimatorInbox
-from intent_recognition.activation.interacting import Interacting
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.people import People
 from intent_recognition.activation.pretrigger import Pretrigger
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import (
     UNDER_WAY,
-    ActiveInteraction,
     Arrived,
     Command,
-    Executing,
     Homing,
     Idle,
     Mode,
@@ -48,18 +45,16 @@ from intent_recognition.activation.states import (
     State,
     Stopped,
     Transition,
-    Yielding,
     finished,
     interaction_of,
     outcome_of,
     prediction_of,
 )
+from intent_recognition.activation.transitions import Transitions
 from intent_recognition.activation.waiting import Waiting
 from intent_recognition.motion import PredictedPerson
 from intent_recognition.recognition import DecisionState
 
-_ARRIVED_PHASE = 1.0 - 1e-6
-"""Phase from which an interaction counts as arrived. Convention: 1 up to rounding."""
 _LARGEST_BACK_NS = 100_000_000
 """A clock may go back by this [ns]. Convention: more than the jitter of threads, less than any
 restart of a simulation or recording."""
@@ -92,9 +87,10 @@ class Activation:
         self._waiting = Waiting(
             settings, self._arm, self._motions, self._people, self.pretrigger, self.counts
         )
-        self._interacting = Interacting(
-            self._arm, self._motions, self._people, self._waiting, self.pretrigger, self.counts
-        )
+        self._transitions = Transitions(
+            settings, self._arm, self._motions, self._people, self.pretrigger, self._waiting,
+            self._correcting, self.counts,
+        )  # fmt: skip
         self._now_ns = 0
         self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
         self.state: State = Idle()
@@ -335,7 +331,7 @@ class Activation:
         self._now_ns = max(now_ns, self._now_ns)
         if self._people.named and self._is_free(now_ns):
             self._people.choose(now_ns)
-        return self._enter(self._next(self.state, now_ns))
+        return self._enter(self._transitions.following(self.state, now_ns))
 
     def _is_free(self, now_ns: int) -> bool:
         """Whether the arm may turn to another person."""
@@ -351,107 +347,3 @@ class Activation:
             self.outcomes.append(outcome)
         self.state = transition.state
         return transition.command
-
-    def _next(self, state: State, now_ns: int) -> Transition:
-        match state:
-            case Idle():
-                begun = self._interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
-                return begun or Transition(state)
-            case Executing():
-                return self._from_executing(state, now_ns)
-            case Arrived():
-                return self._from_arrived(state, now_ns)
-            case Stopped():
-                return self._from_stopped(state, now_ns)
-            case Homing():
-                return self._from_homing(state, now_ns)
-            case Pretriggered():
-                return self._from_pretriggered(state, now_ns)
-            case Yielding():
-                return self._from_yielding(state, now_ns)
-
-    def _from_executing(self, state: Executing, now_ns: int) -> Transition:
-        interaction = state.interaction
-        if self._correcting.pushed(now_ns):
-            return self._from_yielding(self._correcting.begin(now_ns, interaction), now_ns)
-        if self._arm.phase(now_ns) >= _ARRIVED_PHASE:
-            if not interaction.over:
-                self._inbox.mark_served(interaction)
-            return Transition(Arrived(interaction, now_ns))
-        expected = now_ns < interaction.prediction.end_ns and not interaction.over
-        waits = interaction.ordered and (self.decision.idle or not self._people.named)
-        withdrawn = expected and not (self.decision.active or waits)
-        reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
-        if reason:
-            return self._stop(now_ns, reason, interaction)
-        if expected and self.decision.active not in ("", interaction.prediction.label):
-            return self._interacting.begin(now_ns) or Transition(state)
-        return self._interacting.follow(state, now_ns)
-
-    def _from_arrived(self, state: Arrived, now_ns: int) -> Transition:
-        if self._correcting.pushed(now_ns):
-            return self._from_yielding(self._correcting.begin(now_ns, state.interaction), now_ns)
-        interaction, active = state.interaction, self.decision.active
-        if active and (interaction.over or interaction.ordered):
-            return self._interacting.begin(now_ns) or Transition(state)
-        if self._inbox.ordered is not None and (following := self._interacting.begin(now_ns)):
-            return following
-        held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
-        if held and not self._correcting.deviates:
-            away = self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
-            return away or Transition(state)
-        return self._interacting.follow(state, now_ns)
-
-    def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
-        if self._arm.under_way(now_ns):
-            return Transition(state)
-        interaction, decision = state.interaction, self.decision
-        silent = self._inbox.silent(now_ns)
-        over = interaction is not None and interaction.over
-        if decision.active and not silent and not over:
-            if interaction is None or decision.active != interaction.prediction.label:
-                return self._interacting.begin(now_ns) or Transition(state)
-            resumed = self._interacting.follow(Executing(interaction), now_ns)
-            if resumed.command is not None:
-                return resumed
-        at_rest = decision.idle and not decision.active and not silent
-        if not at_rest and now_ns - state.rest_ns < self._settings.hold_s * 1e9:
-            return Transition(state)
-        if interaction is None:
-            return self._waiting.withdraw(now_ns) or Transition(state)
-        home = self._waiting.go_home(now_ns, interaction)
-        if home is not None and state.reason != "withdrawn" and not over:
-            self._inbox.mark_served(interaction)
-        return home or Transition(state)
-
-    def _from_homing(self, state: Homing, now_ns: int) -> Transition:
-        other = self._interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
-        if other is not None:
-            return other
-        return self._waiting.step_homing(now_ns, state)
-
-    def _from_pretriggered(self, state: Pretriggered, now_ns: int) -> Transition:
-        activated = self._interacting.begin(now_ns)
-        if activated is not None:
-            return activated
-        reason = self._reason_to_halt(now_ns) if self._arm.under_way(now_ns) else ""
-        if reason:
-            self.pretrigger.end()
-            return self._stop(now_ns, reason, None)
-        return self._waiting.step_ahead(now_ns, state)
-
-    def _from_yielding(self, state: Yielding, now_ns: int) -> Transition:
-        newest = self._inbox.prediction if self.decision.active else None
-        found = self._correcting.step(now_ns, state, newest)
-        return self._stop(now_ns, found, state.interaction) if isinstance(found, str) else found
-
-    # Halting
-
-    def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:
-        self.counts[f"stopped: {reason}"] += 1
-        command = self._motions.stop(now_ns, prediction_of(interaction))
-        return Transition(Stopped(interaction, reason, self._arm.in_force().end_ns), command)
-
-    def _reason_to_halt(self, now_ns: int) -> str:
-        """Why no motion may go on, or an empty text."""
-        return "stream_stopped" if self._inbox.silent(now_ns) else self._arm.off_command(now_ns)
