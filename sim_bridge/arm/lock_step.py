@@ -66,8 +66,6 @@ class LockStep:
         if not counts:
             return
         self._counts[node] = dict(counts)
-        for edge in self._edges:
-            self._due(edge)  # what was missed before the first answer
 
     def note(self, topic: str) -> None:
         """The arm has sent or taken a message of a topic."""
@@ -75,7 +73,12 @@ class LockStep:
         own[topic] = own.get(topic, 0) + 1
 
     def missing(self) -> Edge | None:
-        """Where not all that was sent has been taken; None if nothing is missing."""
+        """Where not all that was sent has been taken; None if nothing is missing.
+
+        Edges are looked at along the way, up to the first where something is missing: a sender has
+        told of what it sent as soon as it has told of what it took. Further on, a taker's answer
+        may be there before its sender's, and what was lost would be taken for less than it is.
+        """
         return next((edge for edge in self._edges if self._due(edge)), None)
 
     def _due(self, edge: Edge) -> bool:

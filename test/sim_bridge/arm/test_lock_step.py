@@ -62,6 +62,24 @@ def test_no_tick_before_all_of_the_one_before_was_processed(seed):
     assert tick == 40
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_what_was_missed_before_the_first_answer_is_not_waited_for(seed):
+    """However often a taker answers before its sender has told what it sent."""
+    rng, lock = np.random.default_rng(seed), LockStep(["coworker_sim", "mocap_ingest"])
+    for tick in range(1, 40):
+        lock.note("/clock")
+        answers = {"coworker_sim": {"/clock": tick, "mocap/wrist/pose": tick}}
+        if tick > 3:  # the first three poses found nobody who listens
+            answers["mocap_ingest"] = {"mocap/wrist/pose": tick - 3}
+        first, *second = rng.permutation(list(answers))
+        lock.hear(first, answers[first])
+        if second and tick > 4:
+            assert lock.missing().taker == second[0]
+        for node in second:
+            lock.hear(node, answers[node])
+        assert lock.missing() is None
+
+
 def test_only_who_has_answered_is_waited_for():
     lock = LockStep(["mocap_ingest", "primitive_activation"])
     lock.note("joint_states")
@@ -78,6 +96,7 @@ def test_only_who_has_answered_is_waited_for():
 def test_a_node_that_is_gone_is_not_waited_for(how):
     lock = LockStep(["primitive_activation"])
     hear(lock, "primitive_activation", joint_states=0)
+    assert lock.missing() is None
     for _ in range(3):
         lock.note("joint_states")
     hear(lock, "primitive_activation", joint_states=2)
