@@ -151,9 +151,11 @@ class Diagnostics:
         `wrong_type`.
 
         They are counted at each report: the EventsExecutor of rclpy 7.1 loses a message of a
-        subscription whose `matched` event is listened to.
+        subscription whose `matched` event is listened to. Of the stream nothing has come yet: that
+        is said, too, where simulated time waits for what has been taken.
         """
         self._watched.append((subscription, stream))
+        self._totals[stream] += 0
 
     def unwatch(self, subscriptions: Iterable[Subscription]) -> None:
         """Forget subscriptions before they are destroyed."""

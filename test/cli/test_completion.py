@@ -35,7 +35,7 @@ def completed(script, cwd, *words):
 
 def test_commands_are_offered(scripts, tmp_path):
     assert set(cli.COMMANDS) <= completed(scripts / "bash", tmp_path, "")
-    assert completed(scripts / "bash", tmp_path, "re") == {"replay", "record", "recover"}
+    assert completed(scripts / "bash", tmp_path, "re") == {"record", "recover", "rehearse", "replay"}
 
 
 def test_options_and_choices_are_offered(scripts, tmp_path):
@@ -104,7 +104,7 @@ def test_zsh_completes(scripts, tmp_path, typed, becomes):
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("intent re", {"replay", "record", "recover"}),
+        ("intent re", {"record", "recover", "rehearse", "replay"}),
         ("intent replay --mo", {"--model"}),
         ("intent train --segment ", {"movement", "recording"}),
         ("intent train demos give", {"give_bracket_00/"}),
