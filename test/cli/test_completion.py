@@ -35,7 +35,12 @@ def completed(script, cwd, *words):
 
 def test_commands_are_offered(scripts, tmp_path):
     assert set(cli.COMMANDS) <= completed(scripts / "bash", tmp_path, "")
-    assert completed(scripts / "bash", tmp_path, "re") == {"record", "recover", "rehearse", "replay"}
+    assert completed(scripts / "bash", tmp_path, "re") == {
+        "record",
+        "recover",
+        "rehearse",
+        "replay",
+    }
 
 
 def test_options_and_choices_are_offered(scripts, tmp_path):
