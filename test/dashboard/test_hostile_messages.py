@@ -106,7 +106,7 @@ def test_random_messages_of_every_type_leave_it_running(fed):
         for topic, subscription in fed.topics.items():
             if topic != "/robot_description":
                 fed.hear(topic, random_message(rng, subscription.msg_type, TEXTS))
-    assert len(fed.topics) == 14
+    assert len(fed.topics) == 15
     assert len(fed.rejected) > 100
     good = JointState(name=["a", "none"], position=[0.4, 0.6], velocity=[0.1, 0.0])
     fed.hear("/intent/tasks", good)
