@@ -103,24 +103,22 @@ def node_of(words):
     return (words[0], words[1:]) if words[0] in NODES else None
 
 
-@pytest.mark.parametrize(
-    "words",
-    [w for w in SHOWN if node_of(w) and not any("__node:=" in part for part in w)],
-    ids=" ".join,
-)
+@pytest.mark.parametrize("words", [w for w in SHOWN if node_of(w)], ids=" ".join)
 def test_it_comes_up_and_ends_on_ctrl_c(words, bench, tmp_path, monkeypatch, harness):
     name, arguments = node_of(words)
     monkeypatch.chdir(tmp_path if words[:2] == ("intent", "record") else bench)
     module = INTENT if words[0] == "intent" else NODES[name].module
     heard = harness.collect(DiagnosticArray, "/diagnostics")
+    named = (word.removeprefix("__node:=") for word in words if word.startswith("__node:="))
+    known_as = next(named, name)
     with NodeProcess(module, *arguments, *free_port(name)) as node:
         harness.spin_until(
             lambda: (
                 node.process.poll() is not None
-                or any(status.name == name for message in heard for status in message.status)
+                or any(status.name == known_as for message in heard for status in message.status)
             ),
             deadline_s=LONG_S,
-            what=f"diagnostics of {name}",
+            what=f"diagnostics of {known_as}",
         )
         if node.process.poll() is None:
             node.process.send_signal(signal.SIGINT)

@@ -336,6 +336,10 @@ def test_two_who_command_are_an_error_and_refused(harness, allowed):
         return
     graph.until(lambda: graph.mode == "idle")
     n = graph.seen("joint_trajectory")
+    harness.spin_until(
+        lambda: graph.commands[-1].points[-1].velocities.tolist() == [0.0] * 7,
+        what="the command that brakes",
+    )
     for _ in range(30):
         graph.step()
     assert graph.seen("joint_trajectory") == n

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
@@ -15,13 +16,16 @@ from rclpy.parameter import Parameter
 from rclpy.time import Time
 from ros_harness import NodeProcess
 from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
 
 from intent_recognition.errors import ArgumentError, ModelError
+from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameters import declare_one
 from intent_recognition.nodes.runtime import _Signals, run, settle, when_clock_goes_back
 from intent_recognition.parameter_table import ParameterSpec
+from intent_recognition.registry import ANSWERS
 
 ROOT = Path(__file__).parents[2]
 
@@ -38,8 +42,24 @@ class Quitter(Node):
         self.done = True
 
 
-def test_done_ends_the_process_with_the_nodes_exit_code():
-    assert run(Quitter, []) == 3
+def test_done_ends_the_process_with_the_nodes_exit_code(capfd):
+    # other tests of the process may have left it at warnings
+    assert run(Quitter, ["--ros-args", "--log-level", "info"]) == 3
+    assert capfd.readouterr().err.splitlines()[0].endswith("[quitter]: ready")
+
+
+def test_simulated_time_hears_of_a_node_before_its_first_message(harness):
+    """Else time goes on while the node takes its first one, and what comes meanwhile is lost."""
+    heard = harness.collect(JointState, ANSWERS, qos.FEEDBACK)
+    node = harness.add(Node("taker"))
+    diagnostics = Diagnostics(node)
+    poses = node.create_subscription(PoseStamped, "mocap/wrist/pose", lambda _: None, qos.SENSOR)
+    diagnostics.watch(poses, "mocap/wrist/pose")
+    harness.spin_until(lambda: diagnostics.answers, what="who hears the answers")
+    diagnostics.answer()
+    harness.spin_until(lambda: heard, what="the answer")
+    assert (heard[0].header.frame_id, heard[0].name) == ("taker", ["mocap/wrist/pose"])
+    assert heard[0].position.tolist() == [0.0]
 
 
 STUCK = """
