@@ -88,9 +88,15 @@ class Activation:
             settings, self._arm, self._motions, self._people, self.pretrigger, self.counts
         )
         self._transitions = Transitions(
-            settings, self._arm, self._motions, self._people, self.pretrigger, self._waiting,
-            self._correcting, self.counts,
-        )  # fmt: skip
+            settings,
+            self._arm,
+            self._motions,
+            self._people,
+            self.pretrigger,
+            self._waiting,
+            self._correcting,
+            self.counts,
+        )
         self._now_ns = 0
         self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
         self.state: State = Idle()
