@@ -5,13 +5,3 @@ from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.state_machine import Activation
 from intent_recognition.activation.states import Command, Mode, Outcome, PredictedInteraction
-
-__all__ = [
-    "Activation",
-    "ActivationSettings",
-    "Command",
-    "Mode",
-    "Outcome",
-    "PredictedInteraction",
-    "PretriggerSettings",
-]

@@ -9,14 +9,3 @@ from intent_recognition.alignment.time_alignment import (
     align_to,
 )
 from intent_recognition.alignment.warp import Warp
-
-__all__ = [
-    "Alignment",
-    "AlignmentSettings",
-    "Template",
-    "Warp",
-    "align",
-    "align_to",
-    "even_trajectory",
-    "medoid",
-]

@@ -24,37 +24,3 @@ from intent_recognition.bags.qos_profiles import qos_policy, rosbag2_profile
 from intent_recognition.bags.reader import BagReader, RawMessage, decode
 from intent_recognition.bags.recovery import RecoveryReport, recover
 from intent_recognition.bags.writer import FLUSH_PERIOD_S, BagWriter, DiskFullError
-
-__all__ = [
-    "FILE_NAME",
-    "FLUSH_PERIOD_S",
-    "JOINT_STATE",
-    "LITTLE_ENDIAN",
-    "NANOSECONDS",
-    "POSE",
-    "RECOVER",
-    "BagMessage",
-    "BagPart",
-    "BagReader",
-    "BagWriter",
-    "Columns",
-    "Damage",
-    "DiskFullError",
-    "JointColumns",
-    "LayoutCache",
-    "PoseColumns",
-    "RawMessage",
-    "RecoveryReport",
-    "TopicInfo",
-    "copy_message",
-    "cure_of",
-    "cut_bag",
-    "decode",
-    "header_stamp_ns",
-    "is_bag",
-    "message_class",
-    "qos_policy",
-    "read_metadata",
-    "recover",
-    "rosbag2_profile",
-]

@@ -23,22 +23,3 @@ from intent_recognition.composing.via_points import (
     read_via_points,
     write_via_points,
 )
-
-__all__ = [
-    "HAND",
-    "USUAL_STD",
-    "BentLibrary",
-    "Moment",
-    "SequenceProgress",
-    "Step",
-    "ViaPoint",
-    "advance",
-    "awaited",
-    "bend_all",
-    "check_via_points",
-    "control_point",
-    "hand_columns",
-    "read_sequences",
-    "read_via_points",
-    "write_via_points",
-]

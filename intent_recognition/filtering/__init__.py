@@ -14,21 +14,3 @@ from intent_recognition.filtering.grid import (
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.prediction import TaskPrediction, deviations_at
 from intent_recognition.filtering.table import Deviations, HypothesisTable
-
-__all__ = [
-    "NEGLIGIBLE",
-    "N_SCALES",
-    "SCALE_SPAN",
-    "Births",
-    "BornBelief",
-    "Deviations",
-    "HypothesisTable",
-    "MovementFilter",
-    "ObservationModel",
-    "PriorGrid",
-    "TaskPrediction",
-    "deviations_at",
-    "duration_offsets",
-    "fixed_prior_grid",
-    "make_prior_grid",
-]

@@ -12,22 +12,3 @@ from intent_recognition.improvement.search import (
 from intent_recognition.improvement.session import STATE, PracticeSession
 from intent_recognition.improvement.space import SearchSpace, search_space
 from intent_recognition.improvement.task_practice import TaskPractice, arrival_s
-
-__all__ = [
-    "STATE",
-    "Cost",
-    "CovarianceSearch",
-    "Practice",
-    "PracticeSession",
-    "Rollout",
-    "Search",
-    "SearchSpace",
-    "TaskPractice",
-    "arrival_s",
-    "attempt",
-    "compare",
-    "load_cost",
-    "next_point",
-    "search_space",
-    "settled_point",
-]

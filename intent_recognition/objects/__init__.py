@@ -3,5 +3,3 @@
 
 from intent_recognition.objects.file import FOLDER, find_object, load_object, save_object
 from intent_recognition.objects.targets import N_POINTS, load_target
-
-__all__ = ["FOLDER", "N_POINTS", "find_object", "load_object", "load_target", "save_object"]

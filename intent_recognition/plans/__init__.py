@@ -12,17 +12,3 @@ from intent_recognition.plans.file import (
 from intent_recognition.plans.learning import learn_plan
 from intent_recognition.plans.progress import StepState, WorkProgress
 from intent_recognition.plans.work_plan import WorkPlan, WorkStep
-
-__all__ = [
-    "Assembly",
-    "DoneTask",
-    "StepState",
-    "WorkPlan",
-    "WorkProgress",
-    "WorkStep",
-    "begun_with",
-    "learn_plan",
-    "read_assemblies",
-    "read_plan",
-    "write_plan",
-]

@@ -25,31 +25,3 @@ from intent_recognition.recognition.start_posture import (
     start_mean,
 )
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, TaskMemory
-
-__all__ = [
-    "FORGET_AFTER_S",
-    "MAX_WRONG",
-    "POSTURE_OUTSIDE",
-    "POSTURE_UNKNOWN",
-    "USUAL_THRESHOLD",
-    "DecisionSettings",
-    "DecisionState",
-    "Estimate",
-    "Evidence",
-    "IntentEstimator",
-    "Prediction",
-    "TaskMemory",
-    "TaskPosterior",
-    "decide",
-    "decision_settings",
-    "is_certain",
-    "learned_risk",
-    "least_certain_unit",
-    "possible_tasks",
-    "predict_controlled",
-    "recognize_task",
-    "start_mean",
-    "task_posterior",
-    "uncertain_end",
-    "without_dofs",
-]

@@ -9,18 +9,3 @@ from intent_recognition.tables.imported_bags import ImportedBag
 from intent_recognition.tables.importing import import_demonstrations
 from intent_recognition.tables.lerobot_writing import write_lerobot
 from intent_recognition.tables.suggesting import suggest_map
-
-__all__ = [
-    "Doubt",
-    "EntrySamples",
-    "ImportMap",
-    "ImportedBag",
-    "ImportedDemonstration",
-    "export_columns",
-    "export_map",
-    "import_demonstrations",
-    "load_map",
-    "suggest_map",
-    "write_lerobot",
-    "write_table",
-]

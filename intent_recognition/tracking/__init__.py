@@ -22,29 +22,3 @@ from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
 from intent_recognition.tracking.settings import UNKNOWN_VARIANCE, IngestSettings, frame_name
 from intent_recognition.tracking.transform_tree import NoTransformError, TransformTree
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
-
-__all__ = [
-    "JUMP",
-    "LOST_S",
-    "NOBODY",
-    "NOT_FINITE",
-    "STAMP_NOT_INCREASING",
-    "UNKNOWN_VARIANCE",
-    "ZERO_STAMP",
-    "AcceptedPoses",
-    "Extrinsics",
-    "Identities",
-    "IngestSettings",
-    "IngestState",
-    "NoTransformError",
-    "Rejected",
-    "RigidTransform",
-    "TrackedPose",
-    "TransformTree",
-    "frame_name",
-    "identify",
-    "ingest_pose",
-    "ingest_poses",
-    "multiply_quaternions",
-    "parse_extrinsics",
-]

@@ -19,20 +19,3 @@ from intent_recognition.transfer.sharing import (
     offering_grip,
     way_to,
 )
-
-__all__ = [
-    "FIRM_N",
-    "LIGHTEST_N",
-    "MOST_N",
-    "PATIENCE_S",
-    "Holding",
-    "LoadEstimator",
-    "Request",
-    "Situation",
-    "TransferMachine",
-    "TransferOutput",
-    "carrying_grip",
-    "load_share",
-    "offering_grip",
-    "way_to",
-]

@@ -6,25 +6,3 @@ from sim_bridge.balls.fluid import ball_radius_m, balls_in, bulk_m3, hollow_of, 
 from sim_bridge.balls.hollow import Hollow, offset
 from sim_bridge.balls.tilting import Tilted, WallGuard, level_axes, tilt, tilt_along
 from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, STEP_S, BallWorld
-
-__all__ = [
-    "CONTACT_BREAKING_M",
-    "DENSITY_KG_M3",
-    "HULL_MARGIN_M",
-    "STEP_S",
-    "BallWorld",
-    "Hollow",
-    "Tilted",
-    "WallGuard",
-    "ball_radius_m",
-    "balls_in",
-    "bulk_m3",
-    "hollow_of",
-    "level_axes",
-    "offset",
-    "settled",
-    "tilt",
-    "tilt_along",
-    "wall_pieces",
-    "write_obj",
-]

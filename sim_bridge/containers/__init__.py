@@ -11,17 +11,3 @@ from sim_bridge.containers.generate import (
 )
 from sim_bridge.containers.scanning import Camera, scan
 from sim_bridge.containers.surfaces import TUBE_CORNERS, at_heights, pieces_between
-
-__all__ = [
-    "CONTAINER_NAMES",
-    "CONTAINER_SEED",
-    "SHAPES",
-    "TUBE_CORNERS",
-    "Camera",
-    "Container",
-    "at_heights",
-    "build_container",
-    "make_container",
-    "pieces_between",
-    "scan",
-]

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nodes of the simulation: arm and coworker."""
 
-import intent_recognition.nodes  # noqa: F401  before all else: BLAS in one thread
+import intent_recognition.nodes

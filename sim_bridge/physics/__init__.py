@@ -2,5 +2,3 @@
 """PyBullet without its chatter: its import and its worlds write nothing of their own."""
 
 from sim_bridge.physics.bullet import BulletClient, end_world, pybullet, start_world
-
-__all__ = ["BulletClient", "end_world", "pybullet", "start_world"]
