@@ -33,6 +33,7 @@ STOREYS = (  # of the library, from the ground up; rooms of one storey may not f
     {"nodes", "dashboard", "cli"},
 )
 STOREY = {room: storey for storey, rooms in enumerate(STOREYS) for room in rooms}
+BESIDE = ("benchmarks", "docs", "examples")
 SUITES = ("sim_bridge.scenarios",)
 """Folders whose own folders are rooms."""
 MAY_USE_SIMULATION = {"cli"}
@@ -101,12 +102,16 @@ def ours() -> list[Import]:
     return [found for found in imports() if found.module.split(".")[0] in BUILDINGS]
 
 
-def has_face(room: str) -> bool:
-    path = sources().get(room)
-    if path is None or path.name != "__init__.py":
-        return False
-    text = path.read_text()
-    return f"from {room}." in text or "lazy_loader" in text
+@cache
+def face(room: str) -> tuple[str, ...]:
+    """The names that a room takes from its files for others, in its stub where it is lazy."""
+    init = sources().get(room)
+    if init is None or init.name != "__init__.py":
+        return ()
+    stub = init.with_suffix(".pyi")
+    tree = ast.parse((stub if stub.is_file() else init).read_text())
+    taken = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    return tuple(alias.name for node in taken for alias in node.names)
 
 
 def told(violations: list[Import]) -> list[str]:
@@ -159,9 +164,20 @@ def test_rooms_import_from_a_room_not_from_its_files():
         if found.file not in BUILDINGS
         and room_of(found.file) != (room := room_of(found.module))
         and found.module != room
-        and has_face(room)
+        and face(room)
     ]
     assert told(inside) == []
+
+
+def test_a_face_offers_what_others_take():
+    taken = {(one.module, one.name) for one in imports() if room_of(one.file) != one.module}
+    for path in (p for top in BESIDE for p in (ROOT / top).rglob("*.py")):
+        taken |= {(found.module, found.name) for found in _imports(path.stem, path)}
+    stub = ast.parse((ROOT / LIBRARY / "__init__.pyi").read_text())
+    for node in (node for node in stub.body if isinstance(node, ast.ImportFrom)):
+        taken |= {(f"{LIBRARY}.{node.module}", alias.name) for alias in node.names}
+    offered = {(room, name) for room in sources() if room not in BUILDINGS for name in face(room)}
+    assert sorted(offered - taken) == []
 
 
 def test_ros_physics_plots_and_page_stay_in_their_rooms():
@@ -220,7 +236,7 @@ def test_library_loads_nothing_heavy(without):
 
 def test_what_programs_beside_the_package_import_from_it_is_there():
     missing = []
-    for path in (p for top in ("benchmarks", "docs") for p in (ROOT / top).rglob("*.py")):
+    for path in (p for top in BESIDE for p in (ROOT / top).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in BUILDINGS:
                 room = importlib.import_module(node.module)

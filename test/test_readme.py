@@ -11,7 +11,7 @@ from docs.shown import nodes
 
 from intent_recognition.cli.main import make_parser
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
-from intent_recognition.tables import ImportMap
+from intent_recognition.tables.import_map import ImportMap
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

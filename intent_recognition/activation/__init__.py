@@ -4,4 +4,4 @@
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.state_machine import Activation
-from intent_recognition.activation.states import Command, Mode, Outcome, PredictedInteraction
+from intent_recognition.activation.states import Command, Mode, PredictedInteraction

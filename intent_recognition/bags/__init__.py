@@ -19,7 +19,7 @@ from intent_recognition.bags.definitions import message_class
 from intent_recognition.bags.files import cure_of, is_bag
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import RECOVER, BagMessage
-from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
+from intent_recognition.bags.metadata import TopicInfo, read_metadata
 from intent_recognition.bags.qos_profiles import qos_policy, rosbag2_profile
 from intent_recognition.bags.reader import BagReader, RawMessage, decode
 from intent_recognition.bags.recovery import RecoveryReport, recover

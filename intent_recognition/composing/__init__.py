@@ -5,7 +5,6 @@ from intent_recognition.composing.bending import (
     BentLibrary,
     bend_all,
     check_via_points,
-    control_point,
     hand_columns,
 )
 from intent_recognition.composing.sequences import (

@@ -35,10 +35,5 @@ from intent_recognition.evaluation.session_summary import (
     summary_line,
     to_json,
 )
-from intent_recognition.evaluation.suggesting import (
-    Suggestion,
-    rehearsal_to_json,
-    suggest,
-    suggest_next,
-)
+from intent_recognition.evaluation.suggesting import Suggestion, rehearsal_to_json, suggest_next
 from intent_recognition.evaluation.traces import Trace, usable

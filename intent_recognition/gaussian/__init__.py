@@ -4,11 +4,9 @@
 from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement, state_width
 from intent_recognition.gaussian.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
 from intent_recognition.gaussian.linalg import (
-    LOG_2_PI,
     affine_span,
     cholesky,
     covariance_root,
-    log_normalizer,
     solve_lower,
     student_log_density,
     symmetrize,
@@ -30,7 +28,6 @@ from intent_recognition.gaussian.normal import (
     condition,
     log_density,
     marginal,
-    mixture_moments,
     product,
     regression,
     whiten_innovation,

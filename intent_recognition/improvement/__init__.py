@@ -3,12 +3,7 @@
 
 from intent_recognition.improvement.cost import Cost, Rollout, load_cost
 from intent_recognition.improvement.practice import Practice, attempt, compare
-from intent_recognition.improvement.search import (
-    CovarianceSearch,
-    Search,
-    next_point,
-    settled_point,
-)
+from intent_recognition.improvement.search import CovarianceSearch, Search, settled_point
 from intent_recognition.improvement.session import STATE, PracticeSession
 from intent_recognition.improvement.space import SearchSpace, search_space
 from intent_recognition.improvement.task_practice import TaskPractice, arrival_s

@@ -11,7 +11,6 @@ from intent_recognition.learning.accumulation import (
 )
 from intent_recognition.learning.components import (
     MAX_COMPONENTS,
-    ComponentTrial,
     choose_components,
     predict_left_out,
     purity,
@@ -21,7 +20,6 @@ from intent_recognition.learning.components import (
 from intent_recognition.learning.correcting import (
     RuleChange,
     change_rule,
-    correction_gain,
     inferred_weights,
     keep_correction,
     move_task,
@@ -35,7 +33,7 @@ from intent_recognition.learning.examples import (
     sample_phases,
     scored_phases,
 )
-from intent_recognition.learning.fitting import library_from_statistics, statistics_of
+from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.interaction_promp import fit_interaction_promp
 from intent_recognition.learning.mixture import (
     BASIS,
@@ -57,7 +55,6 @@ from intent_recognition.learning.preprocessing import (
 from intent_recognition.learning.selection import Hyperparameters
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, summarize
-from intent_recognition.learning.switch_margin import learn_switch_margin
 from intent_recognition.learning.timing import PACES, Timing
 from intent_recognition.learning.training import (
     Trained,
@@ -71,7 +68,7 @@ from intent_recognition.learning.training import (
     with_margins,
 )
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from intent_recognition.learning.unknown_task import is_outdated, learn_none_margin
+from intent_recognition.learning.unknown_task import is_outdated
 from intent_recognition.learning.unlabelled import (
     Relabelled,
     label_by_components,

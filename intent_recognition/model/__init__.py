@@ -9,7 +9,6 @@ from intent_recognition.model.executions import (
     SPILLED,
     THUMBS,
     UP,
-    Execution,
     Executions,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model

@@ -1,23 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a predicted path to commands: retiming, plans, blending."""
 
-from intent_recognition.motion.bending import Spread, least_change
+from intent_recognition.motion.bending import Spread
 from intent_recognition.motion.blending import Offset
-from intent_recognition.motion.clearance import (
-    LARGEST_BEND,
-    REPLAN_BUDGET_S,
-    WAIT_S,
-    Clearance,
-    ClearPath,
-    Obstruction,
-)
-from intent_recognition.motion.correction import (
-    Correction,
-    Via,
-    corrected_by,
-    phase_of,
-    with_via,
-)
+from intent_recognition.motion.clearance import Clearance, ClearPath, Obstruction
+from intent_recognition.motion.correction import Correction, Via, phase_of, with_via
 from intent_recognition.motion.deviation import (
     DeviationDetector,
     TrackedMotion,
@@ -43,6 +30,5 @@ from intent_recognition.motion.separation import (
     PredictedPerson,
     Separation,
     SeparationSettings,
-    permitted_speed,
     phase_times_ns,
 )

@@ -10,5 +10,5 @@ from intent_recognition.plans.file import (
     write_plan,
 )
 from intent_recognition.plans.learning import learn_plan
-from intent_recognition.plans.progress import StepState, WorkProgress
-from intent_recognition.plans.work_plan import WorkPlan, WorkStep
+from intent_recognition.plans.progress import WorkProgress
+from intent_recognition.plans.work_plan import WorkPlan

@@ -13,7 +13,6 @@ from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.control_points import (
     ControlPoint,
-    condition_response,
     controlled_at,
     distance_to,
     through,

@@ -3,7 +3,7 @@
 
 from intent_recognition.tables.doubts import Doubt
 from intent_recognition.tables.exporting import export_columns, export_map, write_table
-from intent_recognition.tables.import_map import ImportMap, load_map
+from intent_recognition.tables.import_map import load_map
 from intent_recognition.tables.imported import EntrySamples, ImportedDemonstration
 from intent_recognition.tables.imported_bags import ImportedBag
 from intent_recognition.tables.importing import import_demonstrations

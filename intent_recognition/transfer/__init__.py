@@ -10,12 +10,4 @@ from intent_recognition.transfer.machine import (
     TransferMachine,
     TransferOutput,
 )
-from intent_recognition.transfer.sharing import (
-    FIRM_N,
-    LIGHTEST_N,
-    MOST_N,
-    carrying_grip,
-    load_share,
-    offering_grip,
-    way_to,
-)
+from intent_recognition.transfer.sharing import LIGHTEST_N, carrying_grip, way_to

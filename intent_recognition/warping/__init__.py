@@ -40,13 +40,7 @@ from intent_recognition.warping.pour_level import (
     reached,
     tilts_to_level,
 )
-from intent_recognition.warping.pour_plan import (
-    PouringSkill,
-    PourPlan,
-    SeenContainer,
-    conditioned,
-    plan_pour,
-)
+from intent_recognition.warping.pour_plan import PouringSkill, PourPlan, SeenContainer, plan_pour
 from intent_recognition.warping.primitives import (
     N_WARPED,
     WarpedPrimitive,

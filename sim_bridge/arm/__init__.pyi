@@ -3,13 +3,12 @@ from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
 from .resting_gains import FeedbackSettings
-from .robots import NAMES, Robot, describe_robot, find_robot
+from .robots import NAMES, Robot, find_robot
 from .spread_control import SpreadControl
 from .state import ArmState
 from .surroundings import Surroundings, add_box
 from .trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from .trajectory_follower import ArmReference, TrajectoryFollower
-from .urdf import lwr_urdf
 from .urdf_loading import load_urdf
 
 __all__ = [
@@ -33,8 +32,6 @@ __all__ = [
     "TrajectoryCommand",
     "TrajectoryFollower",
     "add_box",
-    "describe_robot",
     "find_robot",
     "load_urdf",
-    "lwr_urdf",
 ]

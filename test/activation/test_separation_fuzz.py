@@ -12,7 +12,8 @@ from activation_world import HOME, START_NS, World
 from clearance_world import ROBOT
 
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import PredictedPerson, Separation, permitted_speed
+from intent_recognition.motion import PredictedPerson, Separation
+from intent_recognition.motion.separation import permitted_speed
 
 ARM = Arm.from_urdf(ROBOT.description)
 SEPARATION = Separation(ARM)

@@ -15,17 +15,18 @@ from intent_recognition.composing import (
     ViaPoint,
     bend_all,
     check_via_points,
-    control_point,
     read_via_points,
     write_via_points,
 )
+from intent_recognition.composing.bending import control_point
 from intent_recognition.errors import ArgumentError, IntentError, KinematicsError
 from intent_recognition.gaussian import regression
 from intent_recognition.kinematics import Arm
-from intent_recognition.promp import condition_response, controlled_at, via_point
+from intent_recognition.promp import controlled_at, via_point
+from intent_recognition.promp.control_points import condition_response
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import merge
-from sim_bridge.arm import lwr_urdf
+from sim_bridge.arm.urdf import lwr_urdf
 
 
 @cache

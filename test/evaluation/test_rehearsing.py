@@ -10,7 +10,8 @@ from model_builder import learned_model, make_dofs, perform, true_library
 from scipy.stats import binom
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.evaluation import Rehearsal, rehearse, run_online, suggest
+from intent_recognition.evaluation import Rehearsal, rehearse, run_online
+from intent_recognition.evaluation.suggesting import suggest
 from intent_recognition.recognition import DecisionSettings, decision_settings
 
 DOFS = make_dofs()

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.improvement import CovarianceSearch, next_point, search_space, settled_point
+from intent_recognition.improvement import CovarianceSearch, search_space, settled_point
+from intent_recognition.improvement.search import next_point
 from intent_recognition.promp import NormalizedRBFBasis
 
 PHASE = np.linspace(0.0, 1.0, 30)

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 from model_builder import make_dofs, perform, true_library
 
-from intent_recognition.learning import correction_gain, keep_correction, learn_with_report
-from intent_recognition.learning.correcting import DRIFT, OFFSET_VARIANCE, SLOPE_VARIANCE
+from intent_recognition.learning import keep_correction, learn_with_report
+from intent_recognition.learning.correcting import (
+    DRIFT,
+    OFFSET_VARIANCE,
+    SLOPE_VARIANCE,
+    correction_gain,
+)
 
 TRUTH = true_library(make_dofs())
 

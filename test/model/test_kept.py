@@ -7,7 +7,8 @@ from corrected_execution import NOON, OFFSET, execute
 from model_builder import make_dofs, perform, true_library, write_recording
 
 from intent_recognition.errors import BagError, ModelError, ResourceBusyError
-from intent_recognition.model import Execution, Executions, load_model, load_trained, skill_history
+from intent_recognition.model import Executions, load_model, load_trained, skill_history
+from intent_recognition.model.executions import Execution
 from intent_recognition.model.task_folder import KEEP, START, Change, TaskFolder
 
 DOFS = make_dofs()

@@ -24,10 +24,10 @@ from intent_recognition.motion import (
     NominalTiming,
     Obstruction,
     Spread,
-    least_change,
     make_path,
     plan_interaction,
 )
+from intent_recognition.motion.bending import least_change
 from intent_recognition.promp import via_point
 from intent_recognition.signals import to_tangent
 

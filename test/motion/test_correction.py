@@ -11,11 +11,11 @@ from intent_recognition.motion import (
     DeviationDetector,
     Spread,
     Via,
-    corrected_by,
     make_path,
     phase_of,
     with_via,
 )
+from intent_recognition.motion.correction import corrected_by
 from intent_recognition.promp import via_point
 
 WIDE = JointLimits(np.full(2, -9.0), *(np.full(2, 9.0) for _ in range(4)))

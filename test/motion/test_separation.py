@@ -16,10 +16,10 @@ from intent_recognition.motion import (
     PredictedPerson,
     Separation,
     SeparationSettings,
-    permitted_speed,
     phase_times_ns,
     plan_interaction,
 )
+from intent_recognition.motion.separation import permitted_speed
 
 ARM = Arm.from_urdf(ROBOT.description)
 SETTINGS = SeparationSettings()

@@ -28,7 +28,7 @@ from intent_recognition.nodes.pouring_observer import PouringObserver
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.nodes.session_observer import SessionObserver
 from intent_recognition.nodes.warped_primitive import WarpedPrimitiveNode
-from sim_bridge.arm import lwr_urdf
+from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.nodes.coworker_sim import CoworkerSim
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.pouring import start_posture

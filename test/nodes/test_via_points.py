@@ -16,7 +16,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.promp import controlled_at
-from sim_bridge.arm import lwr_urdf
+from sim_bridge.arm.urdf import lwr_urdf
 
 
 @pytest.fixture(scope="module")

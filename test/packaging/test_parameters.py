@@ -13,7 +13,8 @@ from rclpy.parameter import Parameter
 
 from intent_recognition.activation import ActivationSettings
 from intent_recognition.kinematics import DEFAULT_ACCELERATION_RAD_S2
-from intent_recognition.motion import LARGEST_BEND, REPLAN_BUDGET_S, WAIT_S, SeparationSettings
+from intent_recognition.motion import SeparationSettings
+from intent_recognition.motion.clearance import LARGEST_BEND, REPLAN_BUDGET_S, WAIT_S
 from intent_recognition.nodes.graph import RECOGNITION
 from intent_recognition.nodes.launch_checks import OF_EVERY_NODE
 from intent_recognition.parameter_table import PARTS, parameters_of

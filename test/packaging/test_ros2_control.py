@@ -12,11 +12,11 @@ from intent_recognition.kinematics import Arm
 
 @pytest.mark.parametrize("arm", ["lwr", "panda"])
 def test_hardware_and_controllers_are_of_the_arms_joints(repository, arm):
-    from sim_bridge.arm import describe_robot
+    from sim_bridge.arm import find_robot
 
     folder = repository / "config" / "ros2_control"
     hardware = (folder / f"{arm}.ros2_control.xml").read_text(encoding="utf-8")
-    described = describe_robot(arm).replace("</robot>", f"{hardware}</robot>")
+    described = find_robot(arm).description.replace("</robot>", f"{hardware}</robot>")
     joints = ElementTree.fromstring(described).findall("ros2_control/joint")
     names = tuple(joint.get("name") for joint in joints)
     chain = Arm.from_urdf(described)

@@ -7,7 +7,8 @@ from assemblies import FOREIGN, build, make_job
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.learning import count_transitions, smoothed_transitions
-from intent_recognition.plans import DoneTask, WorkPlan, WorkProgress, WorkStep, learn_plan
+from intent_recognition.plans import DoneTask, WorkPlan, WorkProgress, learn_plan
+from intent_recognition.plans.work_plan import WorkStep
 
 LABELS = tuple("abcdx")
 STEPS = tuple(WorkStep(name, name, 0.97) for name in "abcd")

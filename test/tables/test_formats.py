@@ -30,13 +30,9 @@ from tables.exported_files import (
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
-from intent_recognition.tables import (
-    ImportedDemonstration,
-    ImportMap,
-    import_demonstrations,
-    suggest_map,
-)
+from intent_recognition.tables import ImportedDemonstration, import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
+from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
 
 

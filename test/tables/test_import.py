@@ -17,7 +17,8 @@ from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, DofError
 from intent_recognition.signals import LABEL, Rejection
-from intent_recognition.tables import ImportMap, import_demonstrations, load_map, suggest_map
+from intent_recognition.tables import import_demonstrations, load_map, suggest_map
+from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
 
 WRIST = {

@@ -12,7 +12,8 @@ from tables.exported_files import entry
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
-from intent_recognition.tables import Doubt, ImportMap, import_demonstrations, suggest_map
+from intent_recognition.tables import Doubt, import_demonstrations, suggest_map
+from intent_recognition.tables.import_map import ImportMap
 
 ROWS = 200
 TIMES_S = np.arange(ROWS) / 100

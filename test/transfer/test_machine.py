@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from intent_recognition.transfer import (
-    MOST_N,
     PATIENCE_S,
     Holding,
     Request,
@@ -13,6 +12,7 @@ from intent_recognition.transfer import (
     TransferMachine,
     carrying_grip,
 )
+from intent_recognition.transfer.sharing import MOST_N
 
 STEP_S, WEIGHT_N = 0.005, 6.0
 AHEAD = np.array([1.0, 0.0, 0.0])

@@ -4,14 +4,8 @@
 import numpy as np
 import pytest
 
-from intent_recognition.transfer import (
-    LIGHTEST_N,
-    MOST_N,
-    carrying_grip,
-    load_share,
-    offering_grip,
-    way_to,
-)
+from intent_recognition.transfer import LIGHTEST_N, carrying_grip, way_to
+from intent_recognition.transfer.sharing import MOST_N, load_share, offering_grip
 
 AHEAD = np.array([1.0, 0.0, 0.0])
 WEIGHT_N = 6.0

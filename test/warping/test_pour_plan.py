@@ -15,10 +15,10 @@ from intent_recognition.warping import (
     References,
     SeenContainer,
     WarpedPrimitive,
-    conditioned,
     from_warped,
     plan_pour,
 )
+from intent_recognition.warping.pour_plan import conditioned
 
 CUP, SECOND = References(0.04, 3e-4, 0.09, 0.8), References(0.06, 5e-4, 0.07, 0.6)
 PHASE = np.linspace(0.0, 1.0, 81)
