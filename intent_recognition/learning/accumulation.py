@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import chain, islice
 from typing import NamedTuple
 
-from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.preprocessing import (
     Preprocessing,
@@ -96,13 +96,11 @@ def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
     """
     ours, theirs = first.preprocessing, second.preprocessing
     if ours and theirs and replace(ours, source="") != replace(theirs, source=""):
-        raise TrainingError(
-            describe(
-                "statistics",
-                "the same settings, DOFs and onset thresholds in both parts",
-                f"{ours} and {theirs}",
-                "Accumulate all parts with one preprocessing.",
-            )
+        raise TrainingError.about(
+            "statistics",
+            "the same settings, DOFs and onset thresholds in both parts",
+            f"{ours} and {theirs}",
+            "Accumulate all parts with one preprocessing.",
         )
     return Accumulated(
         ours or theirs,
@@ -144,7 +142,7 @@ def _demonstrations(recordings: Iterable[Demonstration]) -> Iterator[Demonstrati
             found = type(recordings if recorded is None else recorded).__name__
             cure = "Make them with `Demonstration.from_arrays` or `read_demonstrations`."
             place = f"demonstrations[{number}]"
-            raise ArgumentError(describe(place, "a Demonstration in a list", found, cure))
+            raise ArgumentError.about(place, "a Demonstration in a list", found, cure)
         yield recorded
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian import (
     EMPTY,
     Components,
@@ -107,10 +107,8 @@ def try_components(
     """
     n = len(features.coordinates)
     if not 1 <= n_components <= n:
-        raise ArgumentError(
-            describe(
-                "n_components", f"between 1 and {n}, the demonstrations", n_components, "Lower it."
-            )
+        raise ArgumentError.about(
+            "n_components", f"between 1 and {n}, the demonstrations", n_components, "Lower it."
         )
     found = cluster(features, n_components, rng)
     if n < 2 or not features.loadings.size:  # nothing to leave out, or nothing to predict

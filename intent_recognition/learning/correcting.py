@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import TrainingError, describe
+from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,
@@ -96,7 +96,7 @@ def move_task(
     if label not in library.labels:
         cure = "Teach it first."
         known = f"one of {', '.join(library.labels)}"
-        raise TrainingError(describe("task", known, label, cure))
+        raise TrainingError.about("task", known, label, cure)
     task, n = library.labels.index(label), library.n_observed_weights
     seen = [inferred_weights(trained, one) for one in (*earlier, example)]
     mean, scale = library.weight_mean[task], place_scale(library, task)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.alignment import Warp
-from intent_recognition.errors import TrainingError, describe
+from intent_recognition.errors import TrainingError
 from intent_recognition.promp import (
     NormalizedRBFBasis,
     WeightFit,
@@ -135,22 +135,18 @@ def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     duration = (end_ns - start_ns) * 1e-9
     if duration < MIN_DURATION_S:
-        return TrainingError(
-            describe(
-                "demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record."
-            )
+        return TrainingError.about(
+            "demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record."
         )
     parts = []
     for signal in (*recorded.observed, *recorded.controlled):
         part = signal.between(start_ns, end_ns)
         if len(part.stamps_ns) < MIN_SAMPLES:
-            return TrainingError(
-                describe(
-                    ", ".join(signal.names),
-                    f"at least {MIN_SAMPLES} samples during the movement",
-                    len(part.stamps_ns),
-                    "Record it again, or leave it out.",
-                )
+            return TrainingError.about(
+                ", ".join(signal.names),
+                f"at least {MIN_SAMPLES} samples during the movement",
+                len(part.stamps_ns),
+                "Record it again, or leave it out.",
             )
         parts.append(_Part(part.seconds(start_ns) / duration, part.values))
     return parts

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import make_example
 from intent_recognition.learning.fitting import predictive_covariances
@@ -47,14 +47,14 @@ def fit_interaction_promp(
             is not positive.
     """
     if not strength > 0:
-        raise ArgumentError(describe("strength", "a positive number", strength, "Try 10."))
+        raise ArgumentError.about("strength", "a positive number", strength, "Try 10.")
     if len(demonstrations) < 2:
         got, cure = len(demonstrations), "A covariance takes more than one; record more."
-        raise TrainingError(describe("demonstrations", "two or more", got, cure))
+        raise TrainingError.about("demonstrations", "two or more", got, cure)
     if not (demonstrations[0].observed and demonstrations[0].controlled):
         expected, alone = "signals of both agents", "those of one"
         cure = "Record the other one, too."
-        raise TrainingError(describe("demonstrations", expected, alone, cure))
+        raise TrainingError.about("demonstrations", expected, alone, cure)
     for demonstration in demonstrations[1:]:
         _check_alike(demonstrations[0], demonstration)
     if basis is None:
@@ -81,11 +81,9 @@ def _check_alike(first: Demonstration, other: Demonstration) -> None:
         ("controlled DOFs", *([s.names for s in d.controlled] for d in (first, other))),
     ):
         if expected != got:
-            raise ArgumentError(
-                describe(
-                    f"{argument} of {other.name}",
-                    f"{expected} as of {first.name}",
-                    got,
-                    "Pass demonstrations of one task with the same DOFs; `learn` takes several.",
-                )
+            raise ArgumentError.about(
+                f"{argument} of {other.name}",
+                f"{expected} as of {first.name}",
+                got,
+                "Pass demonstrations of one task with the same DOFs; `learn` takes several.",
             )

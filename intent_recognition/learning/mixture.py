@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import TrainingError, describe
+from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import (
     Components,
     CovariancePrior,
@@ -94,13 +94,11 @@ def mixture_features(
         TrainingError: no demonstrations, or too many.
     """
     if not 0 < len(weights) <= MAX_DEMONSTRATIONS:
-        raise TrainingError(
-            describe(
-                "demonstrations",
-                f"1 to {MAX_DEMONSTRATIONS} to find components in",
-                len(weights),
-                "Use a part of them and label the rest with the resulting model.",
-            )
+        raise TrainingError.about(
+            "demonstrations",
+            f"1 to {MAX_DEMONSTRATIONS} to find components in",
+            len(weights),
+            "Use a part of them and label the rest with the resulting model.",
         )
     trajectories = weights @ basis.design_matrix(np.linspace(0.0, 1.0, SAMPLED_PHASES)).T
     deviations = trajectories - trajectories.mean(axis=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import NormalizedRBFBasis
 
 SEGMENTATIONS = ("movement", "recording")
@@ -48,20 +48,14 @@ class TrainingSettings:
         if not self.ridge > 0:
             raise ArgumentError.about("ridge", "a positive number", self.ridge, "Try 3e-3.")
         if self.segmentation not in SEGMENTATIONS:
-            raise ArgumentError(
-                describe(
-                    "segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one."
-                )
+            raise ArgumentError.about(
+                "segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one."
             )
         if self.duration_evidence is not None and not 0 < self.duration_evidence <= 1:
-            raise ArgumentError(
-                describe(
-                    "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.2."
-                )
+            raise ArgumentError.about(
+                "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.2."
             )
         if not 0 < self.none_prior < 1:
-            raise ArgumentError(
-                describe(
-                    "none_prior", "a probability between 0 and 1", self.none_prior, "Try 0.11."
-                )
+            raise ArgumentError.about(
+                "none_prior", "a probability between 0 and 1", self.none_prior, "Try 0.11."
             )

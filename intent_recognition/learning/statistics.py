@@ -16,7 +16,7 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.promp import Scatter, weight_floor
 
@@ -73,8 +73,8 @@ def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
         ShapeError: no example.
     """
     if not examples:
-        raise ShapeError(
-            describe("examples", "one or more demonstrations", "none", "Leave the task out.")
+        raise ShapeError.about(
+            "examples", "one or more demonstrations", "none", "Leave the task out."
         )
     weights = np.array([example.weights for example in examples])
     mean = weights.mean(axis=0)

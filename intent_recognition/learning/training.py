@@ -11,7 +11,7 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import TrainingError, check_type, describe
+from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import (
     learned_from,
@@ -266,22 +266,18 @@ def _coupling(before: TaskLibrary, labels: tuple[str, ...]) -> ResidualCoupling 
 def _check_enough(accumulated: Accumulated) -> Preprocessing:
     """The preprocessing; an error where no covariance can be learned."""
     if accumulated.preprocessing is None or not accumulated.tasks:
-        raise TrainingError(
-            describe(
-                "demonstrations",
-                "at least two usable, labelled demonstrations of a task",
-                f"none of {accumulated.n_rejected}"
-                + "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3]),
-                "Check the DOFs and the labels; without labels, use learn_mixture or --unlabelled.",
-            )
+        raise TrainingError.about(
+            "demonstrations",
+            "at least two usable, labelled demonstrations of a task",
+            f"none of {accumulated.n_rejected}"
+            + "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3]),
+            "Check the DOFs and the labels; without labels, use learn_mixture or --unlabelled.",
         )
     if accumulated.n_used == len(accumulated.tasks):
-        raise TrainingError(
-            describe(
-                "demonstrations",
-                "at least two demonstrations of a task",
-                f"one of {', '.join(accumulated.tasks)}",
-                "Record more: 5 to 20 of each task are usual.",
-            )
+        raise TrainingError.about(
+            "demonstrations",
+            "at least two demonstrations of a task",
+            f"one of {', '.join(accumulated.tasks)}",
+            "Record more: 5 to 20 of each task are usual.",
         )
     return accumulated.preprocessing

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 
 _PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
 """Pseudo-counts a task over which the Dirichlet prior is averaged. Convention."""
@@ -45,7 +45,7 @@ def smoothed_transitions(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     n = np.asarray(counts, dtype=np.float64)
     if n.ndim != 2 or n.shape[0] != n.shape[1] + 1:
         cure = "One row a last task and one for none, one column a task."
-        raise ShapeError(describe("counts", "shape (K + 1, K)", n.shape, cure))
+        raise ShapeError.about("counts", "shape (K + 1, K)", n.shape, cure)
     a = _PSEUDO_COUNTS[:, None, None]
     total = n.shape[1] * a[:, :, 0]
     cells = np.sum(gammaln(n + a) - gammaln(a), axis=2)

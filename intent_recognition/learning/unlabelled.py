@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.errors import TrainingError, describe
+from intent_recognition.errors import TrainingError
 from intent_recognition.learning.accumulation import accumulate
 from intent_recognition.learning.components import (
     ComponentChoice,
@@ -165,11 +165,9 @@ def _examples(
 def _unusable(rejected: Sequence[tuple[str, str]]) -> TrainingError:
     """The error where no recording can be used, with the first reasons."""
     reasons = "; ".join(f"{name}: {reason}" for name, reason in rejected[:3])
-    return TrainingError(
-        describe(
-            "demonstrations",
-            "at least one usable recording",
-            reasons or "none",
-            "Check the recordings and the DOF file.",
-        )
+    return TrainingError.about(
+        "demonstrations",
+        "at least one usable recording",
+        reasons or "none",
+        "Check the recordings and the DOF file.",
     )

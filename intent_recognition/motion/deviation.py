@@ -21,7 +21,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.motion.plan import JointReference
 
 SUSTAINED_S = 0.8
@@ -108,13 +108,11 @@ def calibrate_detector(
     rank = int(false_alarm_rate * (len(held_out) + 1))
     if rank < 1 or not fitted:
         needed = 2 * int(np.ceil(1.0 / max(false_alarm_rate, 1e-9)) - 1)
-        raise ArgumentError(
-            describe(
-                "executions",
-                f"{needed} or more for a rate of {false_alarm_rate:g}",
-                len(executions),
-                "Record more of them, or allow more false alarms.",
-            )
+        raise ArgumentError.about(
+            "executions",
+            f"{needed} or more for a rate of {false_alarm_rate:g}",
+            len(executions),
+            "Record more of them, or allow more false alarms.",
         )
     n_joints = fitted[0].error.shape[1]
     coefficients, std = np.zeros((3, n_joints)), np.zeros(n_joints)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import Arm
 from intent_recognition.signals import POSE_FIELDS, POSITION_FIELDS
 
@@ -49,9 +49,7 @@ def hand_targets(numbers: ArrayLike) -> NDArray[np.float64]:
         poses[:, :3, :3] = Rotation.from_quat(flat[:, 3:]).as_matrix()
     except ValueError as error:
         cure = "Check the sender."
-        raise TrajectoryError(
-            describe("prediction", "unit quaternions", str(error), cure)
-        ) from error
+        raise TrajectoryError.about("prediction", "unit quaternions", str(error), cure) from error
     poses[:, :3, 3] = flat[:, :3]
     return poses.reshape(*values.shape[:-1], 4, 4)
 
@@ -90,9 +88,9 @@ def joints_along(
             f"{path.distance_m[worst]:.3f} m{turned} too far at {hand[worst, :3].round(3).tolist()}"
             f" m, {times_s[missed][0]:.2f} to {times_s[missed][-1]:.2f} s"
         )
-        raise TrajectoryError(describe("prediction", expected, got, "Move the base nearer."))
+        raise TrajectoryError.about("prediction", expected, got, "Move the base nearer.")
     if path.largest_jump_rad > LARGEST_JUMP_RAD:
         got = f"one in which a joint jumps by {path.largest_jump_rad:.2f} rad"
         cure = "Choose a home posture that leads along the path."
-        raise TrajectoryError(describe("prediction", "a continuous motion", got, cure))
+        raise TrajectoryError.about("prediction", "a continuous motion", got, cure)
     return times_s, path.positions

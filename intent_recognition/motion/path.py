@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JointLimits, position_violation
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 
@@ -118,7 +118,7 @@ def check_range(positions: NDArray[np.float64], limits: JointLimits) -> None:
     expected = f"joint {joint + 1} in [{limits.lower[joint]:.3g}, {limits.upper[joint]:.3g}] rad"
     low, high = positions[:, joint].min(), positions[:, joint].max()
     cure = "Train with this arm's recordings, in radians (`intent inspect` names others)."
-    raise TrajectoryError(describe("positions", expected, f"{low:.3g} to {high:.3g} rad", cure))
+    raise TrajectoryError.about("positions", expected, f"{low:.3g} to {high:.3g} rad", cure)
 
 
 def _spline(
@@ -168,4 +168,4 @@ def _check(
 
 def _refuse(argument: str, expected: str, got: object) -> None:
     cure = "Send the whole trajectory again, one row per time."
-    raise TrajectoryError(describe(argument, expected, got, cure))
+    raise TrajectoryError.about(argument, expected, got, cure)

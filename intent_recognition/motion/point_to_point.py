@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import TrajectoryError, describe, optional
+from intent_recognition.errors import TrajectoryError, optional
 from intent_recognition.kinematics import POSITION_TOLERANCE_RAD, JointLimits, position_violation
 from intent_recognition.motion.plan import (
     STEP_S,
@@ -151,11 +151,9 @@ def _sampled(motion: "InputParameter", limits: JointLimits, kind: str, phase: fl
     try:
         result = ruckig.Ruckig(n).calculate(motion, trajectory)
     except ruckig.RuckigError as error:
-        raise TrajectoryError(
-            describe("start", "finite values", str(error).strip(), cure)
-        ) from error
+        raise TrajectoryError.about("start", "finite values", str(error).strip(), cure) from error
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise TrajectoryError(describe("start", "a state to move from", result.name, cure))
+        raise TrajectoryError.about("start", "a state to move from", result.name, cure)
     duration_s = max(trajectory.duration, STEP_S)
     times = sample_times(duration_s, plan_step(duration_s, limits))
     rows = [trajectory.at_time(time) for time in times]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion.path import JointPath
 from intent_recognition.motion.plan import JointPlan
@@ -56,7 +56,7 @@ class SeparationSettings:
         """Check the ranges."""
         for name in ("deceleration_m_s2", "least_speed_m_s"):
             if not getattr(self, name) > 0.0:
-                raise ArgumentError(describe(name, "above 0", getattr(self, name), "Raise it."))
+                raise ArgumentError.about(name, "above 0", getattr(self, name), "Raise it.")
 
 
 class PredictedPerson(NamedTuple):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
 MEDIAN_OF_SQUARE = 0.4549
@@ -47,8 +47,8 @@ class OnsetSettings:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value > 0):
-                raise ArgumentError(
-                    describe(name, "a positive number", value, "See OnsetSettings for defaults.")
+                raise ArgumentError.about(
+                    name, "a positive number", value, "See OnsetSettings for defaults."
                 )
 
 

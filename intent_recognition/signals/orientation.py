@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals.arrays import as_numbers
 
 LARGEST_ANGLE_RAD = 0.95 * np.pi
@@ -98,7 +98,7 @@ def mean_orientation(quaternions: ArrayLike) -> NDArray[np.float64]:
     q = q[(norm[:, 0] > LEAST_QUATERNION) & np.isfinite(norm[:, 0])]
     if not len(q):
         cure = "Record orientations, or leave the entry out."
-        raise ArgumentError(describe("quaternions", "at least one that is measured", 0, cure))
+        raise ArgumentError.about("quaternions", "at least one that is measured", 0, cure)
     q = q / np.linalg.norm(q, axis=1, keepdims=True)
     mean = np.linalg.eigh(q.T @ q)[1][:, -1]
     return mean if mean[3] >= 0.0 else -mean

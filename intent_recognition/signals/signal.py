@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 
 POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
 ORIENTATION_FIELDS = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
@@ -49,27 +49,23 @@ class Signal:
         stamps = np.array(self.stamps_ns, dtype=np.int64)
         values = np.array(self.values, dtype=np.float64)
         if values.shape != (stamps.size, len(self.names)):
-            raise ShapeError(
-                describe(
-                    "values",
-                    f"shape ({stamps.size}, {len(self.names)}): one row a stamp, one column a name",
-                    values.shape,
-                    "Stack the samples in time, then by DOF.",
-                )
+            raise ShapeError.about(
+                "values",
+                f"shape ({stamps.size}, {len(self.names)}): one row a stamp, one column a name",
+                values.shape,
+                "Stack the samples in time, then by DOF.",
             )
         if stamps.size > 1 and np.min(np.diff(stamps)) <= 0:
             at = int(np.argmin(np.diff(stamps)))
-            raise ArgumentError(
-                describe(
-                    "stamps_ns",
-                    "strictly increasing stamps",
-                    f"{stamps[at]} then {stamps[at + 1]}",
-                    "Sort the samples and drop duplicates.",
-                )
+            raise ArgumentError.about(
+                "stamps_ns",
+                "strictly increasing stamps",
+                f"{stamps[at]} then {stamps[at + 1]}",
+                "Sort the samples and drop duplicates.",
             )
         if not np.all(np.isfinite(values)):
-            raise ArgumentError(
-                describe("values", "finite numbers", "NaN or infinity", "Leave such samples out.")
+            raise ArgumentError.about(
+                "values", "finite numbers", "NaN or infinity", "Leave such samples out."
             )
         stamps.setflags(write=False)
         values.setflags(write=False)

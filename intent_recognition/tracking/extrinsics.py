@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.settings import frame_name
 from intent_recognition.tracking.transforms import RigidTransform
 
@@ -34,13 +34,11 @@ def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Ex
         frame, *numbers = fields
         pose = _pose(numbers)
         if pose is None or frame_name(frame) in known:
-            raise ArgumentError(
-                describe(
-                    f"{argument}[{index}]",
-                    "one 'frame x y z qx qy qz qw' for each tracker frame",
-                    repr(entry),
-                    "Give each frame once, metres and a quaternion.",
-                )
+            raise ArgumentError.about(
+                f"{argument}[{index}]",
+                "one 'frame x y z qx qy qz qw' for each tracker frame",
+                repr(entry),
+                "Give each frame once, metres and a quaternion.",
             )
         known.add(frame_name(frame))
         extrinsics[frame] = pose

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternion
 
@@ -144,8 +144,8 @@ def ingest_pose(
     orientation = np.asarray(orientation, dtype=np.float64)
     if position.shape != (3,) or orientation.shape != (4,):
         got = f"{position.shape} and {orientation.shape}"
-        raise ShapeError(
-            describe("position, orientation", "shapes (3,) and (4,)", got, "Pass one pose.")
+        raise ShapeError.about(
+            "position, orientation", "shapes (3,) and (4,)", got, "Pass one pose."
         )
     rejected = _check_sample(settings, stamp_ns, position, orientation, frame_id)
     if rejected is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.tracking.ingest import (
     FARTHEST_M,
     NO_ROTATION,
@@ -75,8 +75,8 @@ def ingest_poses(
     count = stamps_ns.size
     if shapes != ((count, 3), (count, 4), (count,)):
         expected = f"shapes ({count}, 3), ({count}, 4) and ({count},)"
-        raise ShapeError(
-            describe("positions, orientations, frames", expected, shapes, "Pass one row a stamp.")
+        raise ShapeError.about(
+            "positions, orientations, frames", expected, shapes, "Pass one row a stamp."
         )
     usable = _usable(settings, stamps_ns, positions, orientations, frame_ids, frames)
     world = _to_world(settings, positions, frame_ids, frames, usable)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.transforms import RigidTransform
 
 NOISE_MARGIN = 6.0
@@ -62,16 +62,16 @@ class IngestSettings:
         ):
             value = np.asarray(getattr(self, name), dtype=np.float64)
             if not (np.all(np.isfinite(value)) and np.all(value > 0.0)):
-                raise ArgumentError(
-                    describe(name, "a finite number above zero", value.tolist(), "Correct it.")
+                raise ArgumentError.about(
+                    name, "a finite number above zero", value.tolist(), "Correct it."
                 )
         for name in ("reanchor_after", "clock_reset_after"):
             if getattr(self, name) < 1:
-                raise ArgumentError(describe(name, "at least 1", getattr(self, name), "Raise it."))
+                raise ArgumentError.about(name, "at least 1", getattr(self, name), "Raise it.")
         std_m = np.asarray(self.position_std_m, dtype=np.float64)
         if std_m.shape not in ((), (3,)):
-            raise ArgumentError(
-                describe("position_std_m", "one number or three", std_m.shape, "Give one per axis.")
+            raise ArgumentError.about(
+                "position_std_m", "one number or three", std_m.shape, "Give one per axis."
             )
         _ = self.frames  # raises for an extrinsic that is not a rigid transform
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals import rotation_matrix
 
 LEAST_QUATERNION = 1e-6
@@ -65,17 +65,17 @@ class RigidTransform:
             ("quaternion", quaternion, 4),
         ):
             if array.shape != (size,):
-                raise ShapeError(
-                    describe(name, f"{size} numbers", array.shape, "Give x y z and qx qy qz qw.")
+                raise ShapeError.about(
+                    name, f"{size} numbers", array.shape, "Give x y z and qx qy qz qw."
                 )
             if not np.all(np.isfinite(array)):
-                raise ArgumentError(
-                    describe(name, "finite numbers", array.tolist(), "Correct the extrinsics.")
+                raise ArgumentError.about(
+                    name, "finite numbers", array.tolist(), "Correct the extrinsics."
                 )
         unit = normalise_quaternion(quaternion)
         if unit is None:
-            raise ArgumentError(
-                describe("quaternion", "a rotation", "all zeros", "Use 0 0 0 1 for none.")
+            raise ArgumentError.about(
+                "quaternion", "a rotation", "all zeros", "Use 0 0 0 1 for none."
             )
         for array in (translation, unit):
             array.setflags(write=False)
