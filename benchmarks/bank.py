@@ -116,8 +116,7 @@ def bank() -> Iterator[Result]:
     rng = np.random.default_rng(30)
     yield from _beside_peers(synthetic_library(rng, 3), {"movement_primitives": 20, "filterpy": 40})
     yield from _beside_peers(
-        synthetic_library(rng, 300),
-        {"movement_primitives": 100, "filterpy": 200, "simdkalman": 2},
+        synthetic_library(rng, 300), {"movement_primitives": 100, "filterpy": 200, "simdkalman": 2}
     )
     yield _phases(synthetic_library(rng, 30))
     yield from _many_tasks(rng)

@@ -19,12 +19,7 @@ from benchmarks.reaches import CHANGES, Reach
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import cut_to_movement, learn
 from intent_recognition.promp import NONE, TaskLibrary
-from intent_recognition.recognition import (
-    DecisionState,
-    IntentEstimator,
-    decide,
-    decision_settings,
-)
+from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 
 SHARES = (0.15, 0.25, 0.4, 0.6)
 """Shares of the movement at which the mind changes."""
@@ -61,12 +56,7 @@ def follow(library: TaskLibrary, seed: Sequence[int], reach: Reach) -> Outcome:
         needed = estimate.labels[best] not in (NONE, state.active)
         end_std = estimator.predicted_end_std() if needed else None
         state, now = decide(
-            settings,
-            state,
-            estimate.labels,
-            estimate.probabilities,
-            end_std,
-            estimate.log_evidence,
+            settings, state, estimate.labels, estimate.probabilities, end_std, estimate.log_evidence
         )
         if state.event == "over":  # the hand rests: what was active until now counts
             break

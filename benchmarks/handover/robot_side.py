@@ -75,10 +75,7 @@ class RobotSide:
     """
 
     def __init__(
-        self,
-        cell: TransferCell,
-        rng: np.random.Generator,
-        machine: TransferMachine | None = None,
+        self, cell: TransferCell, rng: np.random.Generator, machine: TransferMachine | None = None
     ) -> None:
         self._cell, self._rng = cell, rng
         self.machine = machine or TransferMachine()

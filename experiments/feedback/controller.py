@@ -194,10 +194,7 @@ def _runge_kutta(
 
 
 def _moments(
-    basis: NormalizedRBFBasis,
-    weights: Gaussian,
-    phase: NDArray[np.float64],
-    duration_s: float,
+    basis: NormalizedRBFBasis, weights: Gaussian, phase: NDArray[np.float64], duration_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean (T, 3, Q) and covariance (T, 3, Q, 3, Q) of positions, velocities, accelerations."""
     rows = np.stack(

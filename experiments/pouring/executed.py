@@ -18,13 +18,7 @@ from experiments.pouring.checking import HIGHEST_RISK, Constraints, learn_constr
 from experiments.pouring.recordings import joint_messages, labels_of
 from experiments.recording import PROVENANCE, recorded_at_ns, write_recording
 from intent_recognition.errors import KinematicsError
-from intent_recognition.warping import (
-    EMPTY,
-    Reached,
-    References,
-    WarpedPrimitive,
-    amount_to_leave,
-)
+from intent_recognition.warping import EMPTY, Reached, References, WarpedPrimitive, amount_to_leave
 from sim_bridge.scenarios.pouring import (
     HALF_FULL,
     N_BALLS,

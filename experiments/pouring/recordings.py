@@ -91,13 +91,7 @@ def record(order: DemonstrationOrder) -> "Poured":
     cup, second = (make_container(name, CONTAINER_SEED) for name in (CUP, SECOND))
     path = plan_pour(draw_habit(rng), true_references(cup), true_references(second))
     return pour(
-        path,
-        cup,
-        second,
-        ball_radius_m=half_full_radius_m(cup),
-        n_balls=N_BALLS,
-        rng=rng,
-        led=True,
+        path, cup, second, ball_radius_m=half_full_radius_m(cup), n_balls=N_BALLS, rng=rng, led=True
     )
 
 

@@ -111,11 +111,7 @@ class _Lesson:
         )
 
 
-def teach(
-    rng: np.random.Generator,
-    path: TeachingPath,
-    wrist_m: NDArray[np.float64],
-) -> TaughtArm:
+def teach(rng: np.random.Generator, path: TeachingPath, wrist_m: NDArray[np.float64]) -> TaughtArm:
     """Teach the arm one path in a fresh physics world and record what its sensors say.
 
     Args:

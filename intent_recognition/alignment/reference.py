@@ -58,9 +58,7 @@ def even_trajectory(
 
 
 def resample(
-    trajectories: Sequence[NDArray[np.float64]] | NDArray[np.float64],
-    n_grid: int,
-    smoothing: float,
+    trajectories: Sequence[NDArray[np.float64]] | NDArray[np.float64], n_grid: int, smoothing: float
 ) -> NDArray[np.float64]:
     """Checked, smoothed and at even phases, (n, n_grid, D).
 

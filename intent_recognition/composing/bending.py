@@ -10,13 +10,7 @@ from intent_recognition.composing.via_points import HAND, ViaPoint
 from intent_recognition.errors import ArgumentError, IntentError, KinematicsError
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm
-from intent_recognition.promp import (
-    ControlPoint,
-    TaskLibrary,
-    controlled_at,
-    distance_to,
-    through,
-)
+from intent_recognition.promp import ControlPoint, TaskLibrary, controlled_at, distance_to, through
 from intent_recognition.signals import POSITION_FIELDS
 
 LARGEST_DISTANCE = 6.0

@@ -9,14 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.bags import (
-    JOINT_STATE,
-    BagMessage,
-    BagReader,
-    Damage,
-    TopicInfo,
-    decode,
-)
+from intent_recognition.bags import JOINT_STATE, BagMessage, BagReader, Damage, TopicInfo, decode
 from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry

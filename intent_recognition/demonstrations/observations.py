@@ -46,11 +46,7 @@ from intent_recognition.tracking import (
     ingest_pose,
 )
 
-POSES = (
-    POSE,
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "nav_msgs/msg/Odometry",
-)
+POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Odometry")
 """A position is measured as a whole or not at all: one with NaN in it is refused."""
 AXES = {
     f"{part}.{axis}": first + k

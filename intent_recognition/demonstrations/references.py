@@ -20,12 +20,7 @@ from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags
 from intent_recognition.demonstrations.hand_poses import hand_numbers, read_by_joints
 from intent_recognition.errors import ArgumentError, BagError, DofError
 from intent_recognition.signals import mean_orientation
-from intent_recognition.tracking import (
-    Extrinsics,
-    IngestSettings,
-    frame_name,
-    multiply_quaternions,
-)
+from intent_recognition.tracking import Extrinsics, IngestSettings, frame_name, multiply_quaternions
 
 REFERENCE_BAGS = 50
 """Recordings from which the mean orientation is taken. Convention: the mean need not be exact."""

@@ -130,9 +130,7 @@ def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
         aligned = _moved(statistics.aligned, change, library.basis, bases(True))
         moved = replace(moved, aligned=aligned)
     return replace(
-        trained,
-        library=_with_rule(library, task, change),
-        tasks={**trained.tasks, label: moved},
+        trained, library=_with_rule(library, task, change), tasks={**trained.tasks, label: moved}
     )
 
 

@@ -12,11 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.alignment import Warp
 from intent_recognition.errors import TrainingError
-from intent_recognition.promp import (
-    NormalizedRBFBasis,
-    WeightFit,
-    fit_weights_together,
-)
+from intent_recognition.promp import NormalizedRBFBasis, WeightFit, fit_weights_together
 from intent_recognition.signals import (
     MIN_SAMPLES,
     Demonstration,

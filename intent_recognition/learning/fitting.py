@@ -89,11 +89,7 @@ def library_from_statistics(
         phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         evidence_freedom=EVIDENCE_FREEDOM,
         onset=preprocessing.onset,
-        provenance={
-            **(provenance or {}),
-            "settings": asdict(settings),
-            "chosen": chosen._asdict(),
-        },
+        provenance={**(provenance or {}), "settings": asdict(settings), "chosen": chosen._asdict()},
     )
 
 

@@ -87,10 +87,7 @@ class LeftOutExample(NamedTuple):
 
 
 def filter_samples(
-    library: TaskLibrary,
-    prior: Gaussian,
-    pace: NDArray[np.float64],
-    values: NDArray[np.float64],
+    library: TaskLibrary, prior: Gaussian, pace: NDArray[np.float64], values: NDArray[np.float64]
 ) -> Iterator[FilteredSamples]:
     """Filter samples at `sample_phases` of demonstrations; yields after each sample.
 

@@ -23,11 +23,7 @@ from intent_recognition.learning.none_model import (
 )
 from intent_recognition.learning.persons import covariance_of_strangers, without_group
 from intent_recognition.learning.selection import STRENGTH
-from intent_recognition.learning.statistics import (
-    TaskStatistics,
-    pooled_moments,
-    variance_scales,
-)
+from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
     Scatter,
     TaskLibrary,

@@ -13,11 +13,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
-from intent_recognition.learning.fitting import (
-    learned_from,
-    library_from_statistics,
-    statistics_of,
-)
+from intent_recognition.learning.fitting import learned_from, library_from_statistics, statistics_of
 from intent_recognition.learning.left_out_odds import learn_left_out_odds
 from intent_recognition.learning.preprocessing import Preprocessing, example_of
 from intent_recognition.learning.selection import Choice, Hyperparameters, choose

@@ -60,12 +60,7 @@ def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int,
 def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     """Make sure that variances are positive and probabilities are some."""
     check_positive(
-        path,
-        numbers,
-        "noise_variance",
-        "noise_scale",
-        "correlation_time_s",
-        "log_duration_std",
+        path, numbers, "noise_variance", "noise_scale", "correlation_time_s", "log_duration_std"
     )
     for name in ("task_prior", "transition_prior"):
         prior = numbers[name]

@@ -19,10 +19,7 @@ from intent_recognition.durable import write_arrays
 from intent_recognition.errors import DofError, IntentError, ModelError, check_type, first_of
 from intent_recognition.learning import Trained
 from intent_recognition.model.array_dofs import dofs_of_arrays
-from intent_recognition.model.arrays import (
-    RETRAIN,
-    check_arrays,
-)
+from intent_recognition.model.arrays import RETRAIN, check_arrays
 from intent_recognition.model.checks import (
     DEVIATION_STD,
     SCALARS,

@@ -24,12 +24,7 @@ from intent_recognition.learning import (
     merge_accumulated,
 )
 from intent_recognition.model.frames import Frames, merge_frames
-from intent_recognition.signals import (
-    Demonstration,
-    Rejection,
-    SpeedCorrelation,
-    correlate_speeds,
-)
+from intent_recognition.signals import Demonstration, Rejection, SpeedCorrelation, correlate_speeds
 
 T = TypeVar("T")
 R = TypeVar("R")

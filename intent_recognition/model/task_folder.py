@@ -35,12 +35,7 @@ from intent_recognition.demonstrations import (
     write_corrected,
 )
 from intent_recognition.durable import append_line, copy, locked, sync_folder, write_text
-from intent_recognition.errors import (
-    BagError,
-    ModelError,
-    ResourceBusyError,
-    TrainingError,
-)
+from intent_recognition.errors import BagError, ModelError, ResourceBusyError, TrainingError
 from intent_recognition.learning import (
     RuleChange,
     Trained,

@@ -72,10 +72,7 @@ class Spread:
 
     @classmethod
     def of(
-        cls,
-        primitive: InteractionProMP,
-        arm: Arm | None = None,
-        reference: tuple[float, ...] = (),
+        cls, primitive: InteractionProMP, arm: Arm | None = None, reference: tuple[float, ...] = ()
     ) -> "Spread":
         """Of an interaction primitive: whatever the person does, both ends fixed."""
         n_observed, n_basis = primitive.n_observed, primitive.basis.n_basis
@@ -87,10 +84,7 @@ class Spread:
 
     @classmethod
     def given_person(
-        cls,
-        primitive: InteractionProMP,
-        arm: Arm | None = None,
-        reference: tuple[float, ...] = (),
+        cls, primitive: InteractionProMP, arm: Arm | None = None, reference: tuple[float, ...] = ()
     ) -> "Spread":
         """Of an interaction primitive for what the person does; only the start is fixed."""
         n_own = primitive.n_observed * primitive.basis.n_basis
@@ -203,10 +197,7 @@ def bend(
 
 
 def _position_rows(
-    q: NDArray[np.float64],
-    moves: NDArray[np.float64],
-    z: NDArray[np.float64],
-    limits: JointLimits,
+    q: NDArray[np.float64], moves: NDArray[np.float64], z: NDArray[np.float64], limits: JointLimits
 ) -> tuple[list[NDArray[np.float64]], list[float]]:
     """Rows that take joints back inside their limits, and what they need [rad]."""
     rows, needs = [], []

@@ -55,10 +55,7 @@ def hand_targets(numbers: ArrayLike) -> NDArray[np.float64]:
 
 
 def joints_along(
-    arm: Arm,
-    times_s: NDArray[np.float64],
-    hand: NDArray[np.float64],
-    rest: NDArray[np.float64],
+    arm: Arm, times_s: NDArray[np.float64], hand: NDArray[np.float64], rest: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times and joint positions that take the hand along a predicted path.
 

@@ -122,9 +122,7 @@ def check_range(positions: NDArray[np.float64], limits: JointLimits) -> None:
 
 
 def _spline(
-    phase: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    slopes: NDArray[np.float64] | None,
+    phase: NDArray[np.float64], positions: NDArray[np.float64], slopes: NDArray[np.float64] | None
 ) -> CubicSpline:
     ends: Any = "natural" if slopes is None else ((1, slopes[0]), (1, slopes[1]))
     return CubicSpline(phase, positions, bc_type=ends)

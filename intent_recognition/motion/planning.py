@@ -181,10 +181,7 @@ def _attempt(
 
 
 def _join(
-    path: JointPath,
-    start: JointReference,
-    progress: PhaseState,
-    limits: JointLimits,
+    path: JointPath, start: JointReference, progress: PhaseState, limits: JointLimits
 ) -> Offset:
     """The offset between a reference and the path at this phase."""
     slope, bend = path.derivative(progress.phase), path.derivative(progress.phase, 1)

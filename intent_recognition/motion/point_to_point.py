@@ -41,9 +41,7 @@ the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the i
 
 
 def home_plan(
-    start: JointReference,
-    home: NDArray[np.float64],
-    limits: JointLimits,
+    start: JointReference, home: NDArray[np.float64], limits: JointLimits
 ) -> JointPlan | None:
     """Go to a posture, all joints together; straight in joint space when starting from rest.
 
@@ -72,11 +70,7 @@ def home_plan(
     return None
 
 
-def brake_plan(
-    start: JointReference,
-    phase: float,
-    limits: JointLimits,
-) -> JointPlan:
+def brake_plan(start: JointReference, phase: float, limits: JointLimits) -> JointPlan:
     """Brake all joints to a stand: together, or each on its own if it would leave its limits.
 
     It keeps the velocity and acceleration limits, but a joint already heading for a position

@@ -179,11 +179,7 @@ class Separation:
         return worst
 
     def worst_excess(
-        self,
-        plan: JointPlan,
-        start_ns: int,
-        people: Sequence[PredictedPerson],
-        since_ns: int = 0,
+        self, plan: JointPlan, start_ns: int, people: Sequence[PredictedPerson], since_ns: int = 0
     ) -> float:
         """The largest `excess` over people; 0 without any."""
         found = [self.excess(plan, start_ns, person, since_ns) for person in people]

@@ -2,13 +2,7 @@
 """The interaction primitive: basis functions, weights, their prior, and prediction."""
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.combining import (
-    Blend,
-    blend,
-    co_activate,
-    smooth_switch,
-    via_point,
-)
+from intent_recognition.promp.combining import Blend, blend, co_activate, smooth_switch, via_point
 from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_context
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.control_points import (
@@ -49,9 +43,5 @@ from intent_recognition.promp.prior import (
 )
 from intent_recognition.promp.risk import NO_ODDS, LeftOutOdds, Risk, conformal_bound, risk_of
 from intent_recognition.promp.trajectory import Trajectory, check_points, dof_variance, rollout
-from intent_recognition.promp.weights import (
-    WeightFit,
-    fit_weights,
-    fit_weights_together,
-)
+from intent_recognition.promp.weights import WeightFit, fit_weights, fit_weights_together
 from intent_recognition.signals import NONE

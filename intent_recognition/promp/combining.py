@@ -16,11 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.gaussian import (
-    condition,
-    product,
-    symmetrize,
-)
+from intent_recognition.gaussian import condition, product, symmetrize
 from intent_recognition.promp.control_points import condition_controlled
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.signals import as_numbers

@@ -125,10 +125,7 @@ def weight_floor(
 
 
 def structured_target(
-    own: Scatter,
-    pooled: Scatter,
-    floor: NDArray[np.float64],
-    borrowed: float = OTHERS_SAMPLE_SIZE,
+    own: Scatter, pooled: Scatter, floor: NDArray[np.float64], borrowed: float = OTHERS_SAMPLE_SIZE
 ) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 

@@ -2,12 +2,7 @@
 """From raw tracker poses to checked poses in the world frame."""
 
 from intent_recognition.tracking.extrinsics import Extrinsics, parse_extrinsics
-from intent_recognition.tracking.identity import (
-    LOST_S,
-    NOBODY,
-    Identities,
-    identify,
-)
+from intent_recognition.tracking.identity import LOST_S, NOBODY, Identities, identify
 from intent_recognition.tracking.ingest import (
     JUMP,
     NOT_FINITE,

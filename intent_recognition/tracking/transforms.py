@@ -60,10 +60,7 @@ class RigidTransform:
     def __post_init__(self) -> None:
         translation = np.array(self.translation, dtype=np.float64)
         quaternion = np.array(self.quaternion, dtype=np.float64)
-        for name, array, size in (
-            ("translation", translation, 3),
-            ("quaternion", quaternion, 4),
-        ):
+        for name, array, size in (("translation", translation, 3), ("quaternion", quaternion, 4)):
             if array.shape != (size,):
                 raise ShapeError.about(
                     name, f"{size} numbers", array.shape, "Give x y z and qx qy qz qw."

@@ -23,12 +23,7 @@ from intent_recognition.warping.object_model import (
     Part,
     with_estimated_normals,
 )
-from intent_recognition.warping.object_warp import (
-    Mapping,
-    ObjectModel,
-    WarpedObject,
-    warp_object,
-)
+from intent_recognition.warping.object_warp import Mapping, ObjectModel, WarpedObject, warp_object
 from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
 from intent_recognition.warping.pour_level import (
     EMPTY,

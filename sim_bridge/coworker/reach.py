@@ -152,9 +152,7 @@ def state_at(movement: WristMovement, time_s: float) -> WristState:
 def depart(reach: Reach, state: WristState) -> Reach:
     """A reach, drawn from a state's position, that begins in that state."""
     return replace(
-        reach,
-        velocity_m_s=state.velocity_m_s,
-        acceleration_m_s2=state.acceleration_m_s2,
+        reach, velocity_m_s=state.velocity_m_s, acceleration_m_s2=state.acceleration_m_s2
     )
 
 

@@ -8,17 +8,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from bag_builder import (
-    JOINTS,
-    LWR,
-    POSE,
-    START_NS,
-    TEXT,
-    SteppingClock,
-    joints,
-    pose,
-    write_bag,
-)
+from bag_builder import JOINTS, LWR, POSE, START_NS, TEXT, SteppingClock, joints, pose, write_bag
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer

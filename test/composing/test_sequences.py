@@ -7,13 +7,7 @@ from activation_world import World, prediction
 from simulation import make_library
 
 from intent_recognition.activation.states import Mode
-from intent_recognition.composing import (
-    Moment,
-    SequenceProgress,
-    advance,
-    awaited,
-    read_sequences,
-)
+from intent_recognition.composing import Moment, SequenceProgress, advance, awaited, read_sequences
 from intent_recognition.errors import ArgumentError
 from intent_recognition.recognition import TaskMemory
 from intent_recognition.recognition.transitions import HABIT_TRUST, Expectation

@@ -116,10 +116,7 @@ def test_the_file_keeps_extrinsics():
     [
         (ENTRY, "extrinsics: expected a list"),
         ([ENTRY, 3], r"extrinsics\[1\]: expected a text"),
-        (
-            [ENTRY, "cam 1 2 3"],
-            r"extrinsics\[1\]: expected one 'frame x y.*'cam 1 2 3'",
-        ),
+        ([ENTRY, "cam 1 2 3"], r"extrinsics\[1\]: expected one 'frame x y.*'cam 1 2 3'"),
         ([ENTRY, ENTRY], r"extrinsics\[1\]: .*Give each frame once"),
         (["cam 0 0 0 0 0 0 0"], r"extrinsics\[0\]: .*a quaternion"),
     ],

@@ -9,11 +9,7 @@ from model_builder import make_dofs
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.observations import (
-    Source,
-    iter_observations,
-    iter_samples,
-)
+from intent_recognition.demonstrations.observations import Source, iter_observations, iter_samples
 
 DOFS = make_dofs()
 

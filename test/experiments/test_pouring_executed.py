@@ -22,12 +22,7 @@ from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.share import share_path
 from intent_recognition.warping import EMPTY
 from sim_bridge.containers.generate import make_container
-from sim_bridge.scenarios.pouring.novel import (
-    plan,
-    read_demonstrated,
-    read_pour,
-    seen_as,
-)
+from sim_bridge.scenarios.pouring.novel import plan, read_demonstrated, read_pour, seen_as
 from sim_bridge.scenarios.pouring.pairs import PAIRS, container_named
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
@@ -136,10 +131,7 @@ def test_a_believed_opening_moves_the_hand_along():
 @pytest.mark.parametrize("pair", [1, 4])
 def test_the_arm_recorded_what_was_planned(skill, pair):
     order = PourOrder(SEED, pair, MEAN)
-    plan_, (path, labels) = (
-        planned(order, skill),
-        read_pour(share_path(f"bags/{order.folder}")),
-    )
+    plan_, (path, labels) = (planned(order, skill), read_pour(share_path(f"bags/{order.folder}")))
     assert int(labels["balls"]) == 40
     assert float(labels["risk"]) == pytest.approx(plan_.risk, abs=0.05)
     asked = np.interp(path.times_s, plan_.path.times_s, plan_.path.tilt_rad)

@@ -49,10 +49,7 @@ def trained():
 def moved(recording, offset):
     """The recording, the robot elsewhere."""
     (robot,) = recording.controlled
-    return replace(
-        recording,
-        controlled=(replace(robot, values=robot.values + offset),),
-    )
+    return replace(recording, controlled=(replace(robot, values=robot.values + offset),))
 
 
 @pytest.mark.slow

@@ -153,10 +153,7 @@ def test_what_is_learned_is_the_same_in_another_unit(trained, scale):
     library, other = trained[1.0].library, trained[scale].library
     by = np.repeat(factors(library, scale), library.basis.n_basis)
     n = library.n_observed_weights
-    for name, expected, one in (
-        ("mean", by, 1),
-        ("covariance", np.outer(by, by), 2),
-    ):
+    for name, expected, one in (("mean", by, 1), ("covariance", np.outer(by, by), 2)):
         for prefix, size in (("weight", len(by)), ("none", n)):
             cut = (..., *[slice(size)] * one)
             found = getattr(other, f"{prefix}_{name}") / expected[cut]

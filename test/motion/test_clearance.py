@@ -4,16 +4,7 @@
 import numpy as np
 import pytest
 from activation_world import GOALS, LIMITS
-from clearance_world import (
-    BASIS,
-    PATH,
-    POSITIONS,
-    ROBOT,
-    TIMES,
-    box_beside,
-    clearance,
-    primitive,
-)
+from clearance_world import BASIS, PATH, POSITIONS, ROBOT, TIMES, box_beside, clearance, primitive
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.gaussian import Gaussian, condition

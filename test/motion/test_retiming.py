@@ -141,10 +141,7 @@ def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
 def test_catches_up_with_the_nominal_timing_and_then_follows_it():
     times, q, v = samples(3, 4.0)
     plan = plan_interaction(
-        path_of(times, q, v),
-        NominalTiming(-1.6, 4.0),
-        JointReference.at_rest(HOME),
-        LIMITS,
+        path_of(times, q, v), NominalTiming(-1.6, 4.0), JointReference.at_rest(HOME), LIMITS
     )
     nominal = (plan.times_s + 1.6) / 4.0
     lag = nominal - plan.phase
@@ -158,10 +155,7 @@ def test_catches_up_with_the_nominal_timing_and_then_follows_it():
 def test_is_not_early_when_it_starts_in_time():
     times, q, v = samples(4, 3.0)
     plan = plan_interaction(
-        path_of(times, q, v),
-        NominalTiming(0.0, 3.0),
-        JointReference.at_rest(HOME),
-        LIMITS,
+        path_of(times, q, v), NominalTiming(0.0, 3.0), JointReference.at_rest(HOME), LIMITS
     )
     assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] == pytest.approx(3.0, abs=0.1)
@@ -170,10 +164,7 @@ def test_is_not_early_when_it_starts_in_time():
 def test_waits_for_an_onset_in_the_future():
     times, q, v = samples(4, 3.0)
     plan = plan_interaction(
-        path_of(times, q, v),
-        NominalTiming(0.5, 3.0),
-        JointReference.at_rest(HOME),
-        LIMITS,
+        path_of(times, q, v), NominalTiming(0.5, 3.0), JointReference.at_rest(HOME), LIMITS
     )
     assert np.all(plan.phase[plan.times_s < 0.45] == 0.0)
     assert plan.phase[-1] == 1.0
@@ -225,10 +216,7 @@ def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, shar
     times, q, v = samples(seed, duration_s)
     path = path_of(times, q, v)
     running = plan_interaction(
-        path,
-        NominalTiming(-late * duration_s, duration_s),
-        JointReference.at_rest(HOME),
-        LIMITS,
+        path, NominalTiming(-late * duration_s, duration_s), JointReference.at_rest(HOME), LIMITS
     )
     t = share * running.duration_s
     plan = stop_plan(path, running.at(t), LIMITS, running.phase_at(t))

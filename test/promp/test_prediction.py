@@ -200,12 +200,7 @@ def test_known_truth_lies_where_the_posterior_says(rng):
     for _ in range(300):
         w = draw_weights(library, 0, rng)
         recording = simulate(library, 0, rng, n_samples=6, duration_s=2.0, weights=w)
-        bank = run_bank(
-            library,
-            hypotheses,
-            merge(recording.observed),
-            START_NS,
-        )
+        bank = run_bank(library, hypotheses, merge(recording.observed), START_NS)
         posterior = task_posterior(bank.log_evidence, hypotheses, 2.0)
         observed = observed_weights(bank, posterior.scale_weights, 0)
         mean, covariance = controlled_weights(library, 0, observed)

@@ -155,10 +155,7 @@ def test_degrees_are_refused_where_the_limits_are_known():
     range_ = Known(np.array([-2.0]), np.array([2.0]))
     ours = replace(recording(), known=(range_,))
     assert stream_defect(ours) == "" and stream_doubts([correlate_speeds(ours)]) == []
-    for extent in (
-        1.0,
-        1.72,
-    ):  # 0.06 rad beyond the limits, as calibration may be
+    for extent in (1.0, 1.72):  # 0.06 rad beyond the limits, as calibration may be
         in_degrees = scaled(ours, extent * 180.0 / np.pi)
         assert "degrees for radians (a factor of 57.3)" in stream_defect(in_degrees)
     turned = scaled(ours, 4.0)

@@ -6,12 +6,7 @@ import pytest
 
 from benchmarks.handover.cell import OBJECTS
 from benchmarks.transfer import plan, results
-from benchmarks.transfer_trials import (
-    DISTURBANCES,
-    TransferOutcome,
-    TransferTrial,
-    run_trial,
-)
+from benchmarks.transfer_trials import DISTURBANCES, TransferOutcome, TransferTrial, run_trial
 from intent_recognition.transfer import Holding
 from sim_bridge.physics import end_world, start_world
 

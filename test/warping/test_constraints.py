@@ -52,10 +52,7 @@ def test_a_larger_scene_has_the_same_features(size):
     )
     fill = filling_states()
     larger = FillingState(
-        size**3 * fill.fluid_m3,
-        size**3 * fill.second_fluid_m3,
-        fill.tilt_rad,
-        size * fill.offset_m,
+        size**3 * fill.fluid_m3, size**3 * fill.second_fluid_m3, fill.tilt_rad, size * fill.offset_m
     )
     np.testing.assert_allclose(
         FillingConstraint.features(larger, scaled(CUP, size), scaled(SECOND, size), throw=0.7),

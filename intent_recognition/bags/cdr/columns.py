@@ -8,12 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.bags.cdr.layout import (
-    MOST_LAYOUTS,
-    Layout,
-    find_layout,
-    header_stamps_ns,
-)
+from intent_recognition.bags.cdr.layout import MOST_LAYOUTS, Layout, find_layout, header_stamps_ns
 from intent_recognition.bags.mcap.chunk import MessageTable, payloads
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -202,11 +197,7 @@ class ColumnsBuilder:
         return JointColumns(log_times_ns, stamps_ns, tuple(named))
 
     def _poses(
-        self,
-        log_times_ns: _Integers,
-        stamps_ns: _Integers,
-        layouts: _Integers,
-        parts: list[_Part],
+        self, log_times_ns: _Integers, stamps_ns: _Integers, layouts: _Integers, parts: list[_Part]
     ) -> Columns:
         if len(parts) == 1:
             ((_, (positions, orientations)),) = parts

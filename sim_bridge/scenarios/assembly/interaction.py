@@ -150,11 +150,7 @@ def plan_interaction(
     _ACTS[task](rng, worker, assistant, goal)
     arrival, last = assistant.movements[-1]
     return AssemblyInteraction(
-        task,
-        tuple(worker.movements),
-        tuple(assistant.movements),
-        goal,
-        arrival + last.duration_s,
+        task, tuple(worker.movements), tuple(assistant.movements), goal, arrival + last.duration_s
     )
 
 

@@ -13,12 +13,7 @@ from sim_bridge.containers import scan
 from sim_bridge.scenarios.pouring.novel import BALLS_ABOVE
 from sim_bridge.scenarios.pouring.pairs import N_BALLS, container_named, half_full_radius_m
 from sim_bridge.scenarios.pouring.table import PouringTable
-from sim_bridge.scenarios.pouring.task_space import (
-    OPENING_M,
-    SEED_POSTURE,
-    PourPath,
-    SideGrasp,
-)
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, SEED_POSTURE, PourPath, SideGrasp
 
 STAND_M = np.array([-0.27, 0.0, 0.10])
 """Where the lip is at first, from the usual place of the second opening: along, across, up [m]."""
@@ -58,12 +53,7 @@ class LivePouring:
     """
 
     def __init__(
-        self,
-        arm: SimulatedArm,
-        cup: str,
-        second: str,
-        opening_m: NDArray[np.float64],
-        seed: int,
+        self, arm: SimulatedArm, cup: str, second: str, opening_m: NDArray[np.float64], seed: int
     ) -> None:
         rng = np.random.default_rng(seed)
         held, other = container_named(cup), container_named(second)

@@ -4,13 +4,7 @@
 from dataclasses import replace
 
 from sim_bridge.balls import ball_radius_m
-from sim_bridge.containers import (
-    CONTAINER_SEED,
-    SHAPES,
-    Container,
-    build_container,
-    make_container,
-)
+from sim_bridge.containers import CONTAINER_SEED, SHAPES, Container, build_container, make_container
 
 TASK = "pouring"
 N_BALLS = 40

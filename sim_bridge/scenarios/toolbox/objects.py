@@ -25,11 +25,7 @@ _HALF_EDGES_M = {
     SCREW: (0.004, 0.004, 0.012),
     HOLD: (0.1, 0.014, 0.014),
 }
-_COLOURS = {
-    PLATE: (0.2, 0.4, 0.8, 1.0),
-    SCREW: (0.9, 0.5, 0.1, 1.0),
-    HOLD: (0.2, 0.7, 0.3, 1.0),
-}
+_COLOURS = {PLATE: (0.2, 0.4, 0.8, 1.0), SCREW: (0.9, 0.5, 0.1, 1.0), HOLD: (0.2, 0.7, 0.3, 1.0)}
 BENCH_PLACE_M = (0.98, 0.32, 0.085)
 """Where the screwdriver lies on the bench [m]. Convention."""
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
