@@ -8,9 +8,8 @@ from scipy.stats import multivariate_normal
 
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
-from intent_recognition.filtering import MovementFilter, fixed_prior_grid
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid, task_posterior
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
-from intent_recognition.recognition import task_posterior
 
 N_UPDATES = 1_000_000
 NOISE_VARIANCE = 1e-8

@@ -14,12 +14,12 @@ import numpy as np
 from benchmarks.measure import Result, at_most, seconds
 from benchmarks.synthetic import movement, synthetic_library
 from intent_recognition.filtering import MovementFilter
+from intent_recognition.filtering import filter as filters
 from intent_recognition.filtering.births import Births
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.motion import JointReference, NominalTiming, make_path, plan_interaction
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
-from intent_recognition.recognition import movement as movements
 from intent_recognition.signals import Demonstration, merge
 
 PLAN_AFTER_S = 1.0
@@ -89,7 +89,7 @@ def _many_tasks() -> Result:
         for owner, name in (
             (MovementFilter, "_condition"),
             (Births, "observe"),
-            (movements, "task_belief"),
+            (filters, "task_belief"),
         ):
             patch = mock.patch.object(owner, name, timed(name, getattr(owner, name)))
             patches.enter_context(patch)

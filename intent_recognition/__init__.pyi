@@ -20,6 +20,7 @@ from .errors import (
     TrainingError,
 )
 from .evaluation import evaluate, make_folds, reliability_bins
+from .filtering import TaskPosterior
 from .gaussian import Gaussian, GaussianMixture, condition, fit_gaussian_mixture, marginal
 from .learning import (
     TrainingSettings,
@@ -48,7 +49,6 @@ from .recognition import (
     DecisionState,
     Estimate,
     IntentEstimator,
-    TaskPosterior,
     decide,
     decision_settings,
     predict_controlled,

@@ -33,11 +33,6 @@ def bank_of(run: MovementFilter) -> Bank:
     return Bank(mean, covariance, run.log_evidence)
 
 
-def rows_of(library: TaskLibrary, grid: PriorGrid) -> np.ndarray:
-    """What tells the hypotheses of the onset apart."""
-    return MovementFilter(library, grid, 0).table.rows
-
-
 def start_bank(library: TaskLibrary, hypotheses: PriorGrid) -> Bank:
     """The bank before any observation."""
     return Bank(

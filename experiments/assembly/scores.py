@@ -18,10 +18,10 @@ from intent_recognition.filtering import (
     PriorGrid,
     fixed_prior_grid,
     make_prior_grid,
+    task_posterior,
 )
 from intent_recognition.gaussian import Gaussian, log_density
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.recognition import task_posterior
 from intent_recognition.signals import Demonstration, Observation
 
 N_OBSERVATIONS = 15

@@ -20,12 +20,13 @@ from intent_recognition.evaluation.unknown_movements import (
 from intent_recognition.filtering import (
     MovementFilter,
     PriorGrid,
+    TaskPosterior,
     fixed_prior_grid,
     make_prior_grid,
+    task_posterior,
 )
 from intent_recognition.learning import in_turns
 from intent_recognition.promp import StartPosture, TaskLibrary, angle_starts
-from intent_recognition.recognition import TaskPosterior, task_posterior
 from intent_recognition.signals import Demonstration, merge
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)

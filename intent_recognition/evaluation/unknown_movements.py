@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import MovementFilter, make_prior_grid
+from intent_recognition.filtering import MovementFilter, make_prior_grid, task_posterior
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import (
@@ -23,7 +23,6 @@ from intent_recognition.recognition import (
     decide,
     decision_settings,
     least_certain_unit,
-    task_posterior,
 )
 from intent_recognition.signals import Demonstration, merge
 

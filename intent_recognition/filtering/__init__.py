@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recursive conditioning of every hypothesis over task, duration and phase; births; pruning."""
 
-from intent_recognition.filtering.births import NEGLIGIBLE, BornBelief
+from intent_recognition.filtering.births import NEGLIGIBLE
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import (
     N_SCALES,
@@ -10,5 +10,6 @@ from intent_recognition.filtering.grid import (
     fixed_prior_grid,
     make_prior_grid,
 )
+from intent_recognition.filtering.posterior import TaskPosterior, answered, task_posterior
 from intent_recognition.filtering.prediction import deviations_at
 from intent_recognition.filtering.table import Deviations

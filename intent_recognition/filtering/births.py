@@ -28,12 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations
-from intent_recognition.filtering.observation_model import (
-    OFFSET_BASIS,
-    Measurement,
-    ObservationModel,
-)
-from intent_recognition.filtering.table import HypothesisTable
+from intent_recognition.filtering.observation_model import Measurement
+from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
@@ -193,7 +189,6 @@ class Births:
     def observe(
         self,
         measurement: Measurement,
-        model: ObservationModel,
         onset: HypothesisTable,
         log_evidence: NDArray[np.float64],
     ) -> None:
@@ -201,7 +196,6 @@ class Births:
 
         Args:
             measurement: as the hypotheses of the onset took it.
-            model: makes the rows of the observation matrix.
             onset: the hypotheses of the onset.
             log_evidence: see `left`; this measurement is among the observations.
         """
@@ -210,7 +204,7 @@ class Births:
         self._n_used += 1
         table = self._table
         if table.n:
-            table.condition(measurement, model)
+            table.condition(measurement)
         total, rows = np.logaddexp(self.log_joint, self.left(log_evidence)), table.rows
         settled = rows["seen"] == self._settling
         if settled.any():
@@ -228,7 +222,7 @@ class Births:
             self._between_s = max(measurement.elapsed_s - self._last_birth_s, 0.0)
             self._last_birth_s = max(measurement.elapsed_s, self._last_birth_s)
             new = self._give_birth(measurement.elapsed_s, log_evidence)
-            table.condition(measurement, model, np.arange(new.start, new.stop))
+            table.condition(measurement, np.arange(new.start, new.stop))
             self._give_birth_to_delays(measurement.elapsed_s, log_evidence, onset)
 
     def belief(self) -> BornBelief:

@@ -14,12 +14,15 @@ and while this bound is negligible, so is the task. `none` never lags, and tasks
 each other only, because the evidence of none counts beyond a margin only.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.births import MAX_TASKS, Births, BornBelief
+from intent_recognition.filtering.births import MAX_TASKS, Births
 from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
+from intent_recognition.filtering.posterior import TaskBelief, TaskPosterior, task_belief
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian import GaussianBatch, cholesky, student_log_density
@@ -30,7 +33,7 @@ from intent_recognition.promp import (
     Trajectory,
     largest_by_unit,
 )
-from intent_recognition.signals import Observation
+from intent_recognition.signals import Observation, every_second
 
 PRUNE_FROM = 128
 """Fewer hypotheses are never pruned.
@@ -47,6 +50,11 @@ NEGLIGIBLE_BELOW = 40.0
 """The bound on a lagging task's log posterior stays this far below the most probable task's.
 
 Convention: e^-40 = 4e-18 is less than the rounding of a probability.
+"""
+MAX_OBSERVATIONS = 2**14
+"""Observations of a movement kept for a change of library; beyond, every second one is dropped.
+
+Convention: it bounds the memory.
 """
 UNLIKELY = 1e-3
 """Tasks so much less probable than the most probable one are left out of a mixture. Convention."""
@@ -67,6 +75,7 @@ class MovementFilter:
     Attributes:
         table: the hypotheses of the onset.
         births: those that were born on the way; None without `switching`.
+        observations: of the movement.
     """
 
     def __init__(
@@ -88,12 +97,18 @@ class MovementFilter:
         self._control_grids: dict[int, ControlGrid] = {}
         self.restart(onset_ns, task_weight)
 
-    def restart(self, onset_ns: int, task_weight: NDArray[np.float64] | None = None) -> None:
+    def restart(
+        self,
+        onset_ns: int,
+        task_weight: NDArray[np.float64] | None = None,
+        past: Iterable[Observation] = (),
+    ) -> None:
         """Begin with another movement, in the memory of the one before.
 
         Args:
             onset_ns: stamp from which phases count.
             task_weight: as of the class.
+            past: what has been observed of it.
         """
         self.onset_ns, grid, n_tasks = onset_ns, self.grid, len(self._prior)
         self.table.clear()
@@ -104,6 +119,7 @@ class MovementFilter:
             duration_s=grid.duration_s,
             log_prior=grid.log_prior,
         )
+        self.observations: list[Observation] = []
         self._model = ObservationModel(self.library, onset_ns)
         with np.errstate(divide="ignore"):
             self._log_weight = np.log(np.ones(n_tasks - 1) if task_weight is None else task_weight)
@@ -113,8 +129,11 @@ class MovementFilter:
         self._peaks = np.zeros(1)  # highest log density of so many measurements
         self._seen = np.zeros(n_tasks, dtype=np.int64)  # of how many each task was conditioned on
         self._follows = np.ones(n_tasks, dtype=bool)
+        self._belief: TaskBelief | None = None
         self._predictions: dict[int, TaskPrediction] = {}
         self._controlled: dict[tuple[int, int], tuple[StartPosture | None, Trajectory]] = {}
+        for observation in past:
+            self.observe(observation)
 
     @property
     def n_used(self) -> int:
@@ -129,18 +148,28 @@ class MovementFilter:
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
         measurement = self._model.measurement(observation)
-        if measurement is None:
-            return
-        self._condition(measurement)
-        if self.births is not None:
-            self.births.observe(measurement, self._model, self.table, self.log_evidence)
-        self._predictions.clear()
-        self._controlled.clear()
+        if measurement is not None:
+            self._condition(measurement)
+            if self.births is not None:
+                self.births.observe(measurement, self.table, self.log_evidence)
+            self._belief = None
+            self._predictions.clear()
+            self._controlled.clear()
+        self.observations.append(observation)
+        if len(self.observations) > MAX_OBSERVATIONS:
+            self.observations = every_second(self.observations)
+
+    def posterior(self, stamp_ns: int) -> TaskPosterior:
+        """What the observations so far say of task and progress at a stamp."""
+        if self._belief is None:
+            born = None if self.births is None else self.births.belief()
+            self._belief = task_belief(self.log_evidence, self.grid, born)
+        return self._belief.at((stamp_ns - self.onset_ns) * 1e-9)
 
     def _condition(self, measurement: Measurement) -> None:
         """Condition the tasks that do not lag; choose anew which do."""
         index = None if self._follows.all() else self._rows_of(np.flatnonzero(self._follows))
-        self.table.condition(measurement, self._model, index)
+        self.table.condition(measurement, index)
         self._measurements.append(measurement)
         self._seen[self._follows] = self.n_used
         peak = _peak(measurement) if self._prunes else 0.0
@@ -157,7 +186,7 @@ class MovementFilter:
         while wanted.any():
             k = int(self._seen[wanted].min())
             tasks = np.flatnonzero(wanted & (self._seen == k))
-            self.table.condition(self._measurements[k], self._model, self._rows_of(tasks))
+            self.table.condition(self._measurements[k], self._rows_of(tasks))
             self._seen[tasks] = k + 1
             wanted[tasks] = (k + 1 < self.n_used) & (self._bound(tasks) >= limit[tasks])
 
@@ -201,10 +230,6 @@ class MovementFilter:
         self._catch_up(np.where(np.arange(len(self._prior)) == task, -np.inf, np.inf))
         self._follows[task] = True
         return self.table.courses(task * self.grid.n_scales + np.arange(self.grid.n_scales))
-
-    def born(self) -> BornBelief | None:
-        """What hypotheses that were born on the way make of task and timing; None without any."""
-        return None if self.births is None or not self.n_used else self.births.belief()
 
     def prediction(self, task: int) -> TaskPrediction:
         """What the observations so far say about the movement, if it is of a task (or none)."""

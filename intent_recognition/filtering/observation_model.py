@@ -1,12 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an observation is to the filter: observed DOFs, rows of the observation matrix, noise.
-
-Each observation is y = H w + e. A row of H holds the basis functions, or for a velocity their
-derivative, at the phase that a hypothesis gives to the time of measurement, in the block of the DOF
-that was measured; what was not measured has no row. A hypothesis that was born on the way has three
-more weights per DOF, those of its offset (`fading`). Whatever else a hypothesis has weights of,
-its columns go into `ObservationModel.linear`.
-"""
+"""From an observation to a measurement: the DOFs that were observed, and their noise."""
 
 from math import inf, isfinite
 from typing import NamedTuple
@@ -15,20 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.gaussian import LinearMeasurement
-from intent_recognition.promp import (
-    PhaseDeviation,
-    TaskLibrary,
-    deviation_transition,
-    reference_phase,
-)
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Observation
 
 SPACING = 0.4995
 """Least time between two used observations of the same DOFs, in parts of the correlation time:
 half of it, and a thousandth of slack for stamps (docs/decisions/one_filter.md)."""
-OFFSET_BASIS = 3
-"""Weights of an offset: position and velocity at birth, and a push."""
 
 
 class Measurement(NamedTuple):
@@ -56,7 +41,7 @@ class Measurement(NamedTuple):
 
 
 class ObservationModel:
-    """Turns the observations of one movement into measurements, and these into linear ones.
+    """Turns the observations of one movement into measurements.
 
     Observations of the same DOFs closer together than half of the library's `correlation_time_s`
     say nothing new about what a primitive leaves unexplained; of them the first is used.
@@ -67,7 +52,7 @@ class ObservationModel:
     """
 
     def __init__(self, library: TaskLibrary, onset_ns: int):
-        self.library, self.onset_ns = library, onset_ns
+        self._library, self._onset_ns = library, onset_ns
         self._spacing_ns = SPACING * library.correlation_time_s * 1e9
         self._last_ns: list[int | None] = [None] * library.n_observed
         self._used_ns: dict[tuple[int, tuple[int, ...] | None, bool], int] = {}
@@ -83,7 +68,7 @@ class ObservationModel:
             ShapeError: values, DOFs and covariance do not fit each other.
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
-        library, stamp_ns, derivative = self.library, observation.stamp_ns, observation.derivative
+        library, stamp_ns, derivative = self._library, observation.stamp_ns, observation.derivative
         dofs, noise = library.observed_dofs(observation.group, observation.dofs), None
         known_ns = [t for t in (self._last_ns[dof] for dof in dofs) if t is not None]
         if not derivative:
@@ -103,75 +88,13 @@ class ObservationModel:
         if not derivative:
             for dof in dofs:
                 self._last_ns[dof] = stamp_ns
-        elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
+        elapsed_s = (stamp_ns - self._onset_ns) * 1e-9
         passed_s = max(elapsed_s - self._last_s, 0.0)
         self._last_s = max(elapsed_s, self._last_s)
         freedom = library.evidence_freedom if known_ns or derivative else inf
         return Measurement(
             elapsed_s, passed_s, dofs, observation.values, noise, derivative, freedom
         )
-
-    def linear(
-        self,
-        measurement: Measurement,
-        rows: NDArray[np.void],
-        deviation: PhaseDeviation,
-        *,
-        offsets: bool = False,
-    ) -> LinearMeasurement:
-        """A measurement as some hypotheses take it.
-
-        Args:
-            measurement: with the time it was made at.
-            rows: of a `HypothesisTable`, (n,).
-            deviation: prior of their phase deviation, E values.
-            offsets: whether they have weights of an offset.
-        """
-        basis, duration_s = self.library.basis, rows["duration_s"]
-        into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
-        phase = reference_phase(deviation, into)
-        if measurement.derivative:
-            rate = np.where((into >= 0.0) & (into <= 1.0), 1.0 / duration_s, 0.0)
-            course = basis.derivative_matrix(phase) * rate[:, None, None]
-        else:
-            course = basis.design_matrix(phase)
-        if offsets:
-            since_s = measurement.elapsed_s - rows["birth_s"]
-            offset = fading(since_s, rows["rate"], derivative=measurement.derivative)
-            course = np.concatenate([course, offset[:, None]], axis=2)
-        transition = None
-        if phase.shape[1] > 1 and measurement.interval_s < inf:
-            transition = deviation_transition(deviation, measurement.interval_s / duration_s)
-        return LinearMeasurement(
-            measurement.dofs,
-            course,
-            measurement.values,
-            measurement.noise_covariance,
-            transition,
-            deviation.evidence,
-            measurement.freedom,
-        )
-
-
-def fading(
-    since_s: NDArray[np.float64], rate: NDArray[np.float64], *, derivative: bool = False
-) -> NDArray[np.float64]:
-    """What remains of an offset of one, of its velocity and of its push, (n, 3).
-
-    A critically damped spring of rate r with an initial push that fades as fast:
-    (a (1 + r s) + b s + c s^2 / 2) exp(-r s).
-
-    Args:
-        since_s: time since birth, (n,); less than zero counts as zero.
-        rate: of the spring [1/s], (n,).
-        derivative: that by the time instead [1/s].
-    """
-    s = np.maximum(since_s, 0.0)
-    if derivative:
-        shapes = [-(rate**2) * s, 1.0 - rate * s, s - 0.5 * rate * s**2]
-    else:
-        shapes = [1.0 + rate * s, s, 0.5 * s**2]
-    return np.stack(shapes, axis=1) * np.exp(-rate * s)[:, None]
 
 
 def check_observation(

@@ -3,21 +3,31 @@
 
 A row is a task, a timing, and what is believed of the weights and of the phase deviation under
 them. Rows of the onset, rows born on the way and delays differ in their columns only.
+
+A measurement is y = H w + e. A row of H holds the basis functions, or for a velocity their
+derivative, at the phase that a hypothesis gives to the time of measurement, in the block of the DOF
+that was measured; what was not measured has no row. A hypothesis that was born on the way has three
+more weights per DOF, those of its offset (`fading`).
 """
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.observation_model import (
-    OFFSET_BASIS,
-    Measurement,
-    ObservationModel,
+from intent_recognition.filtering.observation_model import Measurement
+from intent_recognition.gaussian import GaussianBatch, LinearMeasurement, state_width
+from intent_recognition.promp import (
+    STEADY,
+    TaskLibrary,
+    deviation_prior,
+    deviation_transition,
+    reference_phase,
 )
-from intent_recognition.gaussian import GaussianBatch, state_width
-from intent_recognition.promp import STEADY, TaskLibrary, deviation_prior
 
+OFFSET_BASIS = 3
+"""Weights of an offset: position and velocity at birth, and a push."""
 ROW = np.dtype(
     [
         ("task", np.int64),  # K is none
@@ -66,7 +76,7 @@ class HypothesisTable:
 
     def __init__(self, room: int, library: TaskLibrary, *, offsets: bool = False):
         self._model = STEADY if offsets else library.phase_deviation
-        self._offsets, n_dofs, n_basis = offsets, library.n_observed, library.basis.n_basis
+        self._basis, n_dofs, n_basis = library.basis, library.n_observed, library.basis.n_basis
         self._shape = n_dofs, n_basis + OFFSET_BASIS * offsets
         # The system hands out memory when it is touched: now, not later.
         self._state = np.full((room, state_width(n_dofs * self._shape[1])), 0.0)
@@ -111,21 +121,13 @@ class HypothesisTable:
     def condition(
         self,
         measurement: Measurement,
-        model: ObservationModel,
         index: NDArray[np.int64] | None = None,
     ) -> None:
-        """Condition rows on a measurement.
-
-        Args:
-            measurement: the measurement.
-            model: makes the rows of the observation matrix.
-            index: which rows, ascending; None for all.
-        """
+        """Condition rows on a measurement: those of an index, ascending, or all."""
         where = slice(self.n) if index is None else index
         rows, deviation = self._columns[where], self.deviation[: self.n]
-        linear = model.linear(measurement, rows, self._model, offsets=self._offsets)
         batch = GaussianBatch(self._state[: self.n], *self._shape)
-        density, likelihood = batch.condition(linear, deviation, index)
+        density, likelihood = batch.condition(self.linear(measurement, rows), deviation, index)
         rows["seen"] += 1
         rows["log_evidence"] += np.where(rows["seen"] > rows["settling"], density, 0.0)
         self._columns[where] = rows
@@ -133,6 +135,33 @@ class HypothesisTable:
             index = np.arange(self.n) if index is None else index
             step = measurement.elapsed_s, index, deviation[where].copy(), likelihood
             self._history.append(step)
+
+    def linear(self, measurement: Measurement, rows: NDArray[np.void]) -> LinearMeasurement:
+        """A measurement as the hypotheses of some rows (n,) take it."""
+        model, basis, duration_s = self._model, self._basis, rows["duration_s"]
+        into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
+        phase = reference_phase(model, into)
+        if measurement.derivative:
+            rate = np.where((into >= 0.0) & (into <= 1.0), 1.0 / duration_s, 0.0)
+            course = basis.derivative_matrix(phase) * rate[:, None, None]
+        else:
+            course = basis.design_matrix(phase)
+        if self._own is not None:
+            since_s = measurement.elapsed_s - rows["birth_s"]
+            offset = fading(since_s, rows["rate"], derivative=measurement.derivative)
+            course = np.concatenate([course, offset[:, None]], axis=2)
+        transition = None
+        if phase.shape[1] > 1 and measurement.interval_s < inf:
+            transition = deviation_transition(model, measurement.interval_s / duration_s)
+        return LinearMeasurement(
+            measurement.dofs,
+            course,
+            measurement.values,
+            measurement.noise_covariance,
+            transition,
+            model.evidence,
+            measurement.freedom,
+        )
 
     def drop(self, which: NDArray[np.bool_]) -> None:
         """Drop rows (n,); the last of the others take their places."""
@@ -168,3 +197,24 @@ class HypothesisTable:
             return Deviations(np.zeros(0), empty, empty)
         times_s, filtered, likelihood = zip(*found, strict=True)
         return Deviations(np.maximum.accumulate(times_s), np.array(filtered), np.array(likelihood))
+
+
+def fading(
+    since_s: NDArray[np.float64], rate: NDArray[np.float64], *, derivative: bool = False
+) -> NDArray[np.float64]:
+    """What remains of an offset of one, of its velocity and of its push, (n, 3).
+
+    A critically damped spring of rate r with an initial push that fades as fast:
+    (a (1 + r s) + b s + c s^2 / 2) exp(-r s).
+
+    Args:
+        since_s: time since birth, (n,); less than zero counts as zero.
+        rate: of the spring [1/s], (n,).
+        derivative: that by the time instead [1/s].
+    """
+    s = np.maximum(since_s, 0.0)
+    if derivative:
+        shapes = [-(rate**2) * s, 1.0 - rate * s, s - 0.5 * rate * s**2]
+    else:
+        shapes = [1.0 + rate * s, s, 0.5 * s**2]
+    return np.stack(shapes, axis=1) * np.exp(-rate * s)[:, None]

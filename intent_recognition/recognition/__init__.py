@@ -18,7 +18,6 @@ from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.explaining import Evidence, without_dofs
 from intent_recognition.recognition.offline import predict_controlled, recognize_task
-from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
 from intent_recognition.recognition.start_posture import (
     POSTURE_OUTSIDE,
     POSTURE_UNKNOWN,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.filtering import TaskPosterior
 from intent_recognition.plots import (
     Axes,
     Figure,
@@ -18,7 +19,6 @@ from intent_recognition.plots import (
     new_panels,
 )
 from intent_recognition.promp import Trajectory
-from intent_recognition.recognition.posterior import TaskPosterior
 
 
 class Estimate(NamedTuple):

@@ -13,14 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, check_type, first_of
-from intent_recognition.filtering import N_SCALES, PriorGrid, make_prior_grid
-from intent_recognition.promp import (
-    NONE,
-    TaskLibrary,
-    Trajectory,
-    as_context,
-    largest_by_unit,
-)
+from intent_recognition.filtering import N_SCALES, MovementFilter, TaskPosterior, make_prior_grid
+from intent_recognition.promp import NONE, TaskLibrary, Trajectory, as_context, largest_by_unit
 from intent_recognition.recognition.arguments import (
     LIBRARY_CURE,
     as_observation,
@@ -90,20 +84,20 @@ class IntentEstimator:
         self.library = self.taught = library
         self._bend: Callable[[TaskLibrary], TaskLibrary] = lambda taught: taught
         self._context, self._task_prior = KnownContext(library), task_prior
-        self._labels = (*library.labels, NONE)
-        self._n_scales = n_scales
+        self._n_scales, self._switching = n_scales, switching
         self._posture = OnsetPosture(used=start_posture)
         self._predictor = Predictor(self._posture)
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._turns = ObservedTurns(library)
         self.first_samples = FirstSamples(library)
-        self._movements = Movements(self.expectation, switching=switching)
-        self._movements.use(library, self._grid())
+        self._movements = self._new_movements()
+        self._run: MovementFilter | None = None  # of the movement under way
+        self._posterior: TaskPosterior | None = None
 
     def __repr__(self) -> str:
         """What it can recognise, and whether a movement is under way."""
-        state = "at rest" if self._movements.movement is None else "following a movement"
+        state = "at rest" if self._run is None else "following a movement"
         return f"<IntentEstimator of {first_of(self.library.labels)}: {state}>"
 
     def observe(
@@ -137,7 +131,7 @@ class IntentEstimator:
                 CLOCK_RESET_AFTER such stamps the clock is taken to have been set back, and the
                 estimator starts anew.
         """
-        sizes, run = [past.n_dofs for past in self._detector.pasts], self._movements.movement
+        sizes, run = [past.n_dofs for past in self._detector.pasts], self._run
         observation = as_observation(sizes, stamp_s, values, signal, dofs, covariance)
         measured = measured_part(observation, n_dofs := sizes[signal])
         if measured is None:
@@ -170,35 +164,56 @@ class IntentEstimator:
     def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
         observation = self._turns.bring(observation)
-        now_ns, movements, detector = observation.stamp_ns, self._movements, self._detector
+        now_ns, detector = observation.stamp_ns, self._detector
         detector.add(observation)
-        if movements.movement is None:
+        if self._run is None:
             self.expectation.forget_if_long_ago(now_ns)
             onset_ns = detector.onset_ns()
             if onset_ns is not None:
                 if self._context.changed():
                     self._use(self._context.library(now_ns))
-                movements.begin(onset_ns, detector.since(onset_ns))
-                detector.forget_stops()
-        elif now_ns >= movements.movement.onset_ns:
-            if self._context.due(now_ns, movements.movement.onset_ns):
+                self._begin(onset_ns, detector.since(onset_ns))
+        elif now_ns >= self._run.onset_ns:
+            if self._context.due(now_ns, self._run.onset_ns):
                 self._use(self._context.library(now_ns))
-            movements.movement.observe(observation)
-        posterior = movements.believe(now_ns)
-        elapsed_s = (now_ns - movements.onset_ns) * 1e-9
+            self._run.observe(observation)
+        elapsed_s = 0.0 if self._run is None else (now_ns - self._run.onset_ns) * 1e-9
+        posterior = self._believe(now_ns)
         if posterior is not None and detector.is_over(elapsed_s, posterior):
-            movements.end(now_ns)
+            self._end(now_ns)
         elif posterior is not None or detector.waits_for_rest:
-            movements.follow_stops(detector, observation)
+            expected = self.expectation.ratio
+            following = self._movements.following(detector, observation, expected, posterior)
+            if following is not None:
+                self._end(now_ns)
+                self._run = following
+                self._believe(now_ns)
         return self._estimate(now_ns)
+
+    def _begin(self, onset_ns: int, past: Sequence[Observation]) -> None:
+        """Follow a movement from its onset, of which something has been observed."""
+        self._run = self._movements.begin(onset_ns, self.expectation.ratio, past)
+        self._detector.forget_stops()
+
+    def _believe(self, stamp_ns: int) -> TaskPosterior | None:
+        """Bring the posterior of the movement under way up to a stamp; None at rest."""
+        if self._run is not None:
+            self._posterior = self.expectation.weigh(self._run.posterior(stamp_ns))
+        return self._posterior
+
+    def _end(self, stamp_ns: int) -> None:
+        """Remember the movement under way, which is over."""
+        if self._posterior is not None:
+            self.expectation.remember(stamp_ns, self._posterior)
+        self._run = self._posterior = None
 
     def _estimate(self, stamp_ns: int) -> Estimate:
         """What the observations up to a stamp have given, or that no movement is under way."""
-        posterior, onset_ns = self._movements.posterior, self._movements.onset_ns
-        if posterior is None:
-            return Estimate.idle(stamp_ns, self._labels)
+        labels, run, posterior = (*self.library.labels, NONE), self._run, self._posterior
+        if run is None or posterior is None:
+            return Estimate.idle(stamp_ns, labels)
         phase = np.append(posterior.phase[:-1], 0.0)
-        return Estimate.of(stamp_ns, onset_ns, posterior, self._labels)._replace(phase=phase)
+        return Estimate.of(stamp_ns, run.onset_ns, posterior, labels)._replace(phase=phase)
 
     def observe_controlled(self, stamp_s: float, values: ArrayLike, *, signal: int = 0) -> None:
         """Take the robot's measured position, of which its posture at onset is used.
@@ -218,10 +233,9 @@ class IntentEstimator:
             raise observation_error(reason, observation, len(observation.values))
 
     def update_controlled(self, observation: Observation) -> str | None:
-        """Take the robot's position; returns why it was not taken, as a diagnostics key, or None.
+        """`observe_controlled`, with a diagnostics key for an error, or None.
 
-        Only its posture at onset is used (`start_posture`). Groups count the controlled signals,
-        in the order of the DOF file.
+        Groups count the controlled signals, in the order of the DOF file.
         """
         return "zero_stamp" if observation.stamp_ns <= 0 else self._posture.take(observation)
 
@@ -245,59 +259,55 @@ class IntentEstimator:
     def update_context(self, observation: Observation) -> str | None:
         """Take a sample of the scene; returns why it was not taken, as a diagnostics key, or None.
 
-        The next observation of the human is filtered with it, where it differs by more than noise
-        from what was known (`ContextModel.tolerance`); the movement under way is filtered anew
-        then, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of its time so far. Groups count
-        the context signals, in the order of the DOF file.
+        Where it differs by more than noise from what was known (`ContextModel.tolerance`), the
+        movement under way is filtered anew, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of
+        its time so far. Groups count the context signals, in the order of the DOF file.
         """
         return "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
 
     def bend(self, change: Callable[[TaskLibrary], TaskLibrary]) -> None:
         """Predict by what a function makes of the library, from now on and in every context.
 
-        `composing.BentLibrary` makes one that passes through via points. What is recognised must
-        not change: the observed weights stay.
-
-        Args:
-            change: of the library in the known context, which it leaves as it is.
+        `composing.BentLibrary` makes one that passes through via points. The observed weights must
+        stay, so that the same is recognised.
         """
         self._bend = change
         self._use(self.taught)
 
     def answer(self, task: str) -> None:
-        """Take what a person says the movement under way is, as evidence.
-
-        It counts until the movement ends. A later answer replaces it.
-
-        Args:
-            task: its label.
+        """Count what a person says the movement under way is, until it ends or is answered anew.
 
         Raises:
             ArgumentError: no movement is under way, or there is no such task.
         """
-        if self._movements.posterior is None:
+        if self._run is None:
             cure = "Answer while the human moves."
             raise ArgumentError.about("answer", "a movement under way", "none", cure)
         if task not in self.library.labels:
             cure = "Name a task of the model."
             raise ArgumentError.about("answer", f"one of {self.library.labels}", repr(task), cure)
-        self._movements.answer(task)
+        self.expectation.answer(task)
+        self._believe(self._run.observations[-1].stamp_ns)
 
     def expect(self, task: str) -> None:
         """Let a task be that of the next movement, as sure as a habit; empty: as it was learned."""
-        self.expectation.expect(task, at_once=self._movements.movement is None)
+        self.expectation.expect(task, at_once=self._run is None)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
 
-        None at rest, before an onset is found, and while `none` is the most probable: there is no
-        task to predict. Ask only where `estimate.moving and estimate.task != "none"`.
+        None where `estimate.task` is "none", as at rest: there is no task to predict.
         `predict_controlled_at` always says where the controlled agent is expected.
         """
-        run, task = self._movements.most_probable
+        run, task = self._most_probable()
         if run is None or task == self.library.n_tasks:
             return None
         return self._predictor.controlled(self.taught, run, task, n_points)
+
+    def _most_probable(self) -> tuple[MovementFilter | None, int]:
+        """The filter of the movement under way, None at rest, and its most probable task."""
+        posterior = self._posterior
+        return self._run, 0 if posterior is None else int(np.argmax(posterior.probabilities))
 
     def predict_controlled_at(self, times_s: ArrayLike) -> Trajectory:
         """Where the controlled agent is at some times, task and phase unknown.
@@ -316,49 +326,39 @@ class IntentEstimator:
             ShapeError: times_s has more than one dimension.
             ArgumentError: a time is not finite.
         """
-        times, movement = as_times(times_s), self._movements.movement
-        posterior = self._movements.posterior
-        if movement is None or posterior is None:
+        times = as_times(times_s)
+        if self._run is None or self._posterior is None:
             return at_rest(self.library, self.expectation.prior, times)
-        known = posterior.probabilities[:-1]
-        return self._predictor.controlled_at(self.taught, movement.filter, known, times)
+        known = self._posterior.probabilities[:-1]
+        return self._predictor.controlled_at(self.taught, self._run, known, times)
 
     def predicted_end_std(self) -> dict[str, float] | None:
-        """Largest standard deviation at the predicted end over the controlled DOFs of each unit.
-
-        None while idle or while `none` is the most probable.
-        """
+        """Largest standard deviation of `predict_controlled`'s end over the DOFs of each unit."""
         prediction = self.predict_controlled(n_points=1)
         if prediction is None:
             return None
         return largest_by_unit(prediction.trajectory.std[-1], self.library.controlled_units)
 
     def predict_observed(self, n_points: int = 30) -> Prediction | None:
-        """The rest of the observed agent's movement, under the most probable hypothesis.
+        """The rest of the observed agent's movement, of the most probable task or none.
 
-        None at rest and before an onset is found.
+        None at rest.
         """
-        run, task = self._movements.most_probable
+        run, task = self._most_probable()
         return None if run is None else predict_observed(run, task, n_points)
 
     def explain(self, task: str | None = None, rival: str | None = None) -> Evidence | None:
         """Why a task is more probable than another: evidence by observation and observed DOF.
 
-        None at rest and before an onset is found. It takes as long as filtering the movement
-        anew for each observed DOF.
-
-        Args:
-            task: its label; None for the most probable one but `none`.
-            rival: label of the other; None for the most probable other task, or for none where
-                that is more probable.
+        None at rest. The movement is filtered anew for each observed DOF. Without labels, the most
+        probable task and its most probable rival are compared (`explain_movement`).
 
         Raises:
             ArgumentError: there is no such label, or both are the same.
         """
-        movement, posterior = self._movements.movement, self._movements.posterior
-        if movement is not None and posterior is not None:
-            return explain_movement(movement, posterior, task, rival)
-        return None
+        if self._run is None or self._posterior is None:
+            return None
+        return explain_movement(self._run, self._posterior, task, rival)
 
     def too_sparse(self) -> SparseSignal | None:
         """A signal with too few samples for a movement to be found; None where all have enough."""
@@ -366,7 +366,7 @@ class IntentEstimator:
 
     def reset(self) -> None:
         """Forget the movement under way and the past, but not what is known of the scene."""
-        self._movements.reset()
+        self._run = self._posterior = None
         self.expectation.reset()
         self._posture.clear()
         self._detector.clear()
@@ -387,14 +387,15 @@ class IntentEstimator:
     def _use(self, library: TaskLibrary) -> None:
         """Go on with a library of the same DOFs."""
         self.taught, self.library = library, self._bend(library)
-        library = self.library
-        self._labels = (*library.labels, NONE)
-        self._detector.use(library.onset)
-        self.expectation.swap(library, self._task_prior)
+        self._detector.use(self.library.onset)
+        self.expectation.swap(self.library, self._task_prior)
         self._posture.library_changed()
-        self._movements.use(library, self._grid())
-        if self._movements.movement is not None:
-            self._detector.forget_stops()
+        self._movements = self._new_movements()
+        if self._run is not None:
+            seen = self._run.observations
+            self._begin(self._run.onset_ns, seen)
+            self._believe(seen[-1].stamp_ns)
 
-    def _grid(self) -> PriorGrid:
-        return make_prior_grid(self.library, self._task_prior, self._n_scales)
+    def _new_movements(self) -> Movements:
+        grid = make_prior_grid(self.library, self._task_prior, self._n_scales)
+        return Movements(self.library, grid, switching=self._switching)

@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.filtering import MovementFilter
+from intent_recognition.filtering import MovementFilter, TaskPosterior
 from intent_recognition.promp import NONE, TaskLibrary
-from intent_recognition.recognition.movement import Movement
-from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.signals import Observation
 
 
@@ -52,14 +50,14 @@ class Evidence(NamedTuple):
 
 
 def explain_movement(
-    movement: Movement, posterior: TaskPosterior, task: str | None = None, rival: str | None = None
+    run: MovementFilter, posterior: TaskPosterior, task: str | None = None, rival: str | None = None
 ) -> Evidence:
     """Evidence of a movement under way.
 
     The filter runs once more for each observed DOF.
 
     Args:
-        movement: its filter and observations; they stay as they are.
+        run: its filter, which stays as it is.
         posterior: what is believed of it.
         task: label; None for the most probable one but `none`.
         rival: label; None for the most probable other task, or for none where that is more
@@ -68,23 +66,20 @@ def explain_movement(
     Raises:
         ArgumentError: there is no such label, or both are the same.
     """
-    run = movement.filter
     labels = (*run.library.labels, NONE)
     p = posterior.probabilities
     best = int(np.argmax(p[:-1])) if task is None else _place("task", labels, task)
     other = _runner_up(p, best) if rival is None else _place("rival", labels, rival)
     if best == other:
         raise ArgumentError.about("rival", "another label than task", rival, "Leave it out.")
-    sums = [
-        _evidence_over_time(run, movement.observations, n_dofs, best, other)
-        for n_dofs in range(1, run.library.n_observed + 1)
-    ]
+    n_observed = run.library.n_observed
+    sums = [_evidence_over_time(run, n, best, other) for n in range(1, n_observed + 1)]
     by_dof = np.diff(np.diff([np.zeros_like(sums[0]), *sums], axis=0).T, axis=0, prepend=0.0)
-    stamps_ns = np.array([one.stamp_ns for one in movement.observations], dtype=np.int64)
+    stamps_ns = np.array([one.stamp_ns for one in run.observations], dtype=np.int64)
     times_s = 1e-9 * np.asarray(stamps_ns - run.onset_ns, dtype=np.float64)
     with np.errstate(divide="ignore"):
         odds = float(np.log(p[best]) - np.log(p[other]))
-    evidence = movement.posterior(int(stamps_ns[-1])).log_evidence
+    evidence = run.posterior(int(stamps_ns[-1])).log_evidence
     return Evidence(
         labels[best],
         labels[other],
@@ -113,18 +108,17 @@ def without_dofs(
 
 
 def _evidence_over_time(
-    like: MovementFilter, observations: list[Observation], n_dofs: int, task: int, rival: int
+    like: MovementFilter, n_dofs: int, task: int, rival: int
 ) -> NDArray[np.float64]:
     """Log evidence of a task against a rival after each observation, by the first DOFs, (n,)."""
-    library = like.library
+    library, found = like.library, []
     dropped = frozenset(range(n_dofs, library.n_observed))
     switching = like.births is not None
-    again = MovementFilter(library, like.grid, like.onset_ns, prune=True, switching=switching)
-    run, found = Movement(again), []
-    for observation in observations:
+    run = MovementFilter(library, like.grid, like.onset_ns, prune=True, switching=switching)
+    for observation in like.observations:
         seen = without_dofs(observation, library, dropped)
         if seen is not None:
-            again.observe(seen)
+            run.observe(seen)
         evidence = run.posterior(observation.stamp_ns).log_evidence
         found.append(evidence[task] - evidence[rival])
     return np.array(found)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.filtering import TaskPosterior
 from intent_recognition.signals import (
     LEAST_RATE_HZ,
     Observation,

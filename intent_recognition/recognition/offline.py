@@ -17,7 +17,6 @@ from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.arguments import LIBRARY_CURE
 from intent_recognition.recognition.estimate import Estimate
 from intent_recognition.recognition.observed_turns import ObservedTurns
-from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals import as_numbers, as_stamp_ns, check_times, observations_of
 
 
@@ -50,10 +49,9 @@ def recognize_task(
         ArgumentError: times do not increase or are no seconds, a value is infinite, or nothing was
             measured.
     """
-    hypotheses = _hypotheses(library, duration_s)
-    run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
-    posterior = task_posterior(run.log_evidence, hypotheses, (last_ns - run.onset_ns) * 1e-9)
-    return Estimate.of(last_ns, run.onset_ns, posterior, (*library.labels, NONE))
+    run = _filtered(library, _hypotheses(library, duration_s), times_s, human, onset_s)
+    last_ns = run.observations[-1].stamp_ns
+    return Estimate.of(last_ns, run.onset_ns, run.posterior(last_ns), (*library.labels, NONE))
 
 
 def predict_controlled(
@@ -84,11 +82,10 @@ def predict_controlled(
         ShapeError: the arrays do not fit each other or the library.
         ArgumentError: as in `recognize_task`, or there is no such task.
     """
-    hypotheses = _hypotheses(library, duration_s)
-    run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
+    run = _filtered(library, _hypotheses(library, duration_s), times_s, human, onset_s)
     if task is None:
-        posterior = task_posterior(run.log_evidence, hypotheses, (last_ns - run.onset_ns) * 1e-9)
-        return run.controlled(int(np.argmax(posterior.probabilities[:-1])), n_points)
+        known = run.posterior(run.observations[-1].stamp_ns).probabilities[:-1]
+        return run.controlled(int(np.argmax(known)), n_points)
     if task not in library.labels:
         cure = "Learn it first, or pass None for the most probable task."
         raise ArgumentError(describe("task", f"one of {library.labels}", task, cure))
@@ -116,20 +113,18 @@ def _filtered(
     times_s: ArrayLike,
     human: ArrayLike,
     onset_s: float | None,
-) -> tuple[MovementFilter, int]:
-    """The hypotheses conditioned on the samples from onset on, and the stamp of the last one."""
+) -> MovementFilter:
+    """The hypotheses conditioned on the samples from onset on, at least one."""
     stamps_ns, values = _checked(library, times_s, human)
     onset_ns = int(stamps_ns[0]) if onset_s is None else as_stamp_ns("onset_s", onset_s)
     run, turns = MovementFilter(library, hypotheses, onset_ns), ObservedTurns(library)
-    last_ns = None
     for observation in observations_of(library.observed_groups, stamps_ns, values):
         if observation.stamp_ns >= onset_ns:
             run.observe(turns.bring(observation))
-            last_ns = observation.stamp_ns
-    if last_ns is None:
+    if not run.observations:
         cure = "Pass at least one measured sample of the movement."
         raise ArgumentError(describe("human", "a sample at or after onset", "none", cure))
-    return run, last_ns
+    return run
 
 
 def _checked(

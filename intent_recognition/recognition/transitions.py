@@ -27,9 +27,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.filtering import TaskPosterior, answered
 from intent_recognition.plans import WorkPlan, WorkProgress
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.recognition.posterior import TaskPosterior
 
 FORGET_AFTER_S = 60.0
 """Time after the end of a movement from which it tells nothing about the next [s]. Convention."""
@@ -159,6 +159,7 @@ class Expectation:
     progress: WorkProgress | None = None
     _plan: WorkPlan | None = None
     _habit: NDArray[np.float64] | None = None
+    _step, _answer = "", ""
 
     def __init__(
         self,
@@ -169,7 +170,6 @@ class Expectation:
     ):
         self._library, self._fixed_prior = library, fixed_prior
         self._transitions, self._forget_after_s = transitions, forget_after_s
-        self._step = ""
         self.reset()
 
     def follow(self, plan: WorkPlan | None) -> None:
@@ -195,6 +195,10 @@ class Expectation:
         if at_once:
             self._set(self.memory)
 
+    def answer(self, task: str) -> None:
+        """Count what a person says the movement under way is, until it ends."""
+        self._answer = task
+
     @property
     def last_task(self) -> str:
         """Label of the most probable last task, empty when there is none."""
@@ -204,10 +208,12 @@ class Expectation:
         """No last task, and nothing of the plan done."""
         if self.progress is not None:
             self.progress.reset()
+        self._answer = ""
         self._set(TaskMemory.empty(self._library.n_tasks))
 
     def remember(self, ended_ns: int, posterior: TaskPosterior) -> None:
         """Take note of a movement that has ended."""
+        self._answer = ""
         if self.progress is not None:
             self.progress.take(_completed(posterior.probabilities, posterior.phase), self._habit)
         self._set(remember(self.memory, posterior.probabilities, posterior.phase, ended_ns))
@@ -232,8 +238,12 @@ class Expectation:
         self._set(self.memory)
 
     def weigh(self, posterior: TaskPosterior) -> TaskPosterior:
-        """The posterior of the movement under way, given what was expected."""
-        return posterior if self.ratio is None else weigh(posterior, self.ratio)
+        """The posterior of the movement under way, given what was expected and answered."""
+        if self.ratio is not None:
+            posterior = weigh(posterior, self.ratio)
+        if self._answer in self._library.labels:
+            posterior = answered(posterior, self._library.labels.index(self._answer))
+        return posterior
 
     def _set(self, memory: TaskMemory) -> None:
         self.memory = memory

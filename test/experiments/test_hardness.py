@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from experiments.teaching.hardness import nearest_mean_labels
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.filtering import MovementFilter, fixed_prior_grid
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid, task_posterior
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.recognition import task_posterior
 from intent_recognition.signals import Demonstration, merge
 
 

@@ -12,7 +12,7 @@ from simulation import START_NS, draw_weights, make_library
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
 from intent_recognition.filtering.observation_model import SPACING
-from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
 seeds = st.integers(0, 2**32 - 1)

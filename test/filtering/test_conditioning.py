@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import bank_of, rows_of
+from plain import bank_of
 from scipy.stats import multivariate_normal, multivariate_t
 from simulation import START_NS, make_library, minimum_jerk, nearly_known
 
@@ -291,10 +291,11 @@ def test_every_hypothesis_steps_at_its_own_phase(rng):
     """Rows and transitions of a measurement, from the phase model."""
     library = library_with(rng, LEADING)
     hypotheses = PriorGrid(2, np.array([1.5, 2.0, 1.5, 2.0]), np.log(np.full(4, 0.25)))
-    model, rows = ObservationModel(library, START_NS), rows_of(library, hypotheses)[[1, 0]]
+    model, table = ObservationModel(library, START_NS), MovementFilter(library, hypotheses, 0).table
+    rows = table.rows[[1, 0]]
     first, second = (model.measurement(seen(time, np.zeros(3))) for time in (0.5, 0.8))
-    assert model.linear(first, rows, LEADING).transition is None
-    step = model.linear(second, rows, LEADING)
+    assert table.linear(first, rows).transition is None
+    step = table.linear(second, rows)
     for at, duration in enumerate((2.0, 1.5)):
         phase = reference_phase(LEADING, np.array(0.8 / duration))
         np.testing.assert_allclose(step.rows[at], library.basis.design_matrix(phase))

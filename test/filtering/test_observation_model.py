@@ -3,14 +3,13 @@
 
 import numpy as np
 import pytest
-from plain import bank_of, rows_of
+from plain import bank_of
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
+from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.filtering.observation_model import ObservationModel
-from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.signals.observation import Observation
 
 CORRELATION_S = 0.1
@@ -111,16 +110,3 @@ def test_what_is_not_used_is_checked_all_the_same(model):
     model.measurement(seen(0.0))
     with pytest.raises(ArgumentError, match="finite"):
         model.measurement(seen(0.01)._replace(values=np.array([np.nan, 0.0])))
-
-
-def test_rows_of_a_velocity_are_the_slope_of_those_of_a_position(library):
-    hypotheses = PriorGrid(1, np.array([1.5, 2.0, 2.5, 3.0]), np.log(np.full(4, 0.25)))
-    model, step_s = ObservationModel(library, START_NS), 1e-5
-
-    def rows(elapsed_s: float, *, derivative: bool = False) -> np.ndarray:
-        found = seen(elapsed_s, covariance=np.eye(2), derivative=derivative)
-        measurement = ObservationModel(library, START_NS).measurement(found)
-        return model.linear(measurement, rows_of(library, hypotheses), STEADY).rows
-
-    slope = (rows(0.7 + step_s) - rows(0.7 - step_s)) / (2.0 * step_s)
-    np.testing.assert_allclose(rows(0.7, derivative=True), slope, atol=1e-6)

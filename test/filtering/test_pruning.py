@@ -13,8 +13,8 @@ from simulation import START_NS, make_library, simulate
 from intent_recognition.filtering import births
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import make_prior_grid
+from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.promp.phase_deviation import PhaseDeviation
-from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.recognition.transitions import weigh
 from intent_recognition.signals.observation import merge
 

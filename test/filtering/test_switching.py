@@ -16,8 +16,7 @@ from intent_recognition.filtering import (
     make_prior_grid,
 )
 from intent_recognition.filtering.births import birth_shares
-from intent_recognition.filtering.observation_model import fading
-from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.filtering.table import fading
 from intent_recognition.signals.observation import Observation
 
 RATE = np.array([2.0, 5.0, 11.0])
@@ -51,7 +50,7 @@ def filtered(library, times_s, values, run=None, *, switching=True, task_weight=
 
 
 def posterior(run, elapsed_s):
-    return task_posterior(run.log_evidence, run.grid, elapsed_s, run.born())
+    return run.posterior(START_NS + round(elapsed_s * 1e9))
 
 
 def test_an_offset_fades_as_a_critically_damped_spring():

@@ -4,7 +4,7 @@
 import numpy as np
 from simulation import START_NS, make_library
 
-from intent_recognition.filtering.observation_model import ObservationModel
+from intent_recognition.filtering.observation_model import Measurement, ObservationModel
 from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian.batch import GaussianBatch, state_width
 from intent_recognition.signals.observation import Observation
@@ -27,14 +27,14 @@ def test_rows_keep_their_own_whatever_is_dropped_and_added(rng):
     ]
     whole, few = table_of(library, 6), table_of(library, 6)
     for one in seen[:2]:
-        whole.condition(one, model)
-        few.condition(one, model)
+        whole.condition(one)
+        few.condition(one)
     few.drop(np.isin(few.rows["task"], [0, 3, 4]))
     new = few.add(np.zeros((2, state_width(3 * 5))), task=9)
     assert not few.rows["seen"][new].any() and few.n == 5
     few.drop(few.rows["task"] == 9)
-    whole.condition(seen[2], model)
-    few.condition(seen[2], model)
+    whole.condition(seen[2])
+    few.condition(seen[2])
     assert sorted(few.rows["task"]) == [1, 2, 5]
     same = few.rows["task"]
     ours, theirs = few.courses(np.arange(3)), whole.courses(same)
@@ -48,9 +48,20 @@ def test_a_row_that_lags_catches_up_and_is_judged_once_it_has_settled(rng):
     table, other = table_of(library, 2), table_of(library, 2)
     for k, t in enumerate((0.1, 0.4, 0.8)):
         one = model.measurement(Observation(START_NS + round(t * 1e9), 0, rng.normal(size=3)))
-        other.condition(one, model)
-        table.condition(one, model, np.array([0]))
+        other.condition(one)
+        table.condition(one, np.array([0]))
         assert np.all(other.rows["log_evidence"] != 0.0) == (k > 0)
-        table.condition(one, model, np.array([1]))
+        table.condition(one, np.array([1]))
     np.testing.assert_array_equal(table.rows["seen"], 3)
     np.testing.assert_allclose(table.log_joint, other.log_joint, rtol=1e-12)
+
+
+def test_rows_of_a_velocity_are_the_slope_of_those_of_a_position(rng):
+    table, step_s = table_of(make_library(rng, n_basis=5), 4), 1e-5
+
+    def rows(elapsed_s: float, *, derivative: bool = False) -> np.ndarray:
+        seen = np.arange(3), np.zeros(3), np.eye(3)
+        return table.linear(Measurement(elapsed_s, np.inf, *seen, derivative), table.rows).rows
+
+    slope = (rows(0.7 + step_s) - rows(0.7 - step_s)) / (2.0 * step_s)
+    np.testing.assert_allclose(rows(0.7, derivative=True), slope, atol=1e-6)

@@ -10,6 +10,7 @@ from simulation import START_NS, make_library, minimum_jerk, nearly_known, simul
 
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
+from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.control_grid import ControlGrid
@@ -18,7 +19,6 @@ from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import rollout
-from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
 
 BRIDGE = np.sqrt(4.0 * np.linspace(0, 1, 51) * np.linspace(1, 0, 51))

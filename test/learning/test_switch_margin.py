@@ -20,7 +20,6 @@ from intent_recognition.learning.switch_margin import (
     largest_odds,
     learn_switch_margin,
 )
-from intent_recognition.recognition import task_posterior
 from intent_recognition.signals import observations_of
 
 WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
@@ -88,8 +87,8 @@ def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
     stamps_ns = np.round(sample_phases() * example.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, example.observed):
         run.observe(observation)
-        posterior = task_posterior(run.log_evidence, hypotheses, 1.0, run.born())
-        known = posterior.probabilities[:-1] / posterior.probabilities[:-1].sum()
+        known = run.posterior(observation.stamp_ns).probabilities[:-1]
+        known = known / known.sum()
         largest = max(largest, 1.0 - known[1])
     assert expit(largest_odds_against(library, 1, example)) == pytest.approx(largest, abs=1e-9)
 

@@ -11,6 +11,7 @@ from simulation import make_library, simulate
 
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import make_prior_grid
+from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.learning import unknown_task
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
@@ -31,7 +32,6 @@ from intent_recognition.learning.unknown_task import (
     log_factors,
     margin_between,
 )
-from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
 
 WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")

@@ -10,10 +10,10 @@ from simulation import make_library, simulate
 
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import make_prior_grid
+from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import rollout
-from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import merge
 from intent_recognition.signals.onset import OnsetSettings, at_rest, is_slow
 

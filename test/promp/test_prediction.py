@@ -10,11 +10,11 @@ from simulation import START_NS, draw_weights, make_library, simulate
 
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
+from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
 from intent_recognition.promp.trajectory import dof_variance, rollout
-from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import merge
 
 BASIS = NormalizedRBFBasis(7, 1.0)

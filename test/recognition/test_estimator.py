@@ -12,13 +12,13 @@ from simulation import START_NS, make_library, minimum_jerk
 
 from intent_recognition.errors import ArgumentError, DofError, IntentError
 from intent_recognition.filtering.grid import make_prior_grid
+from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.control_points import controlled_at
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.promp.trajectory import rollout
 from intent_recognition.recognition.estimator import IntentEstimator
-from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
 
 
@@ -79,12 +79,12 @@ def test_between_used_observations_the_phase_goes_on(library, truth, rng):
         estimate = estimator.update(observation)
         if not estimate.moving:
             continue
-        run, before = estimator._movements.movement.filter, predicted
+        run, before = estimator._run, predicted
         predicted = estimator.predict_controlled()
         assert (predicted is before) == (run.n_used == n_used)
         unused, n_used = unused + (run.n_used == n_used), run.n_used
         elapsed_s = (observation.stamp_ns - estimate.onset_ns) * 1e-9
-        expected = task_posterior(run.log_evidence, run.grid, elapsed_s, run.born())
+        expected = task_posterior(run.log_evidence, run.grid, elapsed_s, run.births.belief())
         np.testing.assert_allclose(estimate.phase[:-1], expected.phase[:-1], atol=1e-12)
         np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
     assert unused > 20 and n_used > 20
@@ -177,9 +177,7 @@ def test_poses_at_stamps_are_those_of_all_tasks_together(library, truth, rng):
     onset_s, known = estimate.onset_ns * 1e-9, estimate.probabilities[:-1]
     ahead_s = np.array([0.0, 0.4, 0.9])
     found = estimator.predict_controlled_at(onset_s + ahead_s)
-    moments = [
-        estimator._movements.movement.filter.prediction(k).mixture_at(ahead_s) for k in range(3)
-    ]
+    moments = [estimator._run.prediction(k).mixture_at(ahead_s) for k in range(3)]
     mean = sum(p * one[0] for p, one in zip(known / known.sum(), moments, strict=True))
     np.testing.assert_allclose(found.positions, mean, atol=1e-3 * np.abs(mean).max())
     one = estimator.predict_controlled_at(onset_s + 0.4)
@@ -401,13 +399,13 @@ def test_an_answer_counts_as_evidence_until_the_movement_ends(library, truth, rn
         estimator.answer(library.labels[0])
     for observation in observations:
         before, now = plain.update(observation), estimator.update(observation)
-        if now.moving and not estimator._movements._answer and now.stamp_ns > now.onset_ns + 3e8:
+        if now.moving and not estimator.expectation._answer and now.stamp_ns > now.onset_ns + 3e8:
             with pytest.raises(ArgumentError, match="nothing like it"):
                 estimator.answer("nothing like it")
             estimator.answer(library.labels[2])
-        elif now.moving and estimator._movements._answer:
+        elif now.moving and estimator.expectation._answer:
             gained = np.diff((now.log_evidence - before.log_evidence)[[0, 2]])[0]
             assert gained == pytest.approx(np.log(0.99 / (0.01 / 3.0)))
             expected = before.probabilities * np.array([0.01, 0.01, 2.97, 0.01])
             np.testing.assert_allclose(now.probabilities, expected / expected.sum(), atol=1e-12)
-    assert not now.moving and not estimator._movements._answer
+    assert not now.moving and not estimator.expectation._answer

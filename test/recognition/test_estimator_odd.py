@@ -150,6 +150,6 @@ def test_the_distribution_behind_an_estimate_is_symmetric_and_positive_definite(
         estimate = estimator.update(observation)
         if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.5:
             break
-    observed: Gaussian = estimator._movements.movement.filter.prediction(0).observed_weights()
+    observed: Gaussian = estimator._run.prediction(0).observed_weights()
     assert np.array_equal(observed.covariance, observed.covariance.T)
     assert np.linalg.eigvalsh(observed.covariance).min() > 0

@@ -13,7 +13,6 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering import MovementFilter, fixed_prior_grid
 from intent_recognition.recognition import IntentEstimator, without_dofs
 from intent_recognition.recognition.explaining import explain_movement
-from intent_recognition.recognition.movement import Movement
 from intent_recognition.signals import Observation
 from intent_recognition.signals.observation import merge
 
@@ -85,13 +84,13 @@ def gaussian():
     weights = draw_weights(library, 0, rng)[:3]
     clean = library.basis.design_matrix(times_s / DURATION_S) @ weights.T
     values = clean + np.sqrt(library.noise_variance[:3]) * rng.normal(size=clean.shape)
-    run = Movement(MovementFilter(library, fixed_prior_grid(library, DURATION_S), START_NS))
+    run = MovementFilter(library, fixed_prior_grid(library, DURATION_S), START_NS)
     stream = [
         Observation(START_NS + round(t * 1e9), group, part)
         for t, row in zip(times_s, values, strict=True)
         for group, part in enumerate((row[:2], row[2:]))
     ]
-    run.begin(START_NS, stream, None)
+    run.restart(START_NS, past=stream)
     return library, times_s, values, run
 
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from simulation import START_NS, minimum_jerk
 
+from intent_recognition.filtering.posterior import TaskPosterior
 from intent_recognition.recognition.motion_detection import HISTORY_S, MotionDetector, past_s
-from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.signals import (
     LEAST_RATE_HZ,
     Observation,

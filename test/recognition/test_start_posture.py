@@ -143,7 +143,7 @@ def test_it_equals_conditioning_by_hand(library, recording):
         estimator.update(observation)
     prediction = estimator.predict_controlled(21)
     task = library.labels.index(prediction.task)
-    run = estimator._movements.movement.filter.prediction(task)
+    run = estimator._run.prediction(task)
     weights = controlled_weights(
         library,
         task,

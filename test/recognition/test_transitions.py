@@ -11,11 +11,11 @@ from hypothesis.extra import numpy as hnp
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ShapeError
+from intent_recognition.filtering.posterior import TaskPosterior
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from intent_recognition.plans import WorkPlan
 from intent_recognition.plans.work_plan import WorkStep
 from intent_recognition.recognition.estimator import IntentEstimator
-from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.recognition.transitions import (
     HABIT_TRUST,
     Expectation,

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
-from intent_recognition.recognition.posterior import beyond_margin, counted_none, task_posterior
+from intent_recognition.filtering.posterior import beyond_margin, counted_none, task_posterior
 from intent_recognition.signals.observation import merge
 
 seeds = st.integers(0, 2**32 - 1)

@@ -21,7 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import BornBelief, PriorGrid
+from intent_recognition.filtering.births import BornBelief
+from intent_recognition.filtering.grid import PriorGrid
 
 ANSWER_TRUST = 0.99
 """Probability with which somebody who is asked names the right task. Convention."""
