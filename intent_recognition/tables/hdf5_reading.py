@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 MOST_BYTES = 2**28
 """Of one array. Convention: an hour of fifty values at 100 Hz takes 0.15 GB."""
+WIDEST_BYTES = 256
+"""Bytes of a row beyond which it is no sample but a compressed image, as ALOHA keeps them.
+Convention."""
 ENDS = "meta.episode_ends"
 """Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
 EPISODE = "demo_"
@@ -72,6 +75,8 @@ def _arrays(group: Any) -> dict[str, NDArray[Any]]:
             fields = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
             found.update({f"{dotted}.{field}": np.asarray(item[field]) for field in fields})
         is_of_places = item.ndim == 3 and item.shape[2] <= 4
+        if item.ndim == 2 and item.dtype == np.uint8 and item.shape[1] > WIDEST_BYTES:
+            return
         if item.dtype.kind in "fiub" and (item.ndim in (1, 2) or is_of_places):
             found[dotted] = np.asarray(item[()])
 

@@ -3,12 +3,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from intent_recognition.tables.table import without_subjects
 
-OF_NEXUS = ("Trajectories", "Model Outputs", "Joints", "Segments")
-"""Titles of its tables that have places and angles."""
+OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
+"""Titles of tables of Nexus and Tracker; of those in one file the first of these is read."""
 Rows = Sequence[Sequence[str]]
 
 
@@ -37,7 +36,7 @@ class Header:
     ends_blank: bool = False
 
 
-def known_header(path: Path, rows: Rows) -> Header | None:
+def known_header(rows: Rows) -> Header | None:
     """The header of a file that Motive, Nexus, QTM or OpenSim exported; None of any other."""
     for read in READERS:
         try:
@@ -64,6 +63,8 @@ def motive(rows: Rows) -> Header | None:
         names.append(".".join(filter(None, (body, kind, axis))))
         if sorts:
             aliases[f"{sorts[k].strip()}/{names[-1]}"] = k
+        if axes.count(axes[k]) == 1:
+            aliases[axis] = k
         angles = kind == "Rotation" and said.get("Rotation Type", "").strip() != "Quaternion"
         if kind.startswith("Position") or angles:
             units[k] = "deg" if angles else said.get("Length Units", "").strip()
@@ -74,9 +75,9 @@ def motive(rows: Rows) -> Header | None:
 
 
 def nexus(rows: Rows) -> Header | None:
-    """Vicon Nexus: `SUBJECT:MARKER.X` or `MARKER.X`, of its first table, at its rate."""
+    """Vicon Nexus and Tracker: `SUBJECT:MARKER.X`, `OBJECT:OBJECT.TX`, at the rate of the table."""
     title = next((k for k, row in enumerate(rows) if row and row[0].strip()), 0)
-    if rows[title][0].strip() not in OF_NEXUS:
+    if rows[title][0].strip() not in OF_VICON:
         return None
     at = next(k for k, row in enumerate(rows) if row[:2] == ["Frame", "Sub Frame"])
     owner, names = "", ["Frame", "Sub Frame"]
@@ -101,33 +102,54 @@ def trc(rows: Rows) -> Header | None:
     for label in filter(None, (cell.strip() for cell in rows[at][2:])):
         names += [f"{label}.{axis}" for axis in "xyz"]
     time: dict[str, object] = {"column": names[1]}
+    numbered = {cell.strip(): k for k, cell in enumerate(rows[at + 1])}  # X1, Y1, Z1, X2, ...
     skip = at + 2
     while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
         skip += 1
     units = dict.fromkeys(range(2, len(names)), said.get("Units", "").strip())
     return Header(
-        tuple(names), skip, without_subjects(names), units=units, must_say=True,
+        tuple(names), skip, numbered | without_subjects(names), units=units, must_say=True,
         defaults={"time": time},
     )  # fmt: skip
 
 
 def qtm(rows: Rows) -> Header | None:
-    """TSV of Qualisys: `MARKER.x`; its lengths are millimetres."""
+    """TSV of Qualisys: `MARKER.x` or `BODY.x`; its lengths are millimetres, its angles degrees."""
     if rows[0][0].strip() != "NO_OF_FRAMES":
         return None
     said = {row[0].strip(): row for row in rows if row}
+    if "BODY_NAMES" in said:
+        return _qtm_bodies(rows, rows.index(said["BODY_NAMES"]), said)
     at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "MARKER_NAMES")
     labels = [
         f"{label.strip()}.{axis}" for label in rows[at][1:] if label.strip() for axis in "xyz"
     ]
-    skip = at + 1
+    skip = at + 1 + (rows[at + 1][0].strip() == "TRAJECTORY_TYPES")
     first = [cell.strip() for cell in rows[skip]]
     if first[0] == "Frame" or first[-1].endswith((" X", " Y", " Z")):
         skip += 1
     before = ["Frame", "Time"] if len(rows[skip]) >= len(labels) + 2 else []
+    return _of_qtm((*before, *labels), skip, said)
+
+
+def _qtm_bodies(rows: Rows, at: int, said: Mapping[str, Sequence[str]]) -> Header:
+    """Columns of bodies: `BODY.x`, then `BODY.Roll`, ..., `BODY.Residual`, `BODY.Rot[0]`, ..."""
+    body, names = "", []
+    for cell in (cell.strip() for cell in rows[at + 1]):
+        owner, blank, axis = cell.rpartition(" ")
+        body = owner if blank and axis == "X" else body
+        name = axis.lower() if axis in ("X", "Y", "Z") else cell
+        names.append(f"{body}.{name}" if body and cell else cell)
+    return _of_qtm(names, at + 2, said)
+
+
+def _of_qtm(names: Sequence[str], skip: int, said: Mapping[str, Sequence[str]]) -> Header:
     rate = {"time": {"rate": float(said["FREQUENCY"][1])}}
-    units = dict.fromkeys(range(len(before), len(before) + len(labels)), "mm")
-    return Header((*before, *labels), skip, units=units, must_say=True, defaults=rate)
+    ends = {".x": "mm", ".y": "mm", ".z": "mm", ".Roll": "deg", ".Pitch": "deg", ".Yaw": "deg"}
+    found = (
+        (k, unit) for k, n in enumerate(names) for end, unit in ends.items() if n.endswith(end)
+    )
+    return Header(tuple(names), skip, units=dict(found), must_say=True, defaults=rate)
 
 
 def opensim(rows: Rows) -> Header | None:
@@ -138,11 +160,13 @@ def opensim(rows: Rows) -> Header | None:
     said = dict(row[0].strip().lower().split("=", 1) for row in rows[:at] if row and "=" in row[0])
     names = tuple(name.strip() for name in rows[at + 1])
     angle = "deg" if said.get("indegrees", "").strip() == "yes" else "rad"
-    units = {
-        k: "m" if name.endswith(("_tx", "_ty", "_tz")) else angle
-        for k, name in enumerate(names)
-        if name != "time" and "indegrees" in said
-    }
+    units = {}
+    for k, name in enumerate(names):
+        state, slash, last = name.rpartition("/")  # /jointset/JOINT/COORDINATE/value, or speed
+        coordinate = state if slash else name
+        if "indegrees" in said and name != "time" and (not slash or last in ("value", "speed")):
+            unit = "m" if coordinate.endswith(("_tx", "_ty", "_tz")) else angle
+            units[k] = f"{unit}/s" if last == "speed" else unit
     return Header(names, at + 2, units=units, defaults={"time": {"column": "time"}})
 
 

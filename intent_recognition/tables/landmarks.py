@@ -91,7 +91,9 @@ def open_frames(folder: Path) -> Table:
             raise unusable(path, "one person of OpenPose", got, "Keep one person in the files.")
         frames.append(_read(path, _openpose, people[0]) if people else {})
     rows = [int(number[1]) if number else k for k, number in enumerate(numbers)]
-    return table_of(folder, _columns(frames, np.array(rows) - min(rows, default=0)))
+    columns = _columns(frames, np.array(rows) - min(rows, default=0))
+    in_image = not any(len(point) > 2 for frame in frames for point in frame.values())
+    return table_of(folder, columns, notes=[OF_IMAGE] if in_image else [])
 
 
 def open_landmarks(path: Path) -> Table:
@@ -106,12 +108,20 @@ def open_landmarks(path: Path) -> Table:
         frames = [content[key] for key in sorted(content, key=int)]
     if not isinstance(frames, list) or not frames:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
-    found = [_read(path, _mediapipe, frame) for frame in frames]
-    if not any(found):
+    people = [_read(path, _people, frame) for frame in frames]
+    if not any(people):
         kinds = ", ".join((*WORLD[:2], *IMAGE[:2]))
         raise unusable(path, f"landmarks under {kinds}", "none", "Check the file.")
-    in_image = any(_has(frames, key) for key in IMAGE) and not any(_has(frames, k) for k in WORLD)
-    columns = _columns(found, np.arange(len(frames)))
+    notes = []
+    if any(_has(frames, key) for key in IMAGE) and not any(_has(frames, k) for k in WORLD):
+        notes.append(OF_IMAGE)
+    if several := sum(len(one) > 1 for one in people):
+        notes.append(
+            f"{several} frames have several people or hands, whose order may change: the first of"
+            " each is read. Keep one in the file."
+        )
+    points = [_read(path, _points, one[0]) if one else {} for one in people]
+    columns = _columns(points, np.arange(len(frames)))
     key = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
     said = content if isinstance(content, dict) else {}
     time: dict[str, object] = {}
@@ -123,7 +133,7 @@ def open_landmarks(path: Path) -> Table:
     elif rate := said.get("fps", said.get("frame_rate")):
         time = {"rate": _read(path, float, rate)}
     defaults = {"time": time} if time else {}
-    return table_of(path, columns, defaults=defaults, notes=[OF_IMAGE] if in_image else [])
+    return table_of(path, columns, defaults=defaults, notes=notes)
 
 
 def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
@@ -165,20 +175,31 @@ def _openpose(person: Mapping[str, Any]) -> Points:
     return points
 
 
-def _mediapipe(frame: Any) -> Points:
-    """Landmarks of one frame, of the first person."""
-    listed = frame
+def _people(frame: Any) -> list[Any]:
+    """Landmarks of each person, or hand, in a frame of MediaPipe, however they are nested."""
     if isinstance(frame, dict):
         keys = (key for key in (*WORLD, *IMAGE) if frame.get(key))
-        listed = frame.get(next(keys, ""), [])
-    while isinstance(listed, list) and listed and isinstance(listed[0], list):
-        if len(listed[0]) and isinstance(listed[0][0], int | float):
-            break
-        listed = listed[0]
-    if isinstance(listed, dict):
-        listed = listed.get("landmark", listed.get("landmarks", []))
-    if not isinstance(listed, list) or not listed:
-        return {}
+        frame = frame.get(next(keys, ""))
+    people = [frame]
+    while people and not _is_person(people[0]):
+        people = [inner for one in people for inner in _inside(one) if inner]
+    return people
+
+
+def _is_person(content: Any) -> bool:
+    first = content[0] if isinstance(content, list) and content else None
+    if isinstance(first, list):
+        return bool(first) and isinstance(first[0], int | float)
+    return isinstance(first, dict) and "x" in first
+
+
+def _inside(content: Any) -> list[Any]:
+    if isinstance(content, dict):
+        return [content.get("landmark", content.get("landmarks"))]
+    return content if isinstance(content, list) else []
+
+
+def _points(listed: Sequence[Any]) -> Points:
     names = NAMED.get(len(listed), [str(k) for k in range(len(listed))])
     found: Points = {}
     for name, point in zip(names, listed, strict=True):

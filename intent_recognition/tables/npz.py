@@ -56,11 +56,20 @@ def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values
 
 
 def transposed(arrays: Mapping[str, Values]) -> list[str]:
-    """Which arrays likely have their samples in columns, as MATLAB's have in HDF5."""
+    """Which arrays likely have their samples along another axis than the first."""
     most = max((len(array) for array in arrays.values() if array.ndim), default=0)
-    return [
-        f"{name} has {len(array)} rows and {array.shape[1]} columns. Likely its columns are"
-        " samples: transpose it."
-        for name, array in arrays.items()
-        if array.ndim == 2 and len(array) <= FEWEST_ROWS < array.shape[1] and most in array.shape
-    ]
+    found = []
+    for name, array in arrays.items():
+        if array.ndim not in (2, 3) or not len(array) <= FEWEST_ROWS < array.shape[1]:
+            continue
+        if array.ndim == 3:
+            found.append(
+                f"{name} has the shape {array.shape}. Likely it has {len(array)} demonstrations:"
+                " put one after the other, with a column that counts them."
+            )
+        elif most in array.shape:  # as MATLAB's have in HDF5
+            found.append(
+                f"{name} has {len(array)} rows and {array.shape[1]} columns. Likely its columns"
+                " are samples: transpose it."
+            )
+    return found

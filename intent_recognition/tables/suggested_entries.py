@@ -21,7 +21,7 @@ FARTHEST_CM = 300.0
 """Centimetres beyond which numbers are millimetres [cm]. Convention: what a person reaches."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
 """Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
-NO_NAME = {"observation", "observations", "obs", "human", "field", "mocap", "pose"}
+NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
 NO_NAME |= {"position", "pos", "xyz", "translation", "t"}
 """What names of columns say that is no name of a body."""
 

@@ -36,13 +36,13 @@ NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|time|timestamp|stamp|secs?|seconds|zeit)([^a-z]|$)")
 NO_JOINT = re.compile(
-    r"(?i)stamp|\btime\b|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
+    r"(?i)stamp|time|\bacc|gyr|mag|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
     r"|[XYZ]position$"
 )
 """What columns are called that move and are no position of a joint."""
-COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample)#?$")
+COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
 ELEMENTS = re.compile(r"(?i)^(?P<body>.*(pos|position|xyz|translation))\.(?P<element>\d+)$")
-NO_PLACE = re.compile(r"(?i)rotation|orientation|velocity|acceleration")
+NO_PLACE = re.compile(r"(?i)rotation|orientation|velocity|\bacc|gyr|mag|euler|[._ ]r$")
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[xXyYzZ])$")
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.tables.cells import MISSING, Values, with_point
-from intent_recognition.tables.headers import OF_NEXUS, Header, known_header
+from intent_recognition.tables.headers import OF_VICON, Header, known_header
 from intent_recognition.tables.scales import UNITS, spelled
 from intent_recognition.tables.table import Table, check_columns, unusable
 
@@ -32,6 +32,8 @@ LONGEST_LINE = 2**16
 """Characters of a line that are looked at for what separates its cells. Convention."""
 HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
+NO_PLACES = ("Devices", "Events")
+"""Titles of tables of Nexus that are never read."""
 UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
 """The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
@@ -42,16 +44,21 @@ def open_text(path: Path, skip_rows: int) -> Table:
 
     Args:
         path: of the file.
-        skip_rows: lines before its header.
+        skip_rows: lines before its header, where that is none of a known program.
 
     Raises:
         BagError: it cannot be read.
     """
     encoding = _encoding(path)
-    skip_rows = skip_rows or _comments(path, encoding)
-    before = _before_places(path, skip_rows, encoding)
-    head = list(islice(_rows(path, skip_rows, encoding), before, before + HEAD_ROWS))
-    header = known_header(path, head) or _plain_header(path, head)
+    comments = _comments(path, encoding)
+    before, others = _before_places(path, comments, encoding)
+    head = list(islice(_rows(path, comments, encoding), before, before + HEAD_ROWS))
+    header = known_header(head)
+    if header is not None:
+        skip_rows = comments
+    else:
+        skip_rows, before, others = skip_rows or comments, 0, ()
+        header = _plain_header(path, list(islice(_rows(path, skip_rows, encoding), HEAD_ROWS)))
     start = before + header.skip
     check_columns(path, len(header.names))
 
@@ -87,6 +94,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
         units=header.units,
         must_say=header.must_say,
         defaults=header.defaults,
+        notes=(f"only {head[0][0].strip()} are read, not {', '.join(others)}",) if others else (),
     )
 
 
@@ -108,31 +116,35 @@ def _comments(path: Path, encoding: str) -> int:
     return 0
 
 
-def _before_places(path: Path, skip_rows: int, encoding: str) -> int:
-    """Rows before the first table of places in an export of Nexus that begins with devices."""
+def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequence[str]]:
+    """Rows before the table of Vicon's export that is read, and titles of others with places."""
     rows = _rows(path, skip_rows, encoding)
-    if [cell.strip() for cell in next(rows, [])][:1] != ["Devices"]:
-        return 0
-    places = (k for k, row in enumerate(rows, 1) if row and row[0].strip() in OF_NEXUS)
-    return next(places, 0)
+    titles = (*OF_VICON, *NO_PLACES)
+    if "".join(next(rows, [])).strip() not in titles:
+        return 0, ()
+    starts: dict[str, int] = {}
+    for k, row in enumerate(_rows(path, skip_rows, encoding)):
+        if row and (title := row[0].strip()) in titles:
+            starts.setdefault(title, k)
+    main = min(starts, key=titles.index)
+    return starts[main], [t for t in starts if t != main and t in OF_VICON]
 
 
 def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
-    """The line of names, and of units; where it holds numbers alone, columns have numbers.
+    """The line of names, and of units; where it is a row of values, columns have numbers.
 
-    Before it, lines of one cell are titles.
+    Before it, lines of one cell, or of a key and its value, are titles.
     """
     counts = [sum(bool(cell.strip()) for cell in row) for row in head]
     if not any(counts):
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
-    if max(counts) >= LEAST_CELLS and counts[0] < 2:
-        titles = next(k for k, count in enumerate(counts) if count > 1)
-        if not all(_is_number(cell.strip()) for cell in head[titles]):
+    if max(counts) >= LEAST_CELLS > counts[0]:
+        titles = next(k for k, count in enumerate(counts) if count >= LEAST_CELLS)
+        if not all(_is_number(cell) for cell in head[titles] if cell.strip()):
             below_them = _plain_header(path, head[titles:])
             return replace(below_them, skip=below_them.skip + titles)
-    first = head[0]
-    names = tuple(name.strip().lstrip("#").strip() for name in first)
-    if all(_is_number(name) for name in names):
+    names = tuple(name.strip().lstrip("#").strip() for name in head[0])
+    if all(map(_is_number, names)) or _is_row(names, head[1:3]):
         return Header(tuple(map(str, range(len(names)))), 0)
     units = {k: found[1] for k, name in enumerate(names) if (found := UNIT_IN_NAME.search(name))}
     below = [cell.strip().strip("[]()") for cell in head[1]] if len(head) > 1 else []
@@ -141,7 +153,17 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     return Header(names, 1, units={k: u for k, u in units.items() if spelled(u) in UNITS})
 
 
+def _is_row(first: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether a line has numbers and texts where those below it have them."""
+    cells = [(k, _is_number(cell)) for k, cell in enumerate(first) if cell]
+    return any(is_number for _, is_number in cells) and all(
+        len(row) == len(first) and all(_is_number(row[k]) == is_number for k, is_number in cells)
+        for row in rows
+    )
+
+
 def _is_number(text: str) -> bool:
+    text = text.strip()
     try:
         return text.lower() in MISSING or float(with_point(text)) is not None
     except ValueError:

@@ -197,6 +197,64 @@ def mediapipe(folder):
     return folder / "a.json"
 
 
+TASKS = "Hand me the plate.", "Take the screw."
+
+
+def lerobot_set(folder, states, names, version="v3.0"):
+    """A data set of two episodes, in 10 Hz, as LeRobot writes it; states (2, T, d)."""
+    arrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    count, width = states.shape[1:]
+    state = {"dtype": str(states.dtype), "shape": [width], "names": {"motors": names}}
+    info = {"codebase_version": version, "fps": 10, "features": {"observation.state": state}}
+    is_old = version.startswith("v2")
+    name = "episode_{episode_index:06d}" if is_old else "file-{file_index:03d}"
+    chunk = "{episode_chunk:03d}" if is_old else "{chunk_index:03d}"
+    info["data_path"] = f"data/chunk-{chunk}/{name}.parquet"
+    (folder / "meta").mkdir(parents=True)
+    (folder / "data/chunk-000").mkdir(parents=True)
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    episodes = [
+        arrow.table({
+            "observation.state": list(states[k]),
+            "timestamp": (np.arange(count) / 10).astype(np.float32),
+            "episode_index": np.full(count, k),
+            "task_index": np.full(count, 1 - k),
+        })
+        for k in range(2)
+    ]  # fmt: skip
+    if is_old:
+        for k, table in enumerate(episodes):
+            parquet.write_table(table, folder / f"data/chunk-000/episode_{k:06d}.parquet")
+        lines = [json.dumps({"task_index": k, "task": text}) for k, text in enumerate(TASKS)]
+        (folder / "meta/tasks.jsonl").write_text("\n".join(lines) + "\n")
+    else:
+        path = folder / "data/chunk-000/file-000.parquet"
+        parquet.write_table(arrow.concat_tables(episodes), path)
+        tasks = arrow.table({"task_index": [0, 1], "__index_level_0__": TASKS})
+        parquet.write_table(tasks, folder / "meta/tasks.parquet")
+    return folder
+
+
+def lerobot(folder):
+    names = ["wrist.x", "wrist.y", "wrist.z", "shoulder", "elbow"]
+    states = np.hstack([PLACE / 1000, np.linspace(0, (0.4, 0.9), ROWS)])
+    return lerobot_set(folder / "set", np.stack([states] * 2), names)
+
+
+def parquet(folder):
+    arrow, files = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
+    columns = {"t": np.arange(ROWS) / 100, "wrist_pos": list(PLACE / 1000)}
+    files.write_table(arrow.table(columns), folder / "a.parquet")
+    return folder / "a.parquet"
+
+
+def npz(folder):
+    np.savez(folder / "a.npz", t=np.arange(ROWS) / 100, wrist_pos=PLACE / 1000)
+    return folder / "a.npz"
+
+
 def three(start):
     return [f"{start}.{axis}" for axis in "xyz"]
 
@@ -219,6 +277,9 @@ EXAMPLES = {
     ),
     "OpenPose, JSON": (openpose, three("RWrist"), {"time": {"rate": 100}}),
     "MediaPipe, JSON": (mediapipe, three("right_wrist"), {}),
+    "LeRobot, version 2 or 3": (lerobot, three("observation.state.wrist"), {}),
+    "pandas, Parquet": (parquet, [f"wrist_pos.{k}" for k in range(3)], {"time": {"column": "t"}}),
+    "numpy, NPZ": (npz, [f"wrist_pos.{k}" for k in range(3)], {"time": {"column": "t"}}),
 }  # fmt: skip
 """By exporter and format: its file, the columns of the wrist, and what else the map must say."""
 SAY_MM = ("Excel, CSV", "Excel, text in UTF-16", "CSV without names", "BVH")
@@ -229,8 +290,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 PREFACE = (
     "# Formats, one by one\n\nMade by a test: of a small file of each kind, the map that"
     " `intent import FILE --suggest` writes. Delete what you do not need, name topics and task, and"
-    " import with it. [Recordings in other formats](import.md) says what the keys mean; bags of ROS"
-    " and LeRobot's data sets are [suggested](import.md#a-first-map) likewise.\n"
+    " import with it. [Recordings in other formats](import.md) says what the keys mean; for bags of"
+    " ROS a map is [suggested](import.md#a-first-map) likewise.\n"
 )
 LEFT_OUT = "# Suggested", "# Delete", "# They"
 """Lines of a suggestion that say the same of every file, or nothing of its format."""

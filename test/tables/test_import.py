@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent import`: what a table holds is in the bags, to the last bit, and gaps are gaps."""
 
-import json
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +14,8 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, DofError
-from intent_recognition.signals import LABEL, Rejection
-from intent_recognition.tables import import_demonstrations, load_map, suggest_map
+from intent_recognition.signals import LABEL
+from intent_recognition.tables import import_demonstrations, load_map
 from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
 
@@ -320,149 +318,3 @@ def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
     command = ["import", str(source), "--map", str(tmp_path / "map.yaml")]
     assert main([*command, "--output", str(tmp_path / "bags")]) == 1
     assert "which is there" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "module, package", [("pyarrow.parquet", "pyarrow"), ("ezc3d", "ezc3d"), ("h5py", "h5py")]
-)
-def test_a_missing_library_is_one_line_with_its_cure(module, package, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, module, None)
-    if module == "ezc3d":
-        monkeypatch.setattr("intent_recognition.tables.c3d.find_spec", lambda name: None)
-    suffix = {"pyarrow": "parquet", "ezc3d": "c3d", "h5py": "h5"}[package]
-    (tmp_path / f"a.{suffix}").write_bytes(b"PAR1")
-    (left_out,) = import_demonstrations(tmp_path / f"a.{suffix}", ImportMap.from_dict(MAP))
-    assert str(left_out).endswith(
-        f"got none. Install it: pip install {package}, or .[files] in a checkout."
-    )
-
-
-def test_c3d_markers_with_rate_unit_and_gaps_of_the_file(rng, tmp_path):
-    c3d = pytest.importorskip("c3d")  # it writes here, and ezc3d reads
-    points = (rng.normal(size=(20, 2, 3)) * 5 + 800).astype(np.float32)
-    seen = np.ones((20, 2), bool)
-    seen[6:9, 0] = False
-    writer = c3d.Writer(point_rate=50.0)
-    writer.set_point_labels(["R:WRI", "R:ELB"])
-    for row, there in zip(points, seen, strict=True):
-        frame = np.zeros((2, 5), np.float32)
-        frame[:, :3], frame[:, 3] = row, np.where(there, 0.0, -1.0)
-        writer.add_frames([(frame, np.empty((0, 0)))])
-    writer.point_group.add_str("UNITS", "", "mm", 2)
-    with (tmp_path / "reach.c3d").open("wb") as stream:
-        writer.write(stream)
-    entry = WRIST | {"columns": [f"R:WRI.{axis}" for axis in "xyz"]}
-    content = {"observed": [entry], "task": "give"}
-    (found,) = imported(tmp_path / "reach.c3d", tmp_path, content)
-    (signal,) = found.observed
-    assert np.array_equal(signal.values, points[seen[:, 0], 0].astype(np.float64) / 1000)
-    ticks = 20_000_000 * np.flatnonzero(seen[:, 0])
-    assert np.array_equal(signal.stamps_ns, SINCE_NS + ticks)
-    data = (tmp_path / "reach.c3d").read_bytes()
-    (tmp_path / "cut.c3d").write_bytes(data[:-600])
-    said, _ = import_demonstrations(tmp_path / "cut.c3d", ImportMap.from_dict(content))
-    assert said.reason == "13 of 20 frames: the file ends after them"
-    (tmp_path / "other.c3d").write_bytes(b"another kind of file")
-    (left_out,) = import_demonstrations(tmp_path / "other.c3d", ImportMap.from_dict(content))
-    assert "expected a C3D file, got ezc3d says: File must be a valid c3d" in left_out.reason
-
-
-@pytest.fixture(params=["v2.1", "v3.0"])
-def lerobot(request, rng, tmp_path):
-    """A data set of two episodes in LeRobot's layout, and its states."""
-    arrow = pytest.importorskip("pyarrow")
-    from pyarrow import parquet
-
-    version, folder = request.param, tmp_path / "set"
-    states = rng.normal(size=(2, 8, 5)).astype(np.float32) * np.float32(0.01)
-    state = {"dtype": "float32", "shape": [5], "names": {"motors": ["x", "y", "z", "e", "t"]}}
-    info = {"codebase_version": version, "fps": 10, "features": {"observation.state": state}}
-    paths = {
-        "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
-        "v3.0": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-    }
-    info["data_path"] = paths[version]
-    (folder / "meta").mkdir(parents=True)
-    (folder / "data/chunk-000").mkdir(parents=True)
-    (folder / "meta/info.json").write_text(json.dumps(info))
-    episodes = [
-        arrow.table(
-            {
-                "observation.state": list(states[k]),
-                "timestamp": (np.arange(8) / 10).astype(np.float32),
-                "episode_index": np.full(8, k),
-                "task_index": np.full(8, 1 - k),
-            }
-        )
-        for k in range(2)
-    ]
-    texts = ["Hand me the plate.", "Take the screw."]
-    if version == "v2.1":
-        for k, table in enumerate(episodes):
-            parquet.write_table(table, folder / f"data/chunk-000/episode_{k:06d}.parquet")
-        lines = [json.dumps({"task_index": k, "task": text}) for k, text in enumerate(texts)]
-        (folder / "meta/tasks.jsonl").write_text("\n".join(lines) + "\n")
-    else:
-        path = folder / "data/chunk-000/file-000.parquet"
-        parquet.write_table(arrow.concat_tables(episodes), path)
-        tasks = arrow.table({"task_index": [0, 1], "__index_level_0__": texts})
-        parquet.write_table(tasks, folder / "meta/tasks.parquet")
-    return folder, states
-
-
-def test_lerobot_by_its_own_metadata(lerobot, tmp_path):
-    folder, states = lerobot
-    names = [f"observation.state.{name}" for name in ("x", "y", "z", "e")]
-    content = {
-        "observed": [WRIST | {"columns": names[:3]}],
-        "controlled": [ARM | {"columns": [names[3], "observation.state.4"]}],
-        "labels": {"Hand me the plate.": "plate"},
-    }
-    found = imported(folder, tmp_path, content)
-    assert [d.task for d in found] == ["Take the screw.", "plate"]
-    for demonstration, state in zip(found, states, strict=True):
-        assert np.array_equal(demonstration.observed[0].values, state[:, :3])
-        assert np.array_equal(demonstration.controlled[0].values, state[:, 3:])
-        ticks = np.rint((np.arange(8) / 10).astype(np.float32).astype(float) * 1e9)
-        assert np.array_equal(demonstration.observed[0].stamps_ns, SINCE_NS + ticks)
-
-
-def test_lerobot_of_another_version_or_place(lerobot):
-    folder, _ = lerobot
-    info = json.loads((folder / "meta/info.json").read_text())
-    for change, said in (
-        ({"codebase_version": "v1.6"}, "version 2 or 3"),
-        ({"data_path": "../../{a}.parquet"}, "inside of the folder"),
-        ({"features": None}, "features and data_path"),
-    ):
-        (folder / "meta/info.json").write_text(json.dumps(info | change))
-        (left_out,) = import_demonstrations(folder, ImportMap.from_dict(MAP))
-        assert said in left_out.reason
-
-
-@pytest.mark.parametrize(
-    ("names", "pattern"),
-    [
-        (["give/1.csv", "give/2.csv", "take/1.csv"], "'{task}/{number}.csv'"),
-        (["give_cup-07.csv", "take_cup-12.csv"], "'{task}-{number}.csv'"),
-        (["give_00.csv"], "'{task}_{number}.csv'"),
-        (["give.csv", "take_1.csv"], ""),
-        (["a/deep/x_1.csv", "b/deep/x_2.csv"], ""),
-    ],
-)
-def test_a_suggested_map_reads_the_task_from_the_names(names, pattern, tmp_path):
-    for name in names:
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("time,x,y,z\n0,0,0,0\n0.01,0.1,0,0\n0.02,0.3,0,0.1\n")
-    text = suggest_map(tmp_path)
-    told = [line.removeprefix("files: ") for line in text.splitlines() if line.startswith("files")]
-    assert told == ([pattern] if pattern else [])
-    assert ("task: give_it_a_name" in text) == (not pattern)
-    mapping = ImportMap.from_dict(yaml.safe_load(text))
-    assert [find_stem(one) for one in import_demonstrations(tmp_path, mapping)]
-
-
-def find_stem(found):
-    assert not isinstance(found, Rejection), found
-    return found.name

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion capture as labs send it: read right, or what was left out is named."""
+
+import numpy as np
+import pytest
+from c3d_builder import c3d_file
+from tables.exported_files import motive
+from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, imported, nexus, table
+
+
+@pytest.mark.parametrize("before", ["", DEVICES + "1,0,1,2,3\n" * 300 + "\n"])
+def test_nexus_counts_frames_wherever_its_places_are(before, tmp_path):
+    rows = [k for k in range(ROWS) if not 80 <= k < 120]
+    columns = [f"Ann:RWRA.{axis}" for axis in "XYZ"]
+    samples, said = imported(tmp_path, "a.csv", nexus(rows, before=before), columns)
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE[rows] / 1000, atol=1e-8)
+    steps = np.diff(samples.stamps_ns)
+    assert steps.max() == 410_000_000 and np.median(steps) == 10_000_000
+
+
+VICON = {
+    "Tracker": (
+        "Objects\n100\n,,wrist:wrist,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n"
+        ",,rad,rad,rad,mm,mm,mm\n",
+        "wrist.T{}", ["0"] * 3, "",
+    ),
+    "Nexus with angles before": (
+        "Model Outputs\n100\n,,Elbow,,\nFrame,Sub Frame,X,Y,Z\n,,deg,deg,deg\n1,0,9,9,9\n\n"
+        + NEXUS.format("Ann", "Bob"), "Ann:RWRA.{}", [], "only Trajectories are read, not Model",
+    ),
+    "Nexus with events before": (
+        "Events\n100\nSubject,Context,Name\nAnn,Right,Strike\n\n" + NEXUS.format("Ann", "Bob"),
+        "Ann:RWRA.{}", [], "",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", VICON)
+def test_the_places_of_vicon_are_read_and_other_tables_named(kind, tmp_path):
+    head, name, before, words = VICON[kind]
+    body = "".join(f"{k + 1},0,{','.join([*before, *cells(k)])}\n" for k in range(ROWS))
+    columns = [name.format(axis) for axis in "XYZ"]
+    samples, said = imported(tmp_path, "a.csv", head + body, columns)
+    assert words in said and bool(words) == bool(said)
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+
+
+QTM = f"NO_OF_FRAMES\t{ROWS}\nFREQUENCY\t100\nDATA_INCLUDED\t3D\n"
+BODY = "wrist X\tY\tZ\tRoll\tPitch\tYaw\tResidual\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "after"),
+    [
+        (QTM + "MARKER_NAMES\twrist\nTRAJECTORY_TYPES\tMeasured\n", []),
+        (QTM + f"BODY_NAMES\twrist\n{BODY}", ["1", "2", "3", "0.1"]),
+    ],
+)
+def test_markers_and_bodies_of_qtm(head, after, tmp_path):
+    body = "".join("\t".join([*cells(k), *after]) + "\n" for k in range(ROWS))
+    samples, said = imported(tmp_path, "a.tsv", head + body, [f"wrist.{axis}" for axis in "xyz"])
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+
+
+def test_a_header_that_is_known_needs_no_skip_rows(tmp_path):
+    content = motive(tmp_path).read_text()
+    for names, words in (("wrist.Position.{}", ""), ("{}", "got Frame, Time (Seconds), wrist.Rot")):
+        columns = [name.format(axis) for axis in "XYZ" for name in [names]]
+        samples, said = imported(tmp_path, "a.csv", content, columns, skip_rows=6)
+        assert words in said and (samples is None) == bool(words)
+
+
+def test_states_of_opensim_by_their_paths(tmp_path):
+    names = [f"/jointset/ground/wrist_t{axis}/value" for axis in "xyz"]
+    head = "inDegrees=no\nendheader\n" + "\t".join(["time", *names])
+    content = table(head, lambda k: [f"{TIMES_S[k]}", *cells(k, scale=0.001)], "\t")
+    samples, said = imported(tmp_path, "a.sto", content, names)
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-6)
+
+
+def test_a_marker_of_two_people_is_named_with_its_person(tmp_path):
+    columns = [f"RWRA.{axis}" for axis in "XYZ"]
+    samples, said = imported(tmp_path, "a.csv", nexus(range(ROWS)), columns)
+    assert samples is None and "Ann:RWRA.X" in said and "Bob:RWRA.X" in said
+    points = np.stack([PLACE, PLACE + 100.0], axis=1)
+    for labels, known in ((["Ann:RWRA", "Bob:RWRA"], False), (["Ann:RWRA", "Ann:LWRA"], True)):
+        content = c3d_file(points, labels=labels)
+        samples, _ = imported(tmp_path, "a.c3d", content, [f"RWRA.{axis}" for axis in "xyz"])
+        assert (samples is not None) == known
+
+
+def test_zeros_of_a_hidden_marker_are_no_places_in_texts_either(tmp_path):
+    head = "NO_OF_FRAMES\t200\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\twrist\n"
+    body = "".join("\t".join(cells(k) if k % 10 else ["0.000"] * 3) + "\n" for k in range(ROWS))
+    columns = [f"wrist.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.tsv", head + body, columns)
+    assert "(0, 0, 0) are taken for occlusion: wrist 20" in said
+    assert np.sum(np.isnan(samples.values[:, 0])) == 20
+
+
+def test_two_people_in_one_mvnx_are_refused(tmp_path):
+    frame = '<frame time="0" type="normal"><position>0 0 0</position></frame>'
+    person = f'<subject frameRate="100"><segments/><frames>{frame}</frames></subject>'
+    samples, said = imported(tmp_path, "a.mvnx", f"<mvnx>{person}{person}</mvnx>")
+    assert samples is None and "expected one person, got several" in said
+
+
+def test_a_marker_that_was_never_seen_is_named_and_labels_may_be_latin(tmp_path):
+    content = c3d_file(np.stack([0.0 * PLACE, PLACE], axis=1), labels=["W", "H\xe4nd"])
+    columns = [f"W.{axis}" for axis in "xyz"]
+    assert "(0, 0, 0) in every frame" in imported(tmp_path, "a.c3d", content, columns)[1]
+    samples, said = imported(tmp_path, "a.c3d", content, [f"H\xe4nd.{axis}" for axis in "xyz"])
+    assert not said and len(samples.values) == ROWS

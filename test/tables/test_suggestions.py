@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first map of a file: what moves, when, and what its name tells."""
+
+import numpy as np
+import pytest
+import yaml
+from bag_builder import write_ros1
+from tables.odd_files import PLACE, SHARE, TIMES_S, cells, day_time, plain, table
+
+from intent_recognition.errors import BagError
+from intent_recognition.signals import Rejection
+from intent_recognition.tables import import_demonstrations, suggest_map
+from intent_recognition.tables.import_map import ImportMap
+
+
+def test_a_suggestion_knows_joints_from_clocks(tmp_path):
+    head = "__time,header.stamp,/js/panda_joint1/position,/js/panda_joint1/velocity"
+    content = table(
+        head, lambda k: [f"{TIMES_S[k] + 1.7e9:.3f}", f"{k}.5", f"{SHARE[k, 0]}", f"{k % 7}.2"]
+    )
+    (tmp_path / "a.csv").write_text(content)
+    text = suggest_map(tmp_path / "a.csv")
+    (entry,) = yaml.safe_load(text)["observed"]
+    assert entry["joints"] == ["panda_joint1"]
+    assert "# They move, and are no positions: header.stamp, /js/panda_joint1/velocity" in text
+
+
+def suggested(source):
+    text = suggest_map(source)
+    found = list(import_demonstrations(source, ImportMap.from_dict(yaml.safe_load(text))))
+    assert found and not any(isinstance(one, Rejection) for one in found)
+    return yaml.safe_load(text), text, found
+
+
+def test_a_map_is_suggested_of_bags(tmp_path):
+    write_ros1(tmp_path / "give_00.bag")
+    content, _, (found,) = suggested(tmp_path)
+    assert content["files"] == "{task}_{number}.bag" and found.custom_data["task"] == "give"
+    assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
+    assert len(content["controlled"][0]["joints"]) == 7
+    (tmp_path / "give_00.bag").unlink()
+    with pytest.raises(BagError):
+        suggest_map(tmp_path)
+
+
+def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "give_0.hdf5", "w") as file:
+        file["observations/qpos"] = SHARE + np.arange(14) / 100
+        file["observations/wrist_pos"] = file["observations/goal_pos"] = PLACE / 1000
+        file["action"] = SHARE + np.arange(14) / 100
+    content, text, _ = suggested(tmp_path)
+    topics = [one["topic"] for side in ("observed", "controlled") for one in content[side]]
+    assert topics == ["/mocap/goal/pose", "/mocap/wrist/pose", "/joint_states"]
+    assert content["controlled"][-1]["columns"] == [f"observations.qpos.{k}" for k in range(14)]
+    assert "# They move, and are no positions: action.0" in text
+
+
+def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
+    content = plain(head="t,obs.x,obs.y,obs.z").replace("\n", ",1,2,3\n")
+    _, *rest = content.splitlines()
+    rows = [",".join([*row.split(",")[:4], *row.split(",")[1:4]]) for row in rest]
+    names = "t,obs.x,obs.y,obs.z,pose.x,pose.y,pose.z"
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]) + "\n")
+    content, *_ = suggested(tmp_path / "a.csv")
+    assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
+    assert content["controlled"][0]["topic"] == "/mocap/wrist_2/pose"
+
+
+def test_a_suggestion_knows_seconds_with_nanoseconds_and_dates(tmp_path):
+    for head, stamp, wanted in (
+        ("sec,nanosec", lambda k: f"{k // 100},{k % 100 * 10**7}", "nanosec"),
+        ("when", lambda k: f"2024-01-31 {day_time(TIMES_S[k])}", "when"),
+    ):
+        content = table(f"{head},x,y,z", lambda k, stamp=stamp: [stamp(k), *cells(k)])
+        folder = tmp_path / wanted
+        folder.mkdir()
+        (folder / "a.csv").write_text(content)
+        content, _, (found,) = suggested(folder / "a.csv")
+        assert wanted in content["time"].values()
+        stamps = found.samples[0].stamps_ns
+        np.testing.assert_allclose(stamps - stamps[0], 1e9 * TIMES_S, atol=1)
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (["give/1.csv", "give/2.csv", "take/1.csv"], "'{task}/{number}.csv'"),
+        (["give_cup-07.csv", "take_cup-12.csv"], "'{task}-{number}.csv'"),
+        (["give_00.csv"], "'{task}_{number}.csv'"),
+        (["give.csv", "take_1.csv"], ""),
+        (["a/deep/x_1.csv", "b/deep/x_2.csv"], ""),
+    ],
+)
+def test_a_suggested_map_reads_the_task_from_the_names(names, pattern, tmp_path):
+    for name in names:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("time,x,y,z\n0,0,0,0\n0.01,0.1,0,0\n0.02,0.3,0,0.1\n")
+    text = suggest_map(tmp_path)
+    told = [line.removeprefix("files: ") for line in text.splitlines() if line.startswith("files")]
+    assert told == ([pattern] if pattern else [])
+    assert ("task: give_it_a_name" in text) == (not pattern)
+    mapping = ImportMap.from_dict(yaml.safe_load(text))
+    assert [find_stem(one) for one in import_demonstrations(tmp_path, mapping)]
+
+
+def find_stem(found):
+    assert not isinstance(found, Rejection), found
+    return found.name
