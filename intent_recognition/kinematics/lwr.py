@@ -5,7 +5,7 @@ Lengths, position, velocity and torque limits are those of the public models (ku
 CentroEPiaggio/kuka-lwr).
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,7 @@ DEFAULT_ACCELERATION_RAD_S2 = 8.0
 """Acceleration limit of every joint [rad/s^2]. Convention: KUKA publishes none."""
 
 
-@dataclass(frozen=True, eq=False)
-class DHParameters:
+class DHParameters(NamedTuple):
     """Standard DH parameters, arrays of shape (n_joints,).
 
     Frame i is frame i-1 times Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i); here a is zero throughout.
@@ -28,13 +27,6 @@ class DHParameters:
 
     d_m: NDArray[np.float64]
     alpha_rad: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("d_m", "alpha_rad"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
 
 
 DH = DHParameters(

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.forward import hand_position, jacobian, joint_vector
-from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 
 _DAMPING_M2 = 1e-3
@@ -25,9 +24,7 @@ _LARGEST_ERROR_M = 1e-4
 """Largest distance left [m]. Convention: a tenth of a millimetre."""
 
 
-def reach_position(
-    position_m: ArrayLike, seed: ArrayLike, limits: JointLimits = LWR_LIMITS
-) -> NDArray[np.float64]:
+def reach_position(position_m: ArrayLike, seed: ArrayLike) -> NDArray[np.float64]:
     """Return joint angles (7,) [rad] near the seed with the hand at position_m (3,) [m].
 
     Joints are clamped into the limits after each step; the hand's orientation is free.
@@ -39,7 +36,8 @@ def reach_position(
     if not np.all(np.isfinite(target)):
         cure = "Check the input for NaN."
         raise KinematicsError.about("position_m", "finite numbers", target, cure)
-    q = np.clip(joint_vector(seed, "seed"), limits.lower, limits.upper)
+    lower, upper = LWR_LIMITS.lower, LWR_LIMITS.upper
+    q = np.clip(joint_vector(seed, "seed"), lower, upper)
     for _ in range(_N_STEPS):
         error = target - hand_position(q)
         if np.linalg.norm(error) < _TOLERANCE_M:
@@ -49,7 +47,7 @@ def reach_position(
         square = _DAMPING_M2 * min(1.0, float(np.linalg.norm(error))) + 1e-12
         step = J.T @ np.linalg.solve(J @ J.T + square * np.eye(3), error)
         step *= min(1.0, _LARGEST_STEP_RAD / max(float(np.abs(step).max()), 1e-12))
-        q = np.clip(q + step, limits.lower, limits.upper)
+        q = np.clip(q + step, lower, upper)
     distance = float(np.linalg.norm(target - hand_position(q)))
     if distance > _LARGEST_ERROR_M:
         raise KinematicsError.about(

@@ -133,14 +133,7 @@ class Clustering(NamedTuple):
     left_out: Components
 
 
-def cluster(
-    features: Features,
-    n_components: int,
-    rng: np.random.Generator,
-    *,
-    prior: CovariancePrior | None = None,
-    n_starts: int = N_STARTS,
-) -> Clustering:
+def cluster(features: Features, n_components: int, rng: np.random.Generator) -> Clustering:
     """Fit a mixture from many starts and keep the likeliest without small components.
 
     A fit with a component of fewer than `MIN_MEMBERS` is kept only if every start led to one: the
@@ -152,12 +145,9 @@ def cluster(
         features: the demonstrations.
         n_components: K.
         rng: for the starts.
-        prior: of the covariances, by default that of the features.
-        n_starts: runs of k-means; one is enough for one component.
     """
-    prior = prior or features.prior
-    points = features.coordinates
-    n_starts = n_starts if n_components > 1 else 1
+    points, prior = features.coordinates, features.prior
+    n_starts = N_STARTS if n_components > 1 else 1
     starts = np.unique(kmeans_starts(points, n_components, n_starts, rng), axis=0)
     fits = fit_mixture(points, one_hot(starts, n_components), prior)
     ranks = [_rank(fits, b, n_components) for b in range(len(starts))]

@@ -10,6 +10,10 @@ from scipy.special import expit
 
 from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
 
+MOST_STEPS, CONVERGED = 100, 1e-9
+"""Newton steps at most, and the change of a weight, in parts of the largest one, at which they end.
+Convention."""
+
 
 @dataclass(frozen=True)
 class LogisticModel:
@@ -45,8 +49,6 @@ def fit_logistic(
     features: NDArray[np.float64],
     labels: NDArray[np.float64],
     ridge: float = 1e-2,
-    max_iterations: int = 100,
-    tolerance: float = 1e-9,
 ) -> LogisticModel:
     """Fit by Newton steps on the ridge-penalised likelihood, halved until it rises.
 
@@ -57,8 +59,6 @@ def fit_logistic(
         features: (n, d), finite.
         labels: (n,), 0 or 1 (or booleans), both present.
         ridge: strength of the penalty, above 0.
-        max_iterations: Newton steps at most.
-        tolerance: stop when the largest change of a weight is below.
 
     Raises:
         ShapeError: shapes do not fit.
@@ -80,7 +80,7 @@ def fit_logistic(
         return float(misfit + 0.5 * penalty @ candidate**2)
 
     current = loss(beta)
-    for _ in range(max_iterations):
+    for _ in range(MOST_STEPS):
         probability = expit(design @ beta)
         gradient = design.T @ (probability - labels) + penalty * beta
         curvature = probability * (1.0 - probability)
@@ -93,10 +93,10 @@ def fit_logistic(
             length *= 0.5
         beta = beta - length * step
         current = loss(beta)
-        if np.abs(length * step).max() < tolerance * (1.0 + np.abs(beta).max()):
+        if np.abs(length * step).max() < CONVERGED * (1.0 + np.abs(beta).max()):
             return LogisticModel(float(beta[0]), beta[1:], offset, scale)
-    got = f"a step of {np.abs(step).max():.3g} after {max_iterations}"
-    cure = "Raise ridge or max_iterations."
+    got = f"a step of {np.abs(step).max():.3g} after {MOST_STEPS}"
+    cure = "Raise ridge."
     raise TrainingError.about("labels", "converging weights", got, cure)
 
 

@@ -50,7 +50,7 @@ def agreeing_neighbours(
         order = np.argsort(~agree, axis=1, kind="stable")[:, :k]
         found[missing] = np.take_along_axis(near, order, 1)
         missing = missing[agree.sum(1) < k]
-    for rows in _chunks(missing):
+    for rows in (missing[at : at + CHUNK] for at in range(0, len(missing), CHUNK)):
         found[rows] = _among_all(points[rows], normals[rows], candidates, candidate_normals, k)
     return found
 
@@ -62,11 +62,6 @@ def majority(labels: NDArray[np.integer], n_labels: int) -> NDArray[np.integer]:
     votes = np.stack([(labels == label).sum(1) for label in range(n_labels)], 1).astype(float)
     votes[np.arange(len(labels)), labels[:, 0]] += 0.5
     return votes.argmax(1)
-
-
-def _chunks(rows: NDArray[np.integer]) -> list[NDArray[np.integer]]:
-    """Rows in pieces that keep the tables of distances small."""
-    return [rows[start : start + CHUNK] for start in range(0, len(rows), CHUNK)]
 
 
 def _among_all(

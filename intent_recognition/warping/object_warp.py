@@ -16,14 +16,11 @@ from scipy.spatial import cKDTree
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.warping.cavity import Cavity, fit_cavity
 from intent_recognition.warping.frame import N_LEVELS, ObjectFrame, coarse_frame
+from intent_recognition.warping.logistic import LogisticModel
 from intent_recognition.warping.mapping import agreeing_neighbours, majority
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud, Part
 from intent_recognition.warping.opening import find_opening
-from intent_recognition.warping.part_labels import (
-    PartClassifiers,
-    fit_part_classifiers,
-    local_features,
-)
+from intent_recognition.warping.part_labels import fit_rim_classifier, local_features
 from intent_recognition.warping.rim import Rim, fit_rim
 
 Mapping = Literal["label", "point"]
@@ -37,21 +34,21 @@ MAX_ASIDE = 0.7
 
 @dataclass(frozen=True, eq=False)
 class ObjectModel:
-    """An annotated object with the part classifiers learned from it (Brandl et al. 2014, II-A).
+    """An annotated object with the classifier learned from it (Brandl et al. 2014, II-A).
 
     Attributes:
         annotated: the object.
-        classifiers: of the parts, from the local shape of the surface.
+        classifier: of the rim, from the local shape of the surface.
         frame: of the object, found in the same way as that of a target.
     """
 
     annotated: AnnotatedObject
-    classifiers: PartClassifiers
+    classifier: LogisticModel
     frame: ObjectFrame
 
     @classmethod
     def learn(cls, annotated: AnnotatedObject) -> ObjectModel:
-        """Learn the part classifiers and the frame of the annotated object.
+        """Learn classifier and frame of the annotated object.
 
         Raises:
             TrainingError: no rim is annotated.
@@ -69,9 +66,8 @@ class ObjectModel:
             expected = f"at least {LEAST_APART_M:g} m from the wall's middle to the rim's"
             raise TrainingError.about("points", expected, f"{apart_m:g} m", cure)
         up = (rim - container) / apart_m
-        classifiers = fit_part_classifiers(annotated, up)
-        frame = _frame(annotated, classifiers)
-        return cls(annotated, classifiers, frame)
+        classifier = fit_rim_classifier(annotated, up)
+        return cls(annotated, classifier, _frame(annotated, classifier))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +131,7 @@ def warp_object(
         cure = "See docs/warping.md."
         raise ArgumentError.about("mapping", "'label' or 'point'", repr(mapping), cure)
     check_scan(target.points)
-    frame = _frame(target, source.classifiers)
+    frame = _frame(target, source.classifier)
     aside = float(np.linalg.norm(frame.to_local(target.points)[:, 1:].mean(0)))
     if aside > MAX_ASIDE * frame.radius_m:
         cure = "Cut the cloud into objects and warp one at a time."
@@ -160,14 +156,14 @@ def warp_object(
     return WarpedObject(*warped, frame, mapping)
 
 
-def _frame(cloud: ObjectCloud, classifiers: PartClassifiers) -> ObjectFrame:
+def _frame(cloud: ObjectCloud, classifier: LogisticModel) -> ObjectFrame:
     """The coarse frame of an unlabelled object."""
     tree = cKDTree(cloud.points)
     for step in sorted({max(1, len(cloud.points) // N_CLASSIFIED), 1}, reverse=True):
         rows = slice(None, None, step)
         features = local_features(cloud.points, cloud.normals, tree, rows)
-        rim = classifiers.rim.probability(features)
-        opening = find_opening(cloud.points[rows], cloud.normals[rows], rim)
+        on_rim = classifier.probability(features)
+        opening = find_opening(cloud.points[rows], cloud.normals[rows], on_rim)
         if opening is not None:
             return coarse_frame(cloud.points, cloud.normals, opening)
     cure = "It may be closed on top, or no cup or bowl at all."

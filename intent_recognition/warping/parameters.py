@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warped parameters: functions of a warped object (Brandl et al. II-D).
 
-Each takes the warped object and gives a number or a point in the target's coordinates. Own ones
-are functions of the same kind; they may use these, the parts' points, the rim and the cavity.
+Own ones are functions of the warped object as well: of its parts' points, its rim and its cavity.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +14,6 @@ from numpy.typing import NDArray
 from intent_recognition.warping.clipping import half_volume_angle
 from intent_recognition.warping.object_warp import WarpedObject
 
-Parameter = Callable[[WarpedObject], float | NDArray[np.float64]]
 FAR_M = 100.0
 """Distance [m] of a point that stands for a direction."""
 LEVEL_RAD = 0.05
@@ -28,10 +24,11 @@ class PouringParameters(NamedTuple):
     """The parameters of pouring, of one container.
 
     Attributes:
-        opening_radius_m: reference of horizontal distances into it.
+        opening_radius_m: mean distance of the rim from its centre, the reference of horizontal
+            distances into it.
         volume_m3: what it holds up to the rim.
-        height_m: reference of vertical distances above it.
-        opening_centre: (3,) [m].
+        height_m: from the base to the crest of the rim, the reference of vertical distances.
+        opening_centre: of the rim (3,) [m], at the height of its crest.
         lip_point: (3,) [m].
         tilt_reference_rad: tilt about the lip that leaves half of the volume.
     """
@@ -42,26 +39,6 @@ class PouringParameters(NamedTuple):
     opening_centre: NDArray[np.float64]
     lip_point: NDArray[np.float64]
     tilt_reference_rad: float
-
-
-def opening_radius(warped: WarpedObject) -> float:
-    """Mean distance of the rim from its centre [m]."""
-    return warped.rim.radius_m
-
-
-def opening_centre(warped: WarpedObject) -> NDArray[np.float64]:
-    """Centre (3,) of the rim [m], at the height of its crest."""
-    return warped.rim.centre
-
-
-def volume(warped: WarpedObject) -> float:
-    """What the container holds up to the rim [m^3]."""
-    return warped.cavity.volume_m3
-
-
-def height(warped: WarpedObject) -> float:
-    """From the base to the crest of the rim [m]."""
-    return warped.cavity.height_m
 
 
 def lip_point(
@@ -99,25 +76,6 @@ def tilt_reference(warped: WarpedObject, lip: NDArray[np.float64] | None = None)
     return half_volume_angle(cavity.vertices, cavity.faces, lip, rim.up, rim.outward(lip))
 
 
-PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
-    {
-        "opening_radius_m": opening_radius,
-        "volume_m3": volume,
-        "height_m": height,
-        "opening_centre": opening_centre,
-        "lip_point": lip_point,
-        "tilt_reference_rad": tilt_reference,
-    }
-)
-
-
-def evaluate(
-    warped: WarpedObject, parameters: Mapping[str, Parameter] = PARAMETERS
-) -> dict[str, float | NDArray[np.float64]]:
-    """Values of parameters, by name."""
-    return {name: parameter(warped) for name, parameter in parameters.items()}
-
-
 def pouring_parameters(
     warped: WarpedObject,
     toward: NDArray[np.float64] | None = None,
@@ -130,12 +88,9 @@ def pouring_parameters(
         toward: place (3,) of the other container [m], if there is one.
         vertical: unit vector (3,) against gravity, if it is known.
     """
+    rim, cavity = warped.rim, warped.cavity
     lip = lip_point(warped, toward, vertical)
+    tilt_rad = tilt_reference(warped, lip)
     return PouringParameters(
-        opening_radius(warped),
-        volume(warped),
-        height(warped),
-        opening_centre(warped),
-        lip,
-        tilt_reference(warped, lip),
+        rim.radius_m, cavity.volume_m3, cavity.height_m, rim.centre, lip, tilt_rad
     )

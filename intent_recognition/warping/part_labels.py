@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First guess of the parts by how the surface looks nearby, learned from the annotated object."""
-
-from typing import NamedTuple
+"""First guess of the rim by how the surface looks nearby, learned from the annotated object."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +12,7 @@ from intent_recognition.warping.object_model import AnnotatedObject, Part
 RIDGE = 1.0
 """Penalty on weights per standard deviation of a feature: classes overlap little."""
 N_VIEWS = (1, 1, 1, 2, 2, 3, 3, 3)
-"""Numbers of cameras of the partial views that the classifiers are trained on."""
+"""Numbers of cameras of the partial views that the classifier is trained on."""
 N_POINTS = 2000
 """Points of the whole object and of each view, as many as a scan has."""
 GRAZING = 0.17
@@ -25,18 +23,11 @@ N_NEIGHBOURS = 20
 """Neighbours from which a point's features are computed."""
 
 
-class PartClassifiers(NamedTuple):
-    """One logistic regression for the rim and one for the handle, None if there is no handle."""
-
-    rim: LogisticModel
-    handle: LogisticModel | None
-
-
-def fit_part_classifiers(source: AnnotatedObject, up: NDArray[np.float64]) -> PartClassifiers:
-    """Learn to tell parts from how the surface looks nearby (Brandl et al. II-B).
+def fit_rim_classifier(source: AnnotatedObject, up: NDArray[np.float64]) -> LogisticModel:
+    """Learn to tell the rim from how the surface looks nearby (Brandl et al. II-B).
 
     A camera above sees more of the rim than of the walls. The annotated points are therefore
-    thinned as one to three cameras would, and the classifiers see these clouds besides the whole.
+    thinned as one to three cameras would, and the classifier sees these clouds besides the whole.
 
     Raises:
         TrainingError: no point is labelled as rim, or every one.
@@ -51,12 +42,8 @@ def fit_part_classifiers(source: AnnotatedObject, up: NDArray[np.float64]) -> Pa
     chosen = [everything, *(rng.choice(everything, count, replace=False) for _ in range(2))]
     chosen += [_seen(source, up, n_views, rng) for n_views in N_VIEWS]
     features = np.concatenate([local_features(source.points[c], source.normals[c]) for c in chosen])
-    labels = source.labels[np.concatenate(chosen)]
-    with_handle = bool((labels == Part.HANDLE).any())
-    return PartClassifiers(
-        fit_logistic(features, labels == Part.RIM, ridge=RIDGE),
-        fit_logistic(features, labels == Part.HANDLE, ridge=RIDGE) if with_handle else None,
-    )
+    on_rim = source.labels[np.concatenate(chosen)] == Part.RIM
+    return fit_logistic(features, on_rim, ridge=RIDGE)
 
 
 def local_features(

@@ -123,7 +123,7 @@ def test_what_cannot_be_grasped_is_said(mug):
     cloud = scanned("tumbler")
     far = good.pose.copy()
     far[:3, 3] += 0.1
-    aside = ObjectModel(replace(own, grasp=Grasp(far, 0.01)), mug.classifiers, mug.frame)
+    aside = ObjectModel(replace(own, grasp=Grasp(far, 0.01)), mug.classifier, mug.frame)
     with pytest.raises(ArgumentError, match="under each pad"):
         warp_grasp(aside, warp_object(aside, cloud))
     handle = own.points[own.labels == Part.HANDLE]
@@ -131,7 +131,7 @@ def test_what_cannot_be_grasped_is_said(mug):
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     pose[:3, 3] = [grip[0] + 0.004, 0.0, grip[2]]
-    held = ObjectModel(replace(own, grasp=Grasp(pose, 0.009)), mug.classifiers, mug.frame)
+    held = ObjectModel(replace(own, grasp=Grasp(pose, 0.009)), mug.classifier, mug.frame)
     with pytest.raises(ArgumentError, match="a target with a handle"):
         warp_grasp(held, warp_object(held, cloud))
     mirrored = good.pose.copy()
