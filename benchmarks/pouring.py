@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import Result, at_least, at_most
+from experiments.constraints.experiment import AREA, GAIN
 from experiments.constraints.features import (
     LABEL,
     METHODS,
@@ -25,7 +26,6 @@ from experiments.constraints.features import (
     know_all,
     pouring_samples,
 )
-from experiments.constraints.report import AREA, GAIN
 from experiments.constraints.study import NOVEL, score
 from experiments.constraints.trials import (
     COLUMNS,
@@ -45,7 +45,7 @@ from experiments.pouring.executed import (
     learn_skill,
     planned,
 )
-from experiments.pouring.report import BAR_SPILLED
+from experiments.pouring.experiment import BAR_SPILLED
 from experiments.pouring.study import of_manner, read_recorded
 from intent_recognition.share import share_path
 from sim_bridge.containers import CONTAINER_NAMES
