@@ -86,11 +86,10 @@ def clean_topic(
     if is_raw_pose(topic, type_name):
         raw = _pose_columns(stamps_ns, log_times_ns, decoded)
         settings = _settings(raw, extrinsics)
-        accepted = _ingest(raw, settings, True)
+        accepted = _ingest(raw, settings)
         frames = _names([settings.world_frame])
-        orientations = _measured(accepted, raw)
-        poses = zip(accepted.rows, accepted.positions, orientations, strict=True)
-        for row, position, orientation in poses:
+        poses = accepted.rows, accepted.positions, accepted.orientations
+        for row, position, orientation in zip(*poses, strict=True):
             decoded[row] = pose_message(decoded[row].header, position, orientation)
         rows, rejected = _longest_increasing(stamps_ns, accepted)
     else:
@@ -100,23 +99,18 @@ def clean_topic(
 
 
 def clean_columns(
-    topic: str,
-    columns: Columns,
-    extrinsics: Mapping[str, tuple] | None = None,
-    *,
-    oriented: bool = True,
+    topic: str, columns: Columns, extrinsics: Mapping[str, tuple] | None = None
 ) -> TopicSamples:
-    """As `clean_topic` from columns; orientations of raw poses are NaN unless `oriented`."""
+    """As `clean_topic` from columns."""
     stamps_ns = columns.stamps_ns
     frames = _names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
         settings = _settings(columns, extrinsics)
-        accepted = _ingest(columns, settings, oriented)
+        accepted = _ingest(columns, settings)
         frames = _names([settings.world_frame])
         positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
         positions[accepted.rows, :3] = accepted.positions
-        if accepted.orientations is not None:
-            orientations[accepted.rows] = _measured(accepted, columns)
+        orientations[accepted.rows] = accepted.orientations
         columns = replace(columns, positions=positions[:, :3], orientations=orientations)
         rows, rejected = _longest_increasing(stamps_ns, accepted)
     else:
@@ -203,7 +197,7 @@ def _pose_columns(
     )
 
 
-def _ingest(columns: PoseColumns, settings: IngestSettings, oriented: bool) -> AcceptedPoses:
+def _ingest(columns: PoseColumns, settings: IngestSettings) -> AcceptedPoses:
     return ingest_poses(
         settings,
         columns.stamps_ns,
@@ -211,15 +205,7 @@ def _ingest(columns: PoseColumns, settings: IngestSettings, oriented: bool) -> A
         columns.orientations,
         columns.frame_ids,
         columns.frames,
-        oriented=oriented,
     )
-
-
-def _measured(accepted: AcceptedPoses, raw: PoseColumns) -> NDArray[np.float64]:
-    """Orientations (n, 4) of the accepted poses, NaN where a tracker sent zeros for none."""
-    assert accepted.orientations is not None  # they were asked for
-    measured = np.any(raw.orientations[accepted.rows], axis=1, keepdims=True)
-    return np.where(measured, accepted.orientations, np.nan)
 
 
 def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> IngestSettings:

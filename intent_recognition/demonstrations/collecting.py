@@ -14,7 +14,7 @@ from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.fields import has_columns
 from intent_recognition.demonstrations.paths import element_names
 from intent_recognition.errors import BagError, MessageError
-from intent_recognition.signals import ORIENTATION_FIELDS, Rejection
+from intent_recognition.signals import Rejection
 
 
 def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
@@ -76,17 +76,13 @@ def _columns(
     reader: BagReader, dofs: DofSpec, extrinsics: Mapping[str, tuple] | None
 ) -> dict[str, TopicSamples] | None:
     """Samples of all topics read as columns; None if one of them cannot be."""
-    entries = dofs.recorded
-    if not all(map(has_columns, entries)):
+    if not all(map(has_columns, dofs.recorded)):
         return None
     columns = reader.columns(dofs.topics)
     if any(found is None for found in columns.values()):
         return None
-    oriented = {
-        entry.topic for entry in entries if not set(entry.fields).isdisjoint(ORIENTATION_FIELDS)
-    }
     return {
-        topic: clean_columns(topic, found, extrinsics, oriented=topic in oriented)
+        topic: clean_columns(topic, found, extrinsics)
         for topic, found in columns.items()
         if found is not None
     }

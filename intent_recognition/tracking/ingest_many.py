@@ -8,23 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.tracking.ingest import (
-    FARTHEST_M,
-    NO_ROTATION,
-    IngestState,
-    TrackedPose,
-    ingest_pose,
-)
+from intent_recognition.tracking.ingest import FARTHEST_M, IngestState, TrackedPose, ingest_pose
 from intent_recognition.tracking.settings import IngestSettings, frame_name
-from intent_recognition.tracking.transforms import (
-    RigidTransform,
-    multiply_quaternions,
-    normalise_quaternion,
-)
+from intent_recognition.tracking.transforms import LEAST_QUATERNION, multiply_quaternions
 
 GATE_SHARE = 1.0 - 1e-9
 """Steps closer to the gate than this share of it are checked one by one. Convention: above the
-rounding of lengths, which are computed in another order here."""
+rounding of positions and lengths, which are computed in another order here."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +24,13 @@ class AcceptedPoses:
     Attributes:
         rows: which samples these are, int64 (n,).
         positions: (n, 3) [m].
-        orientations: unit quaternions (n, 4) xyzw; None when they were not asked for.
+        orientations: unit quaternions (n, 4) xyzw; NaN where none was measured.
         rejected: number of the other samples, by reason.
     """
 
     rows: NDArray[np.int64]
     positions: NDArray[np.float64]
-    orientations: NDArray[np.float64] | None
+    orientations: NDArray[np.float64]
     rejected: Counter[str] = field(default_factory=Counter)
 
 
@@ -51,8 +41,6 @@ def ingest_poses(
     orientations: NDArray[np.float64],
     frame_ids: tuple[str, ...],
     frames: NDArray[np.int64],
-    *,
-    oriented: bool = True,
 ) -> AcceptedPoses:
     """All samples of one body in order, from the initial state; equal to `ingest_pose` in a loop.
 
@@ -66,7 +54,6 @@ def ingest_poses(
         orientations: (T, 4) xyzw in their frames.
         frame_ids: names of the frames.
         frames: index into `frame_ids` of each sample, int (T,).
-        oriented: whether orientations are wanted; without them it is much faster.
 
     Raises:
         ShapeError: the arrays do not fit each other.
@@ -78,9 +65,15 @@ def ingest_poses(
         raise ShapeError.about(
             "positions, orientations, frames", expected, shapes, "Pass one row a stamp."
         )
-    usable = _usable(settings, stamps_ns, positions, orientations, frame_ids, frames)
-    world = _to_world(settings, positions, frame_ids, frames, usable)
-    uncertain = np.flatnonzero(~(usable & _follows(settings, stamps_ns, world, usable)))
+    usable = (stamps_ns > 0) & np.all(np.isfinite(orientations), axis=1)
+    usable &= np.all(np.abs(positions) <= FARTHEST_M, axis=1)  # False for NaN too
+    world, turned = np.full((count, 3), np.nan), np.full((count, 4), np.nan)
+    for index, frame in enumerate(map(frame_name, frame_ids)):
+        if (transform := settings.frames.get(frame)) is not None:
+            rows = usable & (frames == index)
+            world[rows] = transform.apply(positions[rows])
+            turned[rows] = multiply_quaternions(transform.quaternion, _unit(orientations[rows]).T).T
+    uncertain = np.flatnonzero(~_follows(settings, stamps_ns, world))
     accepted = np.ones(count, bool)
     rejected: Counter[str] = Counter()
     at = 0
@@ -90,106 +83,33 @@ def ingest_poses(
         recent = ((int(stamps_ns[at - 1]), world[at - 1]),) if at else ()
         state = IngestState(recent=recent)
         while at < count:
-            state, result = ingest_pose(
-                settings,
-                state,
-                int(stamps_ns[at]),
-                positions[at],
-                orientations[at],
-                frame_ids[frames[at]],
-            )
+            pose = positions[at], orientations[at], frame_ids[frames[at]]
+            state, result = ingest_pose(settings, state, int(stamps_ns[at]), *pose)
             at += 1
             if isinstance(result, TrackedPose):
                 break
             accepted[at - 1] = False
             rejected[result.reason] += 1
     rows = np.flatnonzero(accepted)
-    turned = _turned(settings, orientations, frame_ids, frames, rows) if oriented else None
-    return AcceptedPoses(rows, world[rows], turned, rejected)
+    return AcceptedPoses(rows, world[rows], turned[rows], rejected)
 
 
-def _usable(
-    settings: IngestSettings,
-    stamps_ns: NDArray[np.int64],
-    positions: NDArray[np.float64],
-    orientations: NDArray[np.float64],
-    frame_ids: tuple[str, ...],
-    frames: NDArray[np.int64],
-) -> NDArray[np.bool_]:
-    """Samples with nothing wrong in themselves, bool (T,)."""
-    known = np.array([frame_name(frame) in settings.frames for frame in frame_ids], bool)
-    usable = known[frames] if known.size else np.zeros(stamps_ns.size, bool)
-    usable &= stamps_ns > 0
-    usable &= np.all(np.abs(positions) <= FARTHEST_M, axis=1)  # False for NaN too
-    usable &= np.all(np.isfinite(orientations), axis=1)
-    return usable
-
-
-def _to_world(
-    settings: IngestSettings,
-    positions: NDArray[np.float64],
-    frame_ids: tuple[str, ...],
-    frames: NDArray[np.int64],
-    usable: NDArray[np.bool_],
-) -> NDArray[np.float64]:
-    """Positions in the world frame (T, 3), bit for bit as one by one; NaN where not usable."""
-    world = np.where(usable[:, None], positions, np.nan)
-    for index, frame in enumerate(frame_ids):
-        transform = settings.frames.get(frame_name(frame))
-        if transform is None:
-            continue
-        rows = np.flatnonzero((frames == index) & usable)
-        if _is_identity(transform):
-            world[rows] = positions[rows] + 0.0  # a negative zero comes out positive
-        else:
-            # One by one: a matrix product of all of them may round otherwise.
-            for row in rows:
-                world[row] = transform.apply(positions[row])
-    return world
-
-
-def _is_identity(transform: RigidTransform) -> bool:
-    if np.any(transform.translation) or np.any(np.signbit(transform.translation)):
-        return False
-    return np.array_equal(transform.rotation, np.eye(3))
+def _unit(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Each of the quaternions (n, 4) at unit length; NaN where it is zero."""
+    largest = np.max(np.abs(quaternions), axis=1, keepdims=True)
+    scaled = quaternions / np.where(largest < LEAST_QUATERNION, np.nan, largest)
+    return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
 
 
 def _follows(
-    settings: IngestSettings,
-    stamps_ns: NDArray[np.int64],
-    world: NDArray[np.float64],
-    usable: NDArray[np.bool_],
+    settings: IngestSettings, stamps_ns: NDArray[np.int64], world: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
     """Samples that continue the track surely if the one before was accepted, bool (T,)."""
-    follows = np.zeros(stamps_ns.size, bool)
-    if not follows.size:
-        return follows
-    follows[0] = True  # nothing to compare the first with
+    follows = np.isfinite(world[:, 0])
     steps_ns = np.diff(stamps_ns)
-    with np.errstate(invalid="ignore"):
-        lengths_m = np.sqrt(np.sum(np.diff(world, axis=0) ** 2, axis=1))
-        reach_m = settings.max_speed_m_s * steps_ns * 1e-9 + settings.margin_m
-        near = lengths_m <= GATE_SHARE * reach_m
-    gap = steps_ns * 1e-9 > settings.max_gap_s
-    follows[1:] = (steps_ns > 0) & usable[:-1] & (near | gap)
+    lengths_m = np.linalg.norm(np.diff(world, axis=0), axis=1)
+    reach_m = settings.max_speed_m_s * steps_ns * 1e-9 + settings.margin_m
+    near = lengths_m <= GATE_SHARE * reach_m
+    gap = (steps_ns * 1e-9 > settings.max_gap_s) & follows[:-1]
+    follows[1:] &= (steps_ns > 0) & (near | gap)  # the first has nothing to compare with
     return follows
-
-
-def _turned(
-    settings: IngestSettings,
-    orientations: NDArray[np.float64],
-    frame_ids: tuple[str, ...],
-    frames: NDArray[np.int64],
-    rows: NDArray[np.int64],
-) -> NDArray[np.float64]:
-    """Orientations of the accepted samples in the world frame, (n, 4)."""
-    turned = np.empty((rows.size, 4))
-    known = settings.frames
-    transforms = [known.get(frame_name(frame), RigidTransform.identity()) for frame in frame_ids]
-    for k, row in enumerate(rows):
-        unit = normalise_quaternion(orientations[row])
-        if unit is None:
-            turned[k] = NO_ROTATION
-        else:
-            turned[k] = multiply_quaternions(transforms[frames[row]].quaternion, unit)
-    return turned
