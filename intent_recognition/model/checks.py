@@ -34,27 +34,33 @@ SCALARS = (
 )
 
 
+SHAPES = {
+    "weight_mean": "kw",
+    "weight_covariance": "kww",
+    "noise_variance": "d",
+    "log_duration_mean": "k",
+    "log_duration_std": "k",
+    "task_prior": "k",
+    "transition_prior": "lk",
+    "none_mean": "o",
+    "none_covariance": "oo",
+    "none_log_duration": "2",
+    "n_demonstrations": "k",
+    "observed_groups": "g",
+    "observed_weight_covariance": "koo",
+    **dict.fromkeys(SCALARS, ""),
+}
+"""Axes of each array of a model: k tasks, l one more; d DOFs, the observed ones in g groups; w
+weights, o of them observed."""
+
+
 def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, ...]]:
     """Shapes of the arrays of a model of so many tasks."""
     observed = len(dofs.observed_names)
     n_dofs = observed + len(dofs.controlled_names)
-    size, total = observed * n_basis, n_dofs * n_basis
-    return {
-        "weight_mean": (n_tasks, total),
-        "weight_covariance": (n_tasks, total, total),
-        "noise_variance": (n_dofs,),
-        "log_duration_mean": (n_tasks,),
-        "log_duration_std": (n_tasks,),
-        "task_prior": (n_tasks,),
-        "transition_prior": (n_tasks + 1, n_tasks),
-        "none_mean": (size,),
-        "none_covariance": (size, size),
-        "none_log_duration": (2,),
-        "n_demonstrations": (n_tasks,),
-        "observed_groups": (len(dofs.observed),),
-        "observed_weight_covariance": (n_tasks, size, size),
-        **dict.fromkeys(SCALARS, ()),
-    }
+    size = {"k": n_tasks, "l": n_tasks + 1, "d": n_dofs, "g": len(dofs.observed), "2": 2}
+    size |= {"w": n_dofs * n_basis, "o": observed * n_basis}
+    return {name: tuple(size[axis] for axis in axes) for name, axes in SHAPES.items()}
 
 
 def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:

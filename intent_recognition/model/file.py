@@ -23,6 +23,7 @@ from intent_recognition.model.arrays import RETRAIN, check_arrays
 from intent_recognition.model.checks import (
     DEVIATION_STD,
     SCALARS,
+    SHAPES,
     check_groups,
     check_plausible,
     check_values,
@@ -41,27 +42,6 @@ from intent_recognition.untrusted import UntrustedError, check_archive, load_jso
 
 FORMAT_VERSION = 3
 """Of the file; others are not read."""
-NUMBERS = (
-    "weight_mean",
-    "weight_covariance",
-    "noise_variance",
-    "noise_scale",
-    "correlation_time_s",
-    "log_duration_mean",
-    "log_duration_std",
-    "task_prior",
-    "transition_prior",
-    "none_mean",
-    "none_covariance",
-    "none_log_duration",
-    "none_prior",
-    "none_margin",
-    "switch_margin",
-    "duration_evidence",
-    "n_demonstrations",
-    "observed_groups",
-    "observed_weight_covariance",
-)
 BEFORE_SWITCHES: dict[str, NDArray[Any]] = {"switch_margin": np.array(0.0)}
 """What models hold that were written before changes of mind were followed."""
 
@@ -126,7 +106,7 @@ def save_model(
         "observed_weight_covariance": library.observed_covariance[:-1],
         DEVIATION_STD: deviation.deviation_std,
     }
-    arrays |= {n: np.asarray(getattr(library, n)) for n in NUMBERS if n not in arrays}
+    arrays |= {n: np.asarray(getattr(library, n)) for n in SHAPES if n not in arrays}
     arrays |= context_arrays(library.context) | coupling_arrays(library.coupling)
     header = {
         "format_version": FORMAT_VERSION,
@@ -161,7 +141,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = BEFORE_SWITCHES | _read(path, (*NUMBERS, DEVIATION_STD, *CONTEXT, *COUPLING))
+    content = BEFORE_SWITCHES | _read(path, (*SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING))
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
@@ -174,7 +154,7 @@ def load_model(path: str | Path) -> Model:
             raise ModelError(f"{path}: {error}") from error
         raise ModelError.about(f"{path}: header", "a complete one", error, RETRAIN) from error
     check_arrays(path, content, shapes_of(len(labels), dofs, basis.n_basis), ("observed_groups",))
-    numbers: dict[str, Any] = {name: content[name] for name in NUMBERS}
+    numbers: dict[str, Any] = {name: content[name] for name in SHAPES}
     check_values(path, numbers)
     check_plausible(path, numbers)
     deviation = phase_deviation(path, header, content)

@@ -20,7 +20,7 @@ from intent_recognition.model.file import (
     BEFORE_SWITCHES,
     DEVIATION_STD,
     FORMAT_VERSION,
-    NUMBERS,
+    SHAPES,
     Model,
     check_dofs,
     load_model,
@@ -226,12 +226,12 @@ def test_flipped_bits_are_an_error_or_harmless(model, written, tmp_path, data):
         np.testing.assert_array_equal(read.library.weight_mean, model.library.weight_mean)
 
 
-@pytest.mark.parametrize("name", sorted({*NUMBERS, "header"} - {*BEFORE_SWITCHES}))
+@pytest.mark.parametrize("name", sorted({*SHAPES, "header"} - {*BEFORE_SWITCHES}))
 def test_a_missing_array_is_named(written, tmp_path, name):
     refused(rewritten(tmp_path / "m.npz", written, **{name: None}), name)
 
 
-@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("fault", ["longer", "flat", "words", "complex"])
 def test_a_wrong_shape_or_kind_is_named(written, tmp_path, name, fault):
     right = content(written)[name]
@@ -244,7 +244,7 @@ def test_a_wrong_shape_or_kind_is_named(written, tmp_path, name, fault):
     refused(rewritten(tmp_path / "m.npz", written, **{name: wrong}), name)
 
 
-@pytest.mark.parametrize("name", [n for n in NUMBERS if n not in ("observed_groups",)])
+@pytest.mark.parametrize("name", [n for n in SHAPES if n not in ("observed_groups",)])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_value_that_is_not_finite_is_named(written, tmp_path, name, value):
     wrong = content(written)[name].astype(np.float64)
