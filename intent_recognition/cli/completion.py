@@ -4,7 +4,6 @@
 import argparse
 import re
 import sys
-from pathlib import Path
 from typing import Any
 
 from intent_recognition.cli.options import a_path
@@ -54,9 +53,10 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> str:
     return ANY_NUMBER_ZSH.sub('  "*:', script) if shell == "zsh" else script
 
 
-def offer(action: argparse.Action, offered: "tuple[str, ...] | type[Path]") -> None:
-    """Complete these words, or paths, for an argument whose type does not imply them."""
-    vars(action)["offered"] = offered
+def offer(parser: argparse.ArgumentParser, name: str, words: tuple[str, ...]) -> None:
+    """Complete these words for an argument."""
+    (action,) = (action for action in parser._actions if action.dest == name)
+    vars(action)["offered"] = words
 
 
 def _prepare(parser: argparse.ArgumentParser, files: dict, folders: dict) -> None:
@@ -68,8 +68,7 @@ def _prepare(parser: argparse.ArgumentParser, files: dict, folders: dict) -> Non
             for command in action.choices.values():
                 _prepare(command, files, folders)
             continue
-        offered = getattr(action, "offered", action.type)
-        if offered in (Path, a_path):
+        if action.type is a_path:
             vars(action)["complete"] = folders if action.metavar == "DIR" else files
-        elif isinstance(offered, tuple):
-            action.choices = offered
+        elif words := getattr(action, "offered", ()):
+            action.choices = words

@@ -7,8 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import boxed_table, brief_list, busy, escape, progress_bar, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -30,64 +29,50 @@ from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds, re
 from intent_recognition.model import merge_frames
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 
-PROTOCOLS = ("loo", "kfold:K", "logo:KEY", "temporal[:F]", "holdout:FOLDER")
 ONLINE = ("recognised", "acted_on", "wrongly_acted_on", "median_share_at_decision")
 NO_LABEL = "it has no label `task`"
 
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "evaluate",
-        description="Train on a part of the recordings and score on the rest, in turn.",
-        **examples(
-            ("leave one out", "intent evaluate demos --dofs my_dofs.yaml --report evaluation.html"),
-            (
-                "faster, in five parts",
-                "intent evaluate demos --protocol kfold:5 --json numbers.json",
-            ),
-            (
-                "learn from one folder, score on another",
-                "intent evaluate bags/toolbox/train --test bags/toolbox/test",
-            ),
-            (
-                "leave one person out at a time, by the key `person` of custom_data",
-                "intent evaluate demos --protocol logo:person",
-            ),
-        ),
+        run,
+        """
+        Train on a part of the recordings and score on the rest, in turn.
+
+        what is scored:
+        --protocol loo|kfold:K|logo:KEY|temporal[:F]|holdout:FOLDER
+                         loo (default): leave one recording out at a time; kfold:K: K folds, by
+                         index modulo K; logo:KEY: leave one group out at a time, by a key of
+                         custom_data; temporal:F: train on the first share F (0.7 if not given) of
+                         each task's recordings, by name; holdout:FOLDER: train on BAG and test on
+                         FOLDER
+        --test FOLDER    the same as --protocol holdout:FOLDER
+        --start-posture  whether predictions use the posture in which the controlled agent starts;
+                         both: print tables without and with it (default: off)
+        --unknown-tasks  also leave every task out in turn and see whether its movements are taken
+                         for another's (default: on)
+
+        what is written:
+        --report OUT.html  write an HTML report
+
+        # leave one out
+        intent evaluate demos --dofs my_dofs.yaml --report evaluation.html
+        # faster, in five parts
+        intent evaluate demos --protocol kfold:5 --json numbers.json
+        # learn from one folder, score on another
+        intent evaluate bags/toolbox/train --test bags/toolbox/test
+        # leave one person out at a time, by the key `person` of custom_data
+        intent evaluate demos --protocol logo:person
+        """,
+        start_posture={"choices": ("on", "off", "both"), "default": "off"},
+        unknown_tasks={"choices": ("on", "off"), "default": "on"},
     )
     add_recording_options(parser, "recording")
-    scored = parser.add_argument_group("what is scored")
-    scored.add_argument(
-        "--protocol",
-        metavar="|".join(PROTOCOLS),
-        help="loo (default): leave one recording out at a time; kfold:K: K folds, by index modulo"
-        " K; logo:KEY: leave one group out at a time, by a key of custom_data; temporal:F: train on"
-        " the first share F (0.7 if not given) of each task's recordings, by name; holdout:FOLDER:"
-        " train on BAG and test on FOLDER",
-    )
-    scored.add_argument(
-        "--test", type=a_path, metavar="FOLDER", help="the same as --protocol holdout:FOLDER"
-    )
-    scored.add_argument(
-        "--start-posture",
-        choices=("on", "off", "both"),
-        default="off",
-        help="whether predictions use the posture in which the controlled agent starts; both: print"
-        " tables without and with it (default: off)",
-    )
-    scored.add_argument(
-        "--unknown-tasks",
-        choices=("on", "off"),
-        default="on",
-        help="also leave every task out in turn and see whether its movements are taken for"
-        " another's (default: on)",
-    )
     add_unlabelled_options(parser)
-    written = parser.add_argument_group("what is written")
-    add_json_option(written, "the numbers")
-    written.add_argument("--report", type=a_path, metavar="OUT.html", help="write an HTML report")
-    parser.set_defaults(run=run)
+    add_json_option(parser, "the numbers")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.options import Subparsers, add_command, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -33,61 +32,43 @@ def are_here() -> bool:
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "experiments",
-        description="Run the experiments of the papers on recordings of the simulation, print what"
-        " came out beside the paper's figure, and write one report that opens without network.",
-        **examples(
-            ("what there is", "intent experiments --list"),
-            ("a first look at all of them", "intent experiments --quick"),
-            (
-                "one of them, its numbers for a script",
-                "intent experiments alignment --json numbers.json",
-            ),
-        ),
-    )
-    names = parser.add_argument(
-        "names",
-        nargs="*",
-        metavar="NAME",
-        help="experiment to run (default: all; --list shows them)",
+        run,
+        """
+        Run the experiments of the papers on recordings of the simulation, print what came out
+        beside the paper's figure, and write one report that opens without network.
+
+        names NAME    experiment to run (default: all; --list shows them)
+        --output DIR  folder of report.html, numbers.json and figures/ (default: %(default)s)
+        --seed SEED   seed of all random variation (default: 1)
+        --seeds N     draws of the recordings of pointing, pole and toolbox, to show their spread:
+                      the shipped ones and N - 1 made anew, minutes each (default: %(default)s;
+                      docs/experiments.md shows ten)
+        --quick       run a fast subset of each experiment
+        --bags DIR    folder of recordings (default: the shipped ones)
+        --jobs JOBS   number of processes (default: %(default)s)
+        --list        show the names and stop
+
+        # what there is
+        intent experiments --list
+        # a first look at all of them
+        intent experiments --quick
+        # one of them, its numbers for a script
+        intent experiments alignment --json numbers.json
+        """,
+        names={"nargs": "*"},
+        output={"default": Path("out/experiments")},
+        seed={"type": number(int, 0), "default": 1},
+        seeds={"type": number(int, 1), "default": 3},
+        jobs={"type": number(int, 1), "default": 2},
     )
     if are_here():
         from experiments.catalogue import EXPERIMENTS
 
-        offer(names, tuple(entry.name for entry in EXPERIMENTS))
-    parser.add_argument(
-        "--output",
-        type=a_path,
-        default=Path("out/experiments"),
-        metavar="DIR",
-        help="folder of report.html, numbers.json and figures/ (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seed", type=number(int, 0), default=1, help="seed of all random variation (default: 1)"
-    )
-    parser.add_argument(
-        "--seeds",
-        type=number(int, 1),
-        default=3,
-        metavar="N",
-        help="draws of the recordings of pointing, pole and toolbox, to show their spread: the"
-        " shipped ones and N - 1 made anew, minutes each (default: %(default)s; docs/experiments.md"
-        " shows ten)",
-    )
-    parser.add_argument("--quick", action="store_true", help="run a fast subset of each experiment")
-    parser.add_argument(
-        "--bags",
-        type=a_path,
-        metavar="DIR",
-        help="folder of recordings (default: the shipped ones)",
-    )
-    parser.add_argument(
-        "--jobs", type=number(int, 1), default=2, help="number of processes (default: %(default)s)"
-    )
-    parser.add_argument("--list", action="store_true", help="show the names and stop")
+        offer(parser, "names", tuple(entry.name for entry in EXPERIMENTS))
     add_json_option(parser, "the numbers")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

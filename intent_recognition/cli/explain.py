@@ -11,8 +11,7 @@ from rich.console import Console
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import boxed_table, busy, escape, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -30,38 +29,27 @@ PARTS = 3
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "explain",
-        description="Say why each decision during a recording was taken: the evidence against the"
-        " runner-up over time and by degree of freedom, and what would have been decided without"
-        " each signal.",
-        **examples(
-            (
-                "as tables, and as figures in a page",
-                "intent explain demos/give_bracket_00 --model bracket.npz --report why.html",
-            ),
-            (
-                "against another task than the runner-up",
-                "intent explain demos/give_bracket_00 --model bracket.npz --against give_screw",
-            ),
-        ),
-    )
-    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
-    parser.add_argument(
-        "--model",
-        type=a_path,
-        required=True,
-        metavar="M.npz",
-        help="model that `intent train` wrote",
-    )
-    parser.add_argument(
-        "--against",
-        metavar="TASK",
-        help="a task, or none, instead of the most probable other task at the decision",
+        run,
+        """
+        Say why each decision during a recording was taken: the evidence against the runner-up over
+        time and by degree of freedom, and what would have been decided without each signal.
+
+        bag BAG            bag directory or .mcap file
+        --model M.npz      model that `intent train` wrote
+        --against TASK     a task, or none, instead of the most probable other task at the decision
+        --report OUT.html  write an HTML report
+
+        # as tables, and as figures in a page
+        intent explain demos/give_bracket_00 --model bracket.npz --report why.html
+        # against another task than the runner-up
+        intent explain demos/give_bracket_00 --model bracket.npz --against give_screw
+        """,
+        model={"required": True},
     )
     add_json_option(parser, "the evidence")
-    parser.add_argument("--report", type=a_path, metavar="OUT.html", help="write an HTML report")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

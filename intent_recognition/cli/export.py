@@ -6,8 +6,7 @@ import argparse
 import yaml
 
 from intent_recognition.cli.console import make_console, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
@@ -17,41 +16,28 @@ from intent_recognition.tables import export_columns, export_map, write_lerobot,
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    add_command(
+        subparsers,
         "export",
-        description="Write the degrees of freedom of all demonstrations as one table, with a row"
-        " for each stamp, and beside it the map with which `intent import` makes bags of it again."
-        " The table holds the samples that training would use: docs/import.md.",
-        **examples(
-            ("for pandas, polars or R", "intent export demos --output demos.csv"),
-            (
-                "a LeRobot data set of version 3; needs pyarrow",
-                "intent export demos --output demos_lerobot",
-            ),
-            (
-                "smaller and typed; needs pyarrow",
-                "intent export demos --dofs my_dofs.yaml --output demos.parquet",
-            ),
-        ),
+        run,
+        """
+        Write the degrees of freedom of all demonstrations as one table, with a row for each stamp,
+        and beside it the map with which `intent import` makes bags of it again. The table holds the
+        samples that training would use: docs/import.md.
+
+        bags BAG...    a bag, a folder of bags, or a session bag; any number
+        --dofs F       DOF file (default: the shipped config/dofs.yaml)
+        --output FILE  table to write, .csv or .parquet; a name without ending is a LeRobot data set
+
+        # for pandas, polars or R
+        intent export demos --output demos.csv
+        # a LeRobot data set of version 3; needs pyarrow
+        intent export demos --output demos_lerobot
+        # smaller and typed; needs pyarrow
+        intent export demos --dofs my_dofs.yaml --output demos.parquet
+        """,
+        output={"required": True},
     )
-    parser.add_argument(
-        "bags",
-        nargs="+",
-        type=a_path,
-        metavar="BAG",
-        help="a bag, a folder of bags, or a session bag; any number",
-    )
-    parser.add_argument(
-        "--dofs", type=a_path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
-    )
-    parser.add_argument(
-        "--output",
-        type=a_path,
-        required=True,
-        metavar="FILE",
-        help="table to write, .csv or .parquet; a name without ending is a LeRobot data set",
-    )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

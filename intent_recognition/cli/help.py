@@ -90,7 +90,7 @@ class CommandList(argparse._SubParsersAction):
 
     def add_parser(self, name: str, **options: Any) -> Any:
         """Add a command, as argparse does."""
-        return super().add_parser(name, help=COMMANDS[name], **options)
+        return super().add_parser(name, **options | {"help": COMMANDS[name]})
 
 
 class _Title(argparse.Action):

@@ -11,8 +11,7 @@ import yaml
 from rich.table import Table
 
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import DOFS
 from intent_recognition.cli.rejections import nothing_of, print_doubtful, print_left_out
@@ -31,40 +30,29 @@ from intent_recognition.tables import (
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    add_command(
+        subparsers,
         "import",
-        description="Write each demonstration of a file, a folder of files or a data set as a"
-        " bag, and a DOF file beside them. The map says which columns are which degrees of freedom,"
-        " where times come from, and where a demonstration begins and ends: docs/import.md."
-        " --suggest writes a first one.",
-        **examples(
-            ("a first map to correct", "intent import take.csv --suggest --output map.yaml"),
-            (
-                "two files for each recording, as the map says",
-                "intent import handover_csv --map config/maps/baton.yaml --output out/baton",
-            ),
-            (
-                "then score them",
-                "intent evaluate out/baton --dofs out/baton/dofs.yaml --protocol kfold:5",
-            ),
-        ),
+        run,
+        """
+        Write each demonstration of a file, a folder of files or a data set as a bag, and a DOF file
+        beside them. The map says which columns are which degrees of freedom, where times come from,
+        and where a demonstration begins and ends: docs/import.md. --suggest writes a first one.
+
+        source SOURCE   a file, a folder of files, or a data set
+        --map MAP.yaml  map of the columns
+        --output BAGS   folder of the new bags; with --suggest the file of the map
+        --suggest       write or print a first map by what SOURCE holds, with comments; import
+                        nothing
+
+        # a first map to correct
+        intent import take.csv --suggest --output map.yaml
+        # two files for each recording, as the map says
+        intent import handover_csv --map config/maps/baton.yaml --output out/baton
+        # then score them
+        intent evaluate out/baton --dofs out/baton/dofs.yaml --protocol kfold:5
+        """,
     )
-    parser.add_argument(
-        "source", type=a_path, metavar="SOURCE", help="a file, a folder of files, or a data set"
-    )
-    parser.add_argument("--map", type=a_path, metavar="MAP.yaml", help="map of the columns")
-    parser.add_argument(
-        "--output",
-        type=a_path,
-        metavar="BAGS",
-        help="folder of the new bags; with --suggest the file of the map",
-    )
-    parser.add_argument(
-        "--suggest",
-        action="store_true",
-        help="write or print a first map by what SOURCE holds, with comments; import nothing",
-    )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

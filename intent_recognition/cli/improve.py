@@ -8,9 +8,7 @@ from os.path import relpath
 from rich.console import Console
 
 from intent_recognition.cli.console import print_facts, progress_bar, say
-from intent_recognition.cli.help import examples
 from intent_recognition.cli.improve_subjects import (
-    PRACTICE_FOLDER,
     SKILL,
     THUMBS,
     Pouring,
@@ -19,7 +17,7 @@ from intent_recognition.cli.improve_subjects import (
     subject_of,
     undo,
 )
-from intent_recognition.cli.options import XYZ, Subparsers, a_path, number
+from intent_recognition.cli.options import Subparsers, add_command, add_options, number
 from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.cli.teach import add_library_options
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
@@ -32,118 +30,71 @@ CHECKS = 5
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "improve",
-        description="Let the robot practise in simulation. Each rollout tries a path within two"
-        " standard deviations of the demonstrations and within the limits of the arm; it is logged"
-        " as a bag and gets a cost, lower is better. Ctrl-C ends practice, and the same command"
-        " goes on with it. The skill in use changes only with --accept"
-        " (docs/tutorials/practise.md).",
-        **examples(
-            (
-                "practise to pour from demonstrations that fall short, 40 pours in simulation",
-                "intent improve pouring --short 0.9",
-            ),
-            (
-                "bring the plate earlier",
-                "intent improve plate_handover --library tasks --cost time",
-            ),
-            ("with a cost of one's own", "intent improve pouring --cost my_cost.py"),
-            ("say up or down after each pour", "intent improve pouring --cost thumbs"),
-            ("take over what it has come to", "intent improve pouring --short 0.9 --accept"),
-        ),
+        run,
+        """
+        Let the robot practise in simulation. Each rollout tries a path within two standard
+        deviations of the demonstrations and within the limits of the arm; it is logged as a bag and
+        gets a cost, lower is better. Ctrl-C ends practice, and the same command goes on with it.
+        The skill in use changes only with --accept (docs/tutorials/practise.md).
+
+        task TASK         `pouring`, or the label of a task in --library
+        --cost FILE|NAME  what to lower: `spilled` (default) or `level` for pouring, `distance`
+                          (default) or `time` for a task, `thumbs` (you judge each rollout), or a
+                          Python file with one function from a rollout to a number
+        --rollouts N      number of rollouts in all, earlier ones included (default: %(default)s)
+        --seed SEED       random seed of practice (default: %(default)s)
+
+        for a task of a library:
+        --beside X Y Z  where the robot's hand should end, seen from where the person's hand comes
+                        to rest [m], along the axes of the arm's base (default: as in the
+                        demonstrations)
+        --moved X Y Z   move that place by so much [m] (default: 0 0 0)
+        --robot URDF    URDF of the arm that was taught (default: the LWR)
+
+        for pouring:
+        --cup CUP          container in the robot's hand (default: %(default)s)
+        --into INTO        container to pour into (default: %(default)s)
+        --wanted N         balls, of 40, that should end in it (default: %(default)s)
+        --start BAGS|FILE  demonstrations, or an accepted skill, to begin with (default: the
+                           shipped ones)
+        --short RADII      spoil the demonstrations, to have something to practise: move them
+                           away from the container to pour into, on average by so many of its
+                           radii (default: %(default)s)
+        --output DIR       folder of rollouts and results (default: practice)
+
+        # practise to pour from demonstrations that fall short, 40 pours in simulation
+        intent improve pouring --short 0.9
+        # bring the plate earlier
+        intent improve plate_handover --library tasks --cost time
+        # with a cost of one's own
+        intent improve pouring --cost my_cost.py
+        # say up or down after each pour
+        intent improve pouring --cost thumbs
+        # take over what it has come to
+        intent improve pouring --short 0.9 --accept
+        """,
+        rollouts={"type": number(int, 1), "default": ROLLOUTS},
+        seed={"type": number(int, 0), "default": 1},
+        beside=number(float),
+        moved={"type": number(float), "default": (0.0, 0.0, 0.0)},
+        cup={"default": "mug"},
+        into={"default": "tumbler"},
+        wanted={"type": number(int, 1, 40), "default": 40},
+        short={"type": number(float, 0.0, 2.0), "default": 0.0},
     )
-    parser.add_argument(
-        "task", metavar="TASK", help="`pouring`, or the label of a task in --library"
+    add_options(
+        parser.add_mutually_exclusive_group(),
+        f"""
+        --accept  use the result of practice: a task changes in its library, pouring is written
+                  as {SKILL} into --output
+        --undo    take the last --accept back
+        """,
     )
-    parser.add_argument(
-        "--cost",
-        metavar="FILE|NAME",
-        help="what to lower: `spilled` (default) or `level` for pouring, `distance` (default) or"
-        " `time` for a task, `thumbs` (you judge each rollout), or a Python file with one function"
-        " from a rollout to a number",
-    )
-    parser.add_argument(
-        "--rollouts",
-        type=number(int, 1),
-        default=ROLLOUTS,
-        metavar="N",
-        help="number of rollouts in all, earlier ones included (default: %(default)s)",
-    )
-    seed = "random seed of practice (default: %(default)s)"
-    parser.add_argument("--seed", type=number(int, 0), default=1, help=seed)
-    action = parser.add_mutually_exclusive_group()
-    action.add_argument(
-        "--accept",
-        action="store_true",
-        help="use the result of practice: a task changes in its library, pouring is written as"
-        f" {SKILL} into --output",
-    )
-    action.add_argument("--undo", action="store_true", help="take the last --accept back")
     add_json_option(parser, "costs and outcomes")
-    _add_task_options(parser.add_argument_group("for a task of a library"))
     add_library_options(parser, None)
-    _add_pouring_options(parser.add_argument_group("for pouring"))
-    parser.set_defaults(run=run)
-
-
-def _add_task_options(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--beside",
-        type=number(float),
-        **XYZ,
-        help="where the robot's hand should end, seen from where the person's hand comes to rest"
-        " [m], along the axes of the arm's base (default: as in the demonstrations)",
-    )
-    group.add_argument(
-        "--moved",
-        type=number(float),
-        default=(0.0, 0.0, 0.0),
-        **XYZ,
-        help="move that place by so much [m] (default: 0 0 0)",
-    )
-    group.add_argument(
-        "--robot",
-        type=a_path,
-        metavar="URDF",
-        help="URDF of the arm that was taught (default: the LWR)",
-    )
-
-
-def _add_pouring_options(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--cup", default="mug", help="container in the robot's hand (default: %(default)s)"
-    )
-    group.add_argument(
-        "--into", default="tumbler", help="container to pour into (default: %(default)s)"
-    )
-    group.add_argument(
-        "--wanted",
-        type=number(int, 1, 40),
-        default=40,
-        metavar="N",
-        help="balls, of 40, that should end in it (default: %(default)s)",
-    )
-    group.add_argument(
-        "--start",
-        type=a_path,
-        metavar="BAGS|FILE",
-        help="demonstrations, or an accepted skill, to begin with (default: the shipped ones)",
-    )
-    group.add_argument(
-        "--short",
-        type=number(float, 0.0, 2.0),
-        default=0.0,
-        metavar="RADII",
-        help="spoil the demonstrations, to have something to practise: move them away from the"
-        " container to pour into, on average by so many of its radii (default: %(default)s)",
-    )
-    group.add_argument(
-        "--output",
-        type=a_path,
-        metavar="DIR",
-        help=f"folder of rollouts and results (default: {PRACTICE_FOLDER})",
-    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,10 +11,9 @@ from rich.progress import track
 
 from intent_recognition.bags import cure_of
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, print_facts
-from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 from intent_recognition.cli.rejections import print_doubtful
 from intent_recognition.demonstrations import (
@@ -44,37 +43,32 @@ CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "inspect",
-        description="Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of"
-        " a folder, or in a model (tasks, degrees of freedom, timing, noise, where it came from);"
-        " of a library of tasks, how each task has done since each of its changes. The exit code"
-        " is 1 if a bag is damaged.",
-        **examples(
-            ("one line per recording", "intent inspect bags/toolbox/test"),
-            (
-                "one recording: topics, rates, gaps, outliers",
-                "intent inspect demos/give_bracket_00",
-            ),
-            ("a library of tasks: what changed, and how executions went", "intent inspect tasks"),
-            ("a model, for a script", "intent inspect bracket.npz --json"),
-        ),
-    )
-    parser.add_argument(
-        "paths",
-        type=a_path,
-        nargs="+",
-        metavar="BAG|MODEL|TASKS",
-        help="a bag, a folder of bags, a model, or a library of tasks; any number",
-    )
-    parser.add_argument(
-        "--dofs",
-        type=a_path,
-        metavar="F",
-        help="DOF file whose streams are checked (default: all tracked bodies and joint_states)",
+        run,
+        """
+        Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of a folder, or
+        in a model (tasks, degrees of freedom, timing, noise, where it came from); of a library of
+        tasks, how each task has done since each of its changes. The exit code is 1 if a bag is
+        damaged.
+
+        paths BAG|MODEL|TASKS...  a bag, a folder of bags, a model, or a library of tasks; any
+                                  number
+        --dofs F                  DOF file whose streams are checked (default: all tracked bodies
+                                  and joint_states)
+
+        # one line per recording
+        intent inspect bags/toolbox/test
+        # one recording: topics, rates, gaps, outliers
+        intent inspect demos/give_bracket_00
+        # a library of tasks: what changed, and how executions went
+        intent inspect tasks
+        # a model, for a script
+        intent inspect bracket.npz --json
+        """,
     )
     add_json_option(parser, "what is in it")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,19 +6,25 @@ import json
 import math
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
+from intent_recognition.cli.help import HEADING, Formatter
+
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Number = TypeVar("Number", int, float)
 
-XYZ: dict[str, Any] = {"nargs": 3, "metavar": ("X", "Y", "Z")}
-"""Of an option that takes a point or a way."""
 PART = r"[A-Za-z_{][\w{}]*"
 NAME = rf"(?:~/|/)?{PART}(?:/{PART})*"
 """A name of ROS 2: relative, absolute or private; parts of it may be substitutions in braces."""
+
+PATHS = {"BAG", "BAGS", "BAGS|FILE", "BAG|MODEL|TASKS", "DIR", "F", "FILE", "FOLDER", "SESSION"} | {
+    *("SESSIONS", "SOURCE", "TARGET", "URDF", "M.npz", "MAP.yaml", "OUT.html", "PLAN.yaml")
+}
+"""Metavars of arguments that are paths."""
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -71,6 +77,78 @@ def number(
     return read
 
 
+def add_command(
+    subparsers: Subparsers, name: str, run: Callable[..., object] | None, text: str, /, **more: Any
+) -> argparse.ArgumentParser:
+    """Add a command, or an action of one.
+
+    Args:
+        subparsers: get it.
+        name: of the command.
+        run: what does it, from its arguments to the exit code; None: one of its actions.
+        text: what its help says, in sections between empty lines: what it does, the tables of
+            `add_options`, and its examples, each a line `# what it does` above the command.
+        more: as of `add_options`.
+    """
+    about, *sections = textwrap.dedent(text).strip().split("\n\n")
+    examples = sections.pop() if sections and sections[-1].startswith("#") else ""
+    parser = subparsers.add_parser(
+        name,
+        help=about[:1].lower() + about[1:].rstrip("."),
+        description=" ".join(about.split()),
+        formatter_class=Formatter,
+        epilog=HEADING + textwrap.indent("\n".join(_rows(examples)), "  ") if examples else None,
+    )
+    if run is not None:
+        parser.set_defaults(run=run)
+    add_options(parser, "\n\n".join(sections), **more)
+    return parser
+
+
+def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) -> None:
+    """Add the arguments of tables, in which they stand as in the help of the command.
+
+    Args:
+        group: parser or group that gets them.
+        tables: for each argument its name and its metavar, two spaces or more, and what it does;
+            without a metavar it is a switch, `...` takes one or more, and `PATHS` are paths. A line
+            that ends in a colon is the title of a group.
+        more: by the name of an argument its type, or other keywords of `add_argument`.
+    """
+    for section in filter(None, textwrap.dedent(tables).strip().split("\n\n")):
+        rows, within = _rows(section), group
+        if rows[0].endswith(":"):
+            within = group.add_argument_group(rows.pop(0)[:-1])
+        for row in rows:
+            name, options = _argument(row)
+            given = more.pop(name.lstrip("-").replace("-", "_"), {})
+            options |= given if isinstance(given, dict) else {"type": given}
+            if name.startswith("-") and not {"metavar", "choices", "nargs"} & options.keys():
+                options["action"] = "store_true"
+            within.add_argument(name, **options)
+    if more:
+        raise TypeError(f"expected arguments of the table, got {', '.join(more)}")
+
+
+def _rows(table: str) -> list[str]:
+    """The rows, each with the lines below that are indented."""
+    return [re.sub(r"\n +", " " * 2, row, count=1) for row in re.split(r"\n(?! )", table)]
+
+
+def _argument(row: str) -> tuple[str, dict[str, Any]]:
+    """Name of an argument, and what its row says for `add_argument`."""
+    spec, text = re.split(r" {2,}", row, maxsplit=1)
+    name, *metavars = spec.split(" ")
+    options: dict[str, Any] = {"help": " ".join(text.split())}
+    if len(metavars) > 1:
+        options |= {"nargs": len(metavars), "metavar": tuple(metavars)}
+    elif metavars:
+        metavar = metavars[0].removesuffix("...")
+        options |= {"metavar": metavar} | ({"nargs": "+"} if metavar != metavars[0] else {})
+        options |= {"type": a_path} if metavar in PATHS else {}
+    return name, options
+
+
 def a_path(text: str) -> Path:
     """The `type` of an option that takes a path: the empty one is no name of the present folder."""
     if not text:
@@ -106,16 +184,14 @@ def _remapping(text: str) -> str:
 def add_node_options(parser: argparse.ArgumentParser) -> None:
     """Options of every command that runs a node: namespace and remapping."""
     group = parser.add_argument_group("topics")
-    group.add_argument(
-        "--namespace", type=_namespace, default="", metavar="NS", help="namespace of the topics"
-    )
-    group.add_argument(
-        "--remap",
-        type=_remapping,
-        action="append",
-        default=[],
-        metavar="FROM:=TO",
-        help="use another topic name; may be repeated",
+    add_options(
+        group,
+        """
+        --namespace NS    namespace of the topics
+        --remap FROM:=TO  use another topic name; may be repeated
+        """,
+        namespace={"type": _namespace, "default": ""},
+        remap={"type": _remapping, "action": "append", "default": []},
     )
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from intent_recognition.cli.console import boxed_table, make_console, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.options import Subparsers, a_path, add_command, number
 from intent_recognition.cli.output import check_output
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
@@ -34,49 +33,48 @@ YAML = (".yaml", ".yml")
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "plan",
-        description="Learn the plan of an assembly from a few sessions: its steps, which of them"
-        " must come before which, who does them and what they take. The estimator follows a plan"
-        " that its parameter `plan` names (docs/plans.md).",
-        **examples(
-            (
-                "from session bags in which boxes are built one after the other",
-                "intent plan learn bags/sessions --first plate_handover -o box.yaml",
-            ),
-            ("from written sessions", "intent plan learn sessions.yaml -o shelf.yaml"),
-            ("what it says", "intent plan show shelf.yaml"),
-        ),
+        None,
+        """
+        Learn the plan of an assembly from a few sessions: its steps, which of them must come before
+        which, who does them and what they take. The estimator follows a plan that its parameter
+        `plan` names (docs/plans.md).
+
+        # from session bags in which boxes are built one after the other
+        intent plan learn bags/sessions --first plate_handover -o box.yaml
+        # from written sessions
+        intent plan learn sessions.yaml -o shelf.yaml
+        # what it says
+        intent plan show shelf.yaml
+        """,
     )
     actions = parser.add_subparsers(
         title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
     )
-    more = "learn a plan; relations that were written by hand into an older one are kept"
-    learn = actions.add_parser("learn", help=more, description=f"{more.capitalize()}.")
-    learn.add_argument(
-        "sessions",
-        nargs="+",
-        type=a_path,
-        metavar="SESSIONS",
-        help="session bags, folders of them, or YAML files (docs/plans.md)",
-    )
-    learn.add_argument("-o", "--output", type=a_path, required=True, metavar="PLAN.yaml")
-    learn.add_argument(
-        "--first", default="", metavar="TASK", help="cut sessions before each time that it is done"
-    )
-    learn.add_argument(
-        "--pause",
-        type=number(float, 0.0),
-        default=FORGET_AFTER_S,
-        metavar="S",
-        help="a longer pause in a bag ends an assembly [s] (default: %(default)g)",
-    )
-    learn.add_argument("--seed", type=number(int, 0), default=0, help="of the sampled orders")
-    learn.set_defaults(run=_learn)
-    more = "print a plan"
-    show = actions.add_parser("show", help=more, description=f"{more.capitalize()}.")
-    show.add_argument("plan", type=a_path, metavar="PLAN.yaml")
-    show.set_defaults(run=_show)
+    add_command(
+        actions,
+        "learn",
+        _learn,
+        """
+        Learn a plan; relations that were written by hand into an older one are kept.
+
+        sessions SESSIONS...  session bags, folders of them, or YAML files (docs/plans.md)
+        --first TASK          cut sessions before each time that it is done
+        --pause S             a longer pause in a bag ends an assembly [s] (default: %(default)g)
+        --seed SEED           of the sampled orders
+        """,
+        first={"default": ""},
+        pause={"type": number(float, 0.0), "default": FORGET_AFTER_S},
+        seed={"type": number(int, 0), "default": 0},
+    ).add_argument("-o", "--output", type=a_path, required=True, metavar="PLAN.yaml")
+    text = """
+        Print a plan.
+
+        plan PLAN.yaml  a file of `intent plan learn`
+        """
+    add_command(actions, "show", _show, text)
 
 
 def load_plan(path: Path) -> WorkPlan:

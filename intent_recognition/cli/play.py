@@ -8,10 +8,9 @@ from rich.progress import TextColumn
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import bar_with
-from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import (
     Subparsers,
-    a_path,
+    add_command,
     add_node_options,
     node_arguments,
     number,
@@ -27,45 +26,32 @@ SHOWN_EVERY_S = 0.2
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "play",
-        description="Publish a bag's messages on their topics in the recorded rhythm. Playing"
-        " begins when a topic has a subscriber, or after --wait.",
-        **examples(
-            (
-                "to the nodes, stamped with the present",
-                "intent play demos/give_bracket_00 --restamp",
-            ),
-            ("slowly, again and again", "intent play demos/give_bracket_00 --rate 0.5 --loop"),
-        ),
+        run,
+        """
+        Publish a bag's messages on their topics in the recorded rhythm. Playing begins when a topic
+        has a subscriber, or after --wait.
+
+        bag BAG    bag directory or .mcap file
+        --rate R   speed; 1 is the recorded one, 0 as fast as possible (default: 1)
+        --loop     begin again at the end
+        --paused   wait for the service ~/resume before the start
+        --wait S   longest wait for subscribers in seconds (default: 3)
+        --clock    publish the recorded time on /clock
+        --restamp  shift header stamps to the present
+
+        # to the nodes, stamped with the present
+        intent play demos/give_bracket_00 --restamp
+        # slowly, again and again
+        intent play demos/give_bracket_00 --rate 0.5 --loop
+        """,
+        rate={"type": number(float, 0), "default": 1.0},
+        paused={"dest": "start_paused"},
+        wait={"dest": "wait_for_subscribers", "type": number(float, 0), "default": 3.0},
     )
-    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
-    parser.add_argument(
-        "--rate",
-        type=number(float, 0),
-        default=1.0,
-        metavar="R",
-        help="speed; 1 is the recorded one, 0 as fast as possible (default: 1)",
-    )
-    parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument(
-        "--paused",
-        dest="start_paused",
-        action="store_true",
-        help="wait for the service ~/resume before the start",
-    )
-    parser.add_argument(
-        "--wait",
-        dest="wait_for_subscribers",
-        type=number(float, 0),
-        default=3.0,
-        metavar="S",
-        help="longest wait for subscribers in seconds (default: 3)",
-    )
-    parser.add_argument("--clock", action="store_true", help="publish the recorded time on /clock")
-    parser.add_argument("--restamp", action="store_true", help="shift header stamps to the present")
     add_node_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

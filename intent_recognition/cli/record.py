@@ -3,10 +3,9 @@
 
 import argparse
 
-from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import (
     Subparsers,
-    a_path,
+    add_command,
     add_node_options,
     node_arguments,
     topic_name,
@@ -16,31 +15,28 @@ from intent_recognition.errors import ResourceBusyError
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "record",
-        description="Record topics, bit for bit, into a new MCAP bag until Ctrl-C.",
-        **examples(
-            (
-                "a demonstration of a task",
-                "intent record --task give_bracket --output demos/give_bracket_00"
-                " /mocap/wrist/pose /joint_states",
-            ),
-            ("everything there is", "intent record --output session_00"),
-        ),
+        run,
+        """
+        Record topics, bit for bit, into a new MCAP bag until Ctrl-C.
+
+        topics TOPIC  topics to record (default: all there are)
+        --output BAG  directory of the new bag
+        --task TASK   label of the demonstration
+
+        # a demonstration of a task
+        intent record --task give_bracket --output demos/give_bracket_00 /mocap/wrist/pose
+          /joint_states
+        # everything there is
+        intent record --output session_00
+        """,
+        topics={"type": topic_name, "nargs": "*"},
+        output={"required": True},
+        task={"default": ""},
     )
-    parser.add_argument(
-        "topics",
-        type=topic_name,
-        nargs="*",
-        metavar="TOPIC",
-        help="topics to record (default: all there are)",
-    )
-    parser.add_argument(
-        "--output", type=a_path, required=True, metavar="BAG", help="directory of the new bag"
-    )
-    parser.add_argument("--task", default="", help="label of the demonstration")
     add_node_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from intent_recognition import __version__
 from intent_recognition.cli.console import progress_bar
-from intent_recognition.cli.options import a_path, number
+from intent_recognition.cli.options import add_options, number
 from intent_recognition.cli.rejections import nothing_of
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations, load_dofs
 from intent_recognition.errors import BagError
@@ -27,30 +27,19 @@ DOFS = "dofs.yaml"
 
 def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) -> None:
     """Options of `train` and `evaluate`: the bags, the DOF file and how to learn."""
-    parser.add_argument(
-        "bags",
-        nargs="+",
-        metavar="BAG",
-        type=a_path,
-        help="a bag, a folder of bags, or a session bag; any number",
-    )
-    group = parser.add_argument_group("how to learn")
-    group.add_argument(
-        "--dofs", type=a_path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
-    )
-    group.add_argument(
-        "--basis",
-        type=number(int, 3, MOST_BASIS),
-        default=DEFAULTS.n_basis,
-        metavar="N",
-        help="basis functions per DOF (default: %(default)s)",
-    )
-    group.add_argument(
-        "--segment",
-        choices=SEGMENTATIONS,
-        default=segmentation,
-        help="learn from the movement alone, cut as the online detector would, or from the whole"
-        " recording (default: %(default)s)",
+    add_options(
+        parser,
+        """
+        bags BAG...  a bag, a folder of bags, or a session bag; any number
+
+        how to learn:
+        --dofs F   DOF file (default: the shipped config/dofs.yaml)
+        --basis N  basis functions per DOF (default: %(default)s)
+        --segment  learn from the movement alone, cut as the online detector would, or from the
+                   whole recording (default: %(default)s)
+        """,
+        basis={"type": number(int, 3, MOST_BASIS), "default": DEFAULTS.n_basis},
+        segment={"choices": SEGMENTATIONS, "default": segmentation},
     )
 
 

@@ -9,31 +9,30 @@ from rich.console import Console
 
 from intent_recognition.bags import RecoveryReport, recover
 from intent_recognition.cli.console import busy
-from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import damage_line
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "recover",
-        description="Write a whole new bag with every message of a truncated or damaged MCAP"
-        " recording whose checksum holds. The damaged recording is not changed.",
-        **examples(
-            (
-                "write a whole recording beside the damaged one",
-                "intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved",
-            )
-        ),
-    )
-    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
-    parser.add_argument(
-        "--output", type=a_path, required=True, metavar="B", help="directory of the new bag"
+        run,
+        """
+        Write a whole new bag with every message of a truncated or damaged MCAP recording whose
+        checksum holds. The damaged recording is not changed.
+
+        bag BAG     bag directory or .mcap file
+        --output BAG  directory of the new bag
+
+        # write a whole recording beside the damaged one
+        intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved
+        """,
+        output={"required": True},
     )
     add_json_option(parser, "what was saved and lost")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

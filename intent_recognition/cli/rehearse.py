@@ -6,8 +6,7 @@ import argparse
 from rich.console import Console
 
 from intent_recognition.cli.console import boxed_table, escape, progress_bar, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.options import Subparsers, add_command, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -37,35 +36,27 @@ N_SUGGESTED = 5
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    how = ("before the robot moves", "intent rehearse bracket.npz holdout --report rehearsal.html")
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "rehearse",
-        description="Follow labelled recordings that a model was not trained on as the nodes would:"
-        " how many are acted on wrongly or missed, how long a decision takes, the worst moments,"
-        " and what to demonstrate next.",
-        **examples(how),
-    )
-    parser.add_argument(
-        "model", type=a_path, metavar="M.npz", help="model that `intent train` wrote"
-    )
-    parser.add_argument(
-        "bags",
-        nargs="+",
-        type=a_path,
-        metavar="BAG",
-        help="a labelled bag, a folder of them, or a session bag; any number",
-    )
-    parser.add_argument(
-        "--max-wrong",
-        type=number(float, 0.001, 0.5),
-        default=MAX_WRONG,
-        metavar="SHARE",
-        help="share of interactions that may be acted on wrongly, as the parameter `max_wrong` of"
-        " primitive_activation (default: %(default)s)",
+        run,
+        """
+        Follow labelled recordings that a model was not trained on as the nodes would: how many are
+        acted on wrongly or missed, how long a decision takes, the worst moments, and what to
+        demonstrate next.
+
+        model M.npz        model that `intent train` wrote
+        bags BAG...        a labelled bag, a folder of them, or a session bag; any number
+        --max-wrong SHARE  share of interactions that may be acted on wrongly, as the parameter
+                           `max_wrong` of primitive_activation (default: %(default)s)
+        --report OUT.html  write an HTML report
+
+        # before the robot moves
+        intent rehearse bracket.npz holdout --report rehearsal.html
+        """,
+        max_wrong={"type": number(float, 0.001, 0.5), "default": MAX_WRONG},
     )
     add_json_option(parser, "the numbers")
-    parser.add_argument("--report", type=a_path, metavar="OUT.html", help="write an HTML report")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -10,8 +10,7 @@ from rich.console import Console
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.explain import write_report
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -30,37 +29,26 @@ PRINTED_ROWS = 20
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "replay",
-        description="Run the online estimator over a recording and print the probabilities of the"
-        " tasks over time, as the nodes would publish them, and when a task became active.",
-        **examples(
-            (
-                "the posterior over time, and when the robot would have acted",
-                "intent replay demos/give_bracket_00 --model bracket.npz",
-            ),
-            (
-                "every observation, for a script",
-                "intent replay demos/give_bracket_00 --model bracket.npz --json rows.json",
-            ),
-        ),
-    )
-    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
-    parser.add_argument(
-        "--model",
-        type=a_path,
-        required=True,
-        metavar="M.npz",
-        help="model that `intent train` wrote",
+        run,
+        """
+        Run the online estimator over a recording and print the probabilities of the tasks over
+        time, as the nodes would publish them, and when a task became active.
+
+        bag BAG            bag directory or .mcap file
+        --model M.npz      model that `intent train` wrote
+        --report OUT.html  write an HTML report of the decisions, as `intent explain` does
+
+        # the posterior over time, and when the robot would have acted
+        intent replay demos/give_bracket_00 --model bracket.npz
+        # every observation, for a script
+        intent replay demos/give_bracket_00 --model bracket.npz --json rows.json
+        """,
+        model={"required": True},
     )
     add_json_option(parser, "every observation")
-    parser.add_argument(
-        "--report",
-        type=a_path,
-        metavar="OUT.html",
-        help="write an HTML report of the decisions, as `intent explain` does",
-    )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,8 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import busy, escape, plain_table, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command, add_options
 from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
@@ -23,50 +22,36 @@ from intent_recognition.model import load_model
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "segment",
-        description="Find the interactions in a recording of several, and write each as a bag of"
-        " its own: with --model labelled by the tasks of the model, otherwise cut by the motion of"
-        " both agents and without labels. Markers in the session are not used.",
-        **examples(
-            (
-                "cut at the rests of both agents, then find out which tasks there are",
-                "intent segment sessions/monday --unlabelled --output demos",
-            ),
-            ("then learn from them", "intent train demos --unlabelled --output model.npz"),
-            (
-                "cut and label by what is known already",
-                "intent segment sessions/monday --model model.npz --output demos",
-            ),
-        ),
+        run,
+        """
+        Find the interactions in a recording of several, and write each as a bag of its own: with
+        --model labelled by the tasks of the model, otherwise cut by the motion of both agents and
+        without labels. Markers in the session are not used.
+
+        session SESSION  one bag, or its .mcap file
+        --dofs F         DOF file, where no model is given (default: the shipped config/dofs.yaml)
+        --output BAGS    folder of the new bags (default: %(default)s)
+
+        # cut at the rests of both agents, then find out which tasks there are
+        intent segment sessions/monday --unlabelled --output demos
+        # then learn from them
+        intent train demos --unlabelled --output model.npz
+        # cut and label by what is known already
+        intent segment sessions/monday --model model.npz --output demos
+        """,
+        output={"default": Path("out/segments")},
     )
-    parser.add_argument(
-        "session", type=a_path, metavar="SESSION", help="one bag, or its .mcap file"
-    )
-    how = parser.add_mutually_exclusive_group()
-    how.add_argument(
-        "--model", type=a_path, metavar="M.npz", help="model that finds and labels the tasks"
-    )
-    how.add_argument(
-        "--unlabelled",
-        action="store_true",
-        help="cut by motion alone (the default without --model)",
-    )
-    parser.add_argument(
-        "--dofs",
-        type=a_path,
-        metavar="F",
-        help="DOF file, where no model is given (default: the shipped config/dofs.yaml)",
-    )
-    parser.add_argument(
-        "--output",
-        type=a_path,
-        default=Path("out/segments"),
-        metavar="BAGS",
-        help="folder of the new bags (default: %(default)s)",
+    add_options(
+        parser.add_mutually_exclusive_group(),
+        """
+        --model M.npz  model that finds and labels the tasks
+        --unlabelled   cut by motion alone (the default without --model)
+        """,
     )
     add_json_option(parser, "the segments")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from intent_recognition.cli.console import busy, make_console, say
-from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import (
     Subparsers,
-    a_path,
+    add_command,
     add_node_options,
+    add_options,
     node_arguments,
     number,
 )
@@ -41,63 +41,44 @@ Spin = Callable[[Callable[[], object], float], bool]
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "teach",
-        description="Record demonstrations of a task while the nodes run. Each is learned as soon"
-        " as its recording ends, and a running estimator uses it at once. Needs ROS 2.",
-        **examples(
-            (
-                "Enter begins and ends each demonstration",
-                "intent teach give_bracket --library tasks --model bracket.npz",
-            ),
-            (
-                "one of five seconds, without questions",
-                "intent teach give_bracket --library tasks --seconds 5",
-            ),
-        ),
+        run,
+        """
+        Record demonstrations of a task while the nodes run. Each is learned as soon as its
+        recording ends, and a running estimator uses it at once. Needs ROS 2.
+
+        task TASK    label of the task
+        --seconds S  length of each recording [s]; without it Enter begins and ends one
+        --count N    number of demonstrations (default: until q is entered)
+
+        # Enter begins and ends each demonstration
+        intent teach give_bracket --library tasks --model bracket.npz
+        # one of five seconds, without questions
+        intent teach give_bracket --library tasks --seconds 5
+        """,
+        seconds=number(float, 0.1),
+        count={"type": number(int, 0), "default": 0},
     )
-    parser.add_argument("task", metavar="TASK", help="label of the task")
     add_library_options(parser)
-    parser.add_argument(
-        "--seconds",
-        type=number(float, 0.1),
-        metavar="S",
-        help="length of each recording [s]; without it Enter begins and ends one",
-    )
-    parser.add_argument(
-        "--count",
-        type=number(int, 0),
-        default=0,
-        metavar="N",
-        help="number of demonstrations (default: until q is entered)",
-    )
-    parser.set_defaults(run=run)
 
 
 def add_library_options(
     parser: argparse.ArgumentParser, default: Path | None = DEFAULT_LIBRARY
 ) -> None:
     """Options of the commands that work on a library of tasks."""
-    parser.add_argument(
-        "--library",
-        type=a_path,
-        default=default,
-        metavar="DIR",
-        help="library of tasks: a folder of recordings, model and history (default:"
-        f" {DEFAULT_LIBRARY})",
-    )
-    parser.add_argument(
-        "--model",
-        type=a_path,
-        metavar="M.npz",
-        help="the model that a new library begins with; refused where the library has another one",
-    )
-    parser.add_argument(
-        "--dofs",
-        type=a_path,
-        metavar="F",
-        help="DOF file of a new library that begins without a model; refused where the library has"
-        " other DOFs",
+    add_options(
+        parser,
+        f"""
+        --library DIR  library of tasks: a folder of recordings, model and history (default:
+                       {DEFAULT_LIBRARY})
+        --model M.npz  the model that a new library begins with; refused where the library has
+                       another one
+        --dofs F       DOF file of a new library that begins without a model; refused where the
+                       library has other DOFs
+        """,
+        library={"default": default},
     )
     add_node_options(parser)
 

@@ -8,8 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from intent_recognition.cli.console import boxed_table, busy, escape
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -49,40 +48,34 @@ PACE_WORDS = {
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "train",
-        description="Learn a library of tasks from labelled demonstrations, and write it to one"
-        " file. What could not be used is named, with the reason.",
-        **examples(
-            (
-                "learn from the shipped recordings",
-                "intent train bags/toolbox/train --output toolbox.npz",
-            ),
-            (
-                "with DOFs of your own",
-                "intent train demos --dofs my_dofs.yaml --output bracket.npz",
-            ),
-            (
-                "add one more demonstration",
-                "intent train --add bracket.npz demos/give_bracket_20 --output bracket2.npz",
-            ),
-            (
-                "find the tasks in recordings without labels",
-                "intent train demos --unlabelled --output tasks.npz",
-            ),
-        ),
+        run,
+        """
+        Learn a library of tasks from labelled demonstrations, and write it to one file. What could
+        not be used is named, with the reason.
+
+        what is written:
+        --output M.npz  model file to write
+
+        # learn from the shipped recordings
+        intent train bags/toolbox/train --output toolbox.npz
+        # with DOFs of your own
+        intent train demos --dofs my_dofs.yaml --output bracket.npz
+        # add one more demonstration
+        intent train --add bracket.npz demos/give_bracket_20 --output bracket2.npz
+        # find the tasks in recordings without labels
+        intent train demos --unlabelled --output tasks.npz
+        """,
+        output={"required": True},
     )
     add_recording_options(parser, "movement")
-    written = parser.add_argument_group("what is written")
-    written.add_argument(
-        "--output", type=a_path, required=True, metavar="M.npz", help="model file to write"
-    )
     add_unlabelled_options(parser)
     add_sessions_option(parser)
     add_adding_options(parser)
     add_worker_options(parser)
-    add_json_option(written, "what was learned and left out")
-    parser.set_defaults(run=run)
+    add_json_option(parser, "what was learned and left out")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import brief_list, busy, say
-from intent_recognition.cli.options import a_path
+from intent_recognition.cli.options import add_options
 from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
 from intent_recognition.cli.rejections import all_left_out, print_found
 from intent_recognition.demonstrations import load_dofs
@@ -26,18 +26,15 @@ from intent_recognition.model import Model, Run, check_dofs, load_trained, with_
 
 def add_adding_options(parser: argparse.ArgumentParser) -> None:
     """Options of `train`."""
-    group = parser.add_argument_group("more demonstrations for a model that is there")
-    group.add_argument(
-        "--add",
-        type=a_path,
-        metavar="M.npz",
-        help="add the bags to this model, which keeps its DOFs, basis, onset thresholds and"
-        " regularisation; equals training anew with those",
-    )
-    group.add_argument(
-        "--choose-again",
-        action="store_true",
-        help="with --add: choose the regularisation again, on the demonstrations the model keeps",
+    add_options(
+        parser,
+        """
+        more demonstrations for a model that is there:
+        --add M.npz     add the bags to this model, which keeps its DOFs, basis, onset thresholds
+                        and regularisation; equals training anew with those
+        --choose-again  with --add: choose the regularisation again, on the demonstrations the model
+                        keeps
+        """,
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import boxed_table
-from intent_recognition.cli.options import a_path
+from intent_recognition.cli.options import add_options
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import BagError
@@ -21,15 +21,14 @@ from intent_recognition.recognition import FORGET_AFTER_S
 
 def add_sessions_option(parser: argparse.ArgumentParser) -> None:
     """The option of `train`."""
-    group = parser.add_argument_group("the order of tasks")
-    group.add_argument(
-        "--sessions",
-        nargs="+",
-        type=a_path,
-        default=[],
-        metavar="DIR",
-        help="session bags, or folders of them, from which to learn which task follows which"
-        " (default: all tasks are as likely after any)",
+    add_options(
+        parser,
+        """
+        the order of tasks:
+        --sessions DIR...  session bags, or folders of them, from which to learn which task follows
+                           which (default: all tasks are as likely after any)
+        """,
+        sessions={"default": []},
     )
 
 

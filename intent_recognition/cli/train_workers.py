@@ -11,7 +11,7 @@ from functools import partial
 from multiprocessing import get_context
 from typing import Any
 
-from intent_recognition.cli.options import number
+from intent_recognition.cli.options import add_options, number
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, optional
 from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
@@ -27,18 +27,16 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     """Options of a command whose work can be done elsewhere."""
     where = parser.add_argument_group("where bags are read")
     group = where.add_mutually_exclusive_group()
-    group.add_argument(
-        "--jobs",
-        type=number(int, 1),
-        default=1,
-        metavar="N",
-        help="processes that read the bags (default: %(default)s); the model is the same",
-    )
-    group.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="dask scheduler whose workers read the bags, as tcp://127.0.0.1:8786; they need the"
-        " same paths and this package with dask (`pip install .[dask]`)",
+    add_options(
+        group,
+        """
+        --jobs N             processes that read the bags (default: %(default)s); the model is
+                             the same
+        --scheduler ADDRESS  dask scheduler whose workers read the bags, as
+                             tcp://127.0.0.1:8786; they need the same paths and this package
+                             with dask (`pip install .[dask]`)
+        """,
+        jobs={"type": number(int, 1), "default": 1},
     )
 
 

@@ -4,8 +4,7 @@
 import argparse
 
 from intent_recognition.cli.console import busy, make_console
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.teach import (
     add_library_options,
     refuse_other_model,
@@ -20,15 +19,20 @@ FOUND_S = 2.0
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "undo",
-        description="Take back the last change of a library: a demonstration that `intent teach`"
-        " learned, or a correction that `intent keep` kept. The model before it returns, a running"
-        " estimator loads it, and the recording moves to the folder `undone`. Needs ROS 2.",
-        **examples(("take the last demonstration back", "intent undo --library tasks")),
+        change_library,
+        """
+        Take back the last change of a library: a demonstration that `intent teach` learned, or a
+        correction that `intent keep` kept. The model before it returns, a running estimator loads
+        it, and the recording moves to the folder `undone`. Needs ROS 2.
+
+        # take the last demonstration back
+        intent undo --library tasks
+        """,
     )
     add_library_options(parser)
-    parser.set_defaults(run=change_library)
 
 
 def change_library(args: argparse.Namespace) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from intent_recognition.cli.console import boxed_table, busy, progress_bar
+from intent_recognition.cli.options import add_options
 from intent_recognition.cli.recordings import provenance_of, read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs, settle_orientations
@@ -30,17 +31,16 @@ SEED = 0
 
 def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
     """Options of a command that may look for the tasks itself."""
-    group = parser.add_argument_group("recordings without labels")
-    group.add_argument(
-        "--unlabelled",
-        action="store_true",
-        help="find the tasks in the recordings, whatever their labels: a mixture of primitives",
-    )
-    group.add_argument(
-        "--components",
-        default="auto",
-        metavar="auto|K",
-        help="with --unlabelled: how many tasks, or `auto` by left-out prediction (default: auto)",
+    add_options(
+        parser,
+        """
+        recordings without labels:
+        --unlabelled         find the tasks in the recordings, whatever their labels: a mixture of
+                             primitives
+        --components auto|K  with --unlabelled: how many tasks, or `auto` by left-out prediction
+                             (default: auto)
+        """,
+        components={"default": "auto"},
     )
 
 

@@ -4,11 +4,18 @@
 import argparse
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from intent_recognition.cli.console import busy, make_console, say
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import XYZ, Subparsers, add_node_options, node_arguments, number
+from intent_recognition.cli.options import (
+    Subparsers,
+    add_command,
+    add_node_options,
+    add_options,
+    node_arguments,
+    number,
+)
 from intent_recognition.composing import USUAL_STD, ViaPoint, read_via_points, write_via_points
 from intent_recognition.errors import ArgumentError, ResourceBusyError, printable
 
@@ -16,85 +23,83 @@ ESTIMATOR = "intent_estimator"
 ANSWER_S = 10.0
 """Longest wait for the estimator and its answer [s]. Convention."""
 
-Changed = Callable[[tuple[ViaPoint, ...]], Sequence[ViaPoint]]
+Points = tuple[ViaPoint, ...]
+Change = Callable[[argparse.Namespace, Points], Sequence[ViaPoint]]
 
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "via",
-        description="Add, list or remove via points: places or joint values through which the robot"
-        " passes in each movement until they are removed. A running estimator holds them. Needs"
-        " ROS 2. `intent via ACTION --help` explains an action.",
-        **examples(
-            (
-                "over the bottle, in the middle of the way",
-                "intent via add bottle --hand 0.45 0.1 0.4 --phase 0.5 --task plate_handover",
-            ),
-            ("another end", "intent via add end --hand 0.5 -0.2 0.3 --phase 1 --std 0.005"),
-            (
-                "a joint, 2 s after the onset",
-                "intent via add elbow --dof lwr_a4_joint=-1.2 --time 2 --std 0.05",
-            ),
-            ("which there are", "intent via list"),
-            ("no more", "intent via remove bottle"),
-        ),
+        None,
+        """
+        Add, list or remove via points: places or joint values through which the robot passes in
+        each movement until they are removed. A running estimator holds them. Needs ROS 2. `intent
+        via ACTION --help` explains an action.
+
+        # over the bottle, in the middle of the way
+        intent via add bottle --hand 0.45 0.1 0.4 --phase 0.5 --task plate_handover
+        # another end
+        intent via add end --hand 0.5 -0.2 0.3 --phase 1 --std 0.005
+        # a joint, 2 s after the onset
+        intent via add elbow --dof lwr_a4_joint=-1.2 --time 2 --std 0.05
+        # which there are
+        intent via list
+        # no more
+        intent via remove bottle
+        """,
     )
     actions = parser.add_subparsers(
         title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
     )
-    more = "add a point, or replace the one of the same name"
-    add = actions.add_parser("add", help=more, description=f"{more.capitalize()}.")
-    add.add_argument("name", metavar="NAME", help="name of the point")
-    where = add.add_mutually_exclusive_group(required=True)
-    where.add_argument(
-        "--hand",
-        type=number(float, -1e3),
-        **XYZ,
-        help="where: place of the hand in the world frame [m]",
+    add = add_command(
+        actions,
+        "add",
+        partial(run, _add),
+        """
+        Add a point, or replace the one of the same name.
+
+        name NAME    name of the point
+        --task TASK  task that it is for (default: all tasks)
+        --std STD    how exactly: standard deviation in the unit of the value (default:
+                     %(default)s)
+        """,
+        task={"default": ""},
+        std={"type": number(float, 0.0), "default": USUAL_STD},
     )
-    where.add_argument(
-        "--dof",
-        action="append",
-        type=_dof,
-        metavar="NAME=VALUE",
-        help="where: value of a controlled DOF, in its unit; may be repeated",
+    add_options(
+        add.add_mutually_exclusive_group(required=True),
+        """
+        --hand X Y Z      where: place of the hand in the world frame [m]
+        --dof NAME=VALUE  where: value of a controlled DOF, in its unit; may be repeated
+        """,
+        hand=number(float, -1e3),
+        dof={"action": "append", "type": _dof},
     )
-    when = add.add_mutually_exclusive_group(required=True)
-    when.add_argument(
-        "--phase",
-        type=number(float, 0.0, 1.0),
-        metavar="P",
-        help="when: share of the movement, 1 is its end",
+    add_options(
+        add.add_mutually_exclusive_group(required=True),
+        """
+        --phase P  when: share of the movement, 1 is its end
+        --time S   when: time after the onset, at the usual pace [s]
+        """,
+        phase=number(float, 0.0, 1.0),
+        time=number(float, 0.0),
     )
-    when.add_argument(
-        "--time",
-        type=number(float, 0.0),
-        metavar="S",
-        help="when: time after the onset, at the usual pace [s]",
-    )
-    add.add_argument("--task", default="", help="task that it is for (default: all tasks)")
-    add.add_argument(
-        "--std",
-        type=number(float, 0.0),
-        default=USUAL_STD,
-        help="how exactly: standard deviation in the unit of the value (default: %(default)s)",
-    )
-    more = "print the points in force"
-    listed = actions.add_parser("list", help=more, description=f"{more.capitalize()}.")
-    more = "remove points, by name or all"
-    remove = actions.add_parser("remove", help=more, description=f"{more.capitalize()}.")
-    remove.add_argument("names", nargs="*", metavar="NAME", help="names of the points")
-    remove.add_argument("--all", action="store_true", help="remove all points")
+    show = partial(run, lambda _, points: points)
+    listed = add_command(actions, "list", show, "Print the points in force.")
+    text = """
+        Remove points, by name or all.
+
+        names NAME  names of the points
+        --all       remove all points
+        """
+    remove = add_command(actions, "remove", partial(run, _remove), text, names={"nargs": "*"})
     for action in (add, listed, remove):
         add_node_options(action)
-    add.set_defaults(change=_add)
-    listed.set_defaults(change=lambda args, points: points)
-    remove.set_defaults(change=_remove)
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(change: Change, args: argparse.Namespace) -> int:
     """Read what is in force, change it, and print it.
 
     Raises:
@@ -110,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
         spinning(lambda: Node("via_points"), words) as (node, executor),
         busy(console, "asking the estimator"),
     ):
-        points = change_via_points(node, executor, lambda points: args.change(args, points))
+        points = change_via_points(node, executor, partial(change, args))
     for point in points:
         say(console, printable(str(point)))
     if not points:
@@ -118,7 +123,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def change_via_points(node: Any, executor: Any, change: Changed) -> tuple[ViaPoint, ...]:
+def change_via_points(
+    node: Any, executor: Any, change: Callable[[Points], Sequence[ViaPoint]]
+) -> Points:
     """Read the via points of the estimator, and set others where the change makes others of them.
 
     Raises:
@@ -152,7 +159,7 @@ def change_via_points(node: Any, executor: Any, change: Changed) -> tuple[ViaPoi
     return after
 
 
-def _add(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[ViaPoint]:
+def _add(args: argparse.Namespace, points: Points) -> Sequence[ViaPoint]:
     names = [name for name, _ in args.dof or ()]
     if doubled := sorted({name for name in names if names.count(name) > 1}):
         cure = "Give each DOF once."
@@ -165,7 +172,7 @@ def _add(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[Via
     )
 
 
-def _remove(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[ViaPoint]:
+def _remove(args: argparse.Namespace, points: Points) -> Sequence[ViaPoint]:
     known = [point.name for point in points]
     missing = [name for name in args.names if name not in known]
     if missing or not (args.names or args.all):

@@ -12,10 +12,8 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, make_console
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import XYZ, Subparsers, a_path, number
+from intent_recognition.cli.options import Subparsers, add_command, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -51,79 +49,49 @@ ROWS = (
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "warp",
-        description="Warp an annotated object onto a mesh or a cloud, and print its parameters"
-        " (opening, volume, height, lip, tilt) and the grasp annotated on the source, all in the"
-        " target's own coordinates. The shipped mug is one annotated object; docs/warping.md"
-        " describes how to annotate others.",
-        **examples(
-            ("a mesh, with the shipped mug", "intent warp mug bowl.obj"),
-            ("in millimetres, for a script", "intent warp mug cup.stl --scale 0.001 --json"),
-            ("the grasp for a script", "intent warp mug bowl.obj --grasp --json"),
-            ("a cloud without normals", "intent warp mug seen.ply --viewpoint 0.5 0 0.6"),
-        ),
-    )
-    source = parser.add_argument(
-        "source", metavar="SOURCE", help="annotated object: a file, or `mug`"
-    )
-    offer(source, Path)
-    parser.add_argument(
-        "target", type=a_path, metavar="TARGET", help="file of a mesh or point cloud"
+        run,
+        """
+        Warp an annotated object onto a mesh or a cloud, and print its parameters (opening, volume,
+        height, lip, tilt) and the grasp annotated on the source, all in the target's own
+        coordinates. The shipped mug is one annotated object; docs/warping.md describes how to
+        annotate others.
+
+        source SOURCE          annotated object: a file, or `mug`
+        target TARGET          file of a mesh or point cloud
+        --report OUT.html      write a page with figures (default: %(const)s)
+        --mapping              label: carry the source's labels over to the target's points; point:
+                               move the source's points onto the target (default: %(default)s)
+        --neighbours K         nearest points that vote on a label (default: 1)
+        --points POINTS        number of points used of the target (default: %(default)s)
+        --scale SCALE          factor from the target's unit to metres, such as 0.001 for
+                               millimetres
+        --toward X Y Z         place of the other container [m]
+        --viewpoint X Y Z      where the camera was [m], for clouds without normals
+        --seed SEED            seed of the points sampled on a mesh
+        --grasp                carry the source's grasp to the target: where, from where, how wide
+
+        # a mesh, with the shipped mug
+        intent warp mug bowl.obj
+        # in millimetres, for a script
+        intent warp mug cup.stl --scale 0.001 --json
+        # the grasp for a script
+        intent warp mug bowl.obj --grasp --json
+        # a cloud without normals
+        intent warp mug seen.ply --viewpoint 0.5 0 0.6
+        """,
+        report={"nargs": "?", "const": Path("warp.html")},
+        mapping={"choices": ("label", "point"), "default": "label"},
+        neighbours={"type": number(int, 1), "default": 1},
+        points={"type": number(int, 1), "default": N_POINTS},
+        scale={"type": number(float, *SCALES), "default": 1.0},
+        toward=number(float),
+        viewpoint=number(float),
+        seed={"type": number(int, 0), "default": 0},
     )
     add_json_option(parser, "the parameters")
-    parser.add_argument(
-        "--report",
-        nargs="?",
-        type=a_path,
-        const=Path("warp.html"),
-        metavar="OUT.html",
-        help="write a page with figures (default: %(const)s)",
-    )
-    parser.add_argument(
-        "--mapping",
-        choices=("label", "point"),
-        default="label",
-        help="label: carry the source's labels over to the target's points; point: move the"
-        " source's points onto the target (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--neighbours",
-        type=number(int, 1),
-        default=1,
-        metavar="K",
-        help="nearest points that vote on a label (default: 1)",
-    )
-    parser.add_argument(
-        "--points",
-        type=number(int, 1),
-        default=N_POINTS,
-        help="number of points used of the target (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--scale",
-        type=number(float, *SCALES),
-        default=1.0,
-        help="factor from the target's unit to metres, such as 0.001 for millimetres",
-    )
-    parser.add_argument(
-        "--toward", type=number(float), **XYZ, help="place of the other container [m]"
-    )
-    parser.add_argument(
-        "--viewpoint",
-        type=number(float),
-        **XYZ,
-        help="where the camera was [m], for clouds without normals",
-    )
-    parser.add_argument(
-        "--seed", type=number(int, 0), default=0, help="seed of the points sampled on a mesh"
-    )
-    parser.add_argument(
-        "--grasp",
-        action="store_true",
-        help="carry the source's grasp to the target: where, from where, how wide",
-    )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -135,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     """
     check_json(args.json, {"--report": args.report})
     check_output("--report", args.report)
-    source = ObjectModel.learn(load_object(find_object(args.source)))
+    source = ObjectModel.learn(load_object(find_object(str(args.source))))
     viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
     target = load_target(args.target, args.points, args.scale, viewpoint, args.seed)
     start_s = time.perf_counter()
