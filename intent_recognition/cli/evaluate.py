@@ -148,11 +148,7 @@ def _labelled(demonstrations: list[Demonstration]) -> list[Demonstration]:
 
 
 def _test_folder(args: argparse.Namespace) -> Path | None:
-    """The folder to test on, None for a protocol that divides the recordings.
-
-    Raises:
-        ArgumentError: both `--test` and `--protocol` are given.
-    """
+    """The folder to test on, None for a protocol that divides the recordings."""
     protocol, _, folder = (args.protocol or "").partition(":")
     if args.test is None:
         return Path(folder) if protocol == "holdout" and folder else None

@@ -72,13 +72,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run them; 1 if one broke off.
-
-    Raises:
-        ArgumentError: a name is unknown, or the recordings are no folder.
-        IntentError: the experiments are not here.
-        ResourceBusyError: the report cannot be written.
-    """
+    """Run them; 1 if one broke off."""
     if not are_here():
         what = "the source tree, in which the experiments lie beside the package"
         cure = "Clone the repository, install it with `pip install -e .[all]`, and run this there."

@@ -41,13 +41,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read, write the table and its map, print what was left out.
-
-    Raises:
-        BagError: nothing could be read, or another suffix.
-        MissingPackageError: pyarrow is not installed.
-        ResourceBusyError: the file cannot be written.
-    """
+    """Read, write the table and its map, print what was left out."""
     console = make_console()
     check_output("--output", args.output)
     dofs = load_dofs(args.dofs)

@@ -56,14 +56,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Import, write the bags and the DOF file, print what was found and what was left out.
-
-    Raises:
-        DofError: the map is wrong.
-        BagError: nothing at all could be imported.
-        ArgumentError: there is no map, or no folder to write to.
-        ResourceBusyError: a bag of that name exists already.
-    """
+    """Import, write the bags and the DOF file, print what was found and what was left out."""
     if args.suggest:
         text = suggest_map(args.source)
         if args.output is None:

@@ -98,13 +98,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Practise, accept or undo.
-
-    Raises:
-        ArgumentError: the task or the cost cannot be used.
-        ModelError: there is nothing to accept or to take back.
-        ResourceBusyError: the folder holds another practice.
-    """
+    """Practise, accept or undo."""
     console = console_beside(args.json)
     if args.undo:
         _tell(args, console, "undone", undo(args, console))

@@ -173,12 +173,7 @@ class TaskOfFolder:
 
 
 def _folder(args: argparse.Namespace) -> TaskFolder:
-    """The folder of tasks.
-
-    Raises:
-        ModelError: there is no model in it, and none to begin with.
-        ResourceBusyError: it has another model than the one given.
-    """
+    """The folder of tasks."""
     path = args.library or DEFAULT_LIBRARY
     present = path / LIBRARY_MODEL
     if not present.exists() and args.model is None:

@@ -72,12 +72,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print them: models first, then the recordings, several in one table.
-
-    Raises:
-        BagError: there is nothing that could be a recording.
-        ModelError: the model file cannot be used.
-    """
+    """Print them: models first, then the recordings, several in one table."""
     check_json(args.json)
     console = Console(quiet=True) if args.json == PRINTED else make_console()
     models = [path for path in args.paths if path.suffix == ".npz"]

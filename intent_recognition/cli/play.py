@@ -55,11 +55,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play to the end, or until interrupted.
-
-    Raises:
-        BagError: there is no recording at this path.
-    """
+    """Play to the end, or until interrupted."""
     BagReader(args.bag, tolerant=True)
     from intent_recognition.nodes.bag_player import BagPlayer
     from intent_recognition.nodes.runtime import run as run_node

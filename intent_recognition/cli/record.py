@@ -40,11 +40,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record until interrupted.
-
-    Raises:
-        ResourceBusyError: the output exists already.
-    """
+    """Record until interrupted."""
     if args.output.exists():
         cure = "Choose another; existing recordings are never overwritten."
         raise ResourceBusyError.about("--output", "a new directory", str(args.output), cure)

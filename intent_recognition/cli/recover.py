@@ -36,12 +36,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover, and print what was saved and what was not.
-
-    Raises:
-        BagError: there is no MCAP file, or not one message in it can be read.
-        ResourceBusyError: the output exists already.
-    """
+    """Recover, and print what was saved and what was not."""
     check_json(args.json)
     with busy(Console(stderr=True), "recovering"):
         report = recover(args.bag, args.output)

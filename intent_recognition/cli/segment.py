@@ -55,13 +55,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Segment, write the bags, print what was found.
-
-    Raises:
-        ArgumentError: a DOF file beside a model, which has its own.
-        BagError: the session cannot be read.
-        ResourceBusyError: a bag of that name exists already.
-    """
+    """Segment, write the bags, print what was found."""
     console = console_beside(args.json)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."

@@ -84,11 +84,7 @@ def add_library_options(
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record, learn, send the model; 1 if nothing was learned.
-
-    Raises:
-        IntentError: the library cannot be used, or no topic to be recorded has a publisher.
-    """
+    """Record, learn, send the model; 1 if nothing was learned."""
     console = make_console()
     refuse_other_model(args.library, args.model, args.dofs)
     with busy(console, "waiting for the topics"):
@@ -146,11 +142,7 @@ def refuse_other_model(library: Path, model: Path | None, dofs: Path | None) -> 
 
 
 def _wait_for_topics(args: argparse.Namespace) -> None:
-    """Wait for publishers of what is recorded, before anything is written.
-
-    Raises:
-        BagError: a topic has none.
-    """
+    """Wait for publishers of what is recorded, before anything is written."""
     from rclpy.node import Node
 
     from intent_recognition.demonstrations import topics_of

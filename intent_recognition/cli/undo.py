@@ -36,14 +36,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def change_library(args: argparse.Namespace) -> int:
-    """Change the library as the command says, and give the model to a running estimator.
-
-    Raises:
-        BagError: no execution was corrected, or the last one was kept before.
-        ModelError: there is no library, or nothing to take back.
-        ResourceBusyError: the library has another model than the one given.
-        TrainingError: the correction cannot be learned from.
-    """
+    """Change the library as the command says, and give the model to a running estimator."""
     if not args.library.is_dir():
         cure = "Name the one that `intent teach` or task_teacher made."
         raise ModelError.about(f"--library {args.library}", "a folder of tasks", "none", cure)

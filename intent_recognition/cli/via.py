@@ -100,11 +100,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(change: Change, args: argparse.Namespace) -> int:
-    """Read what is in force, change it, and print it.
-
-    Raises:
-        IntentError: there is no estimator, or it refuses the point.
-    """
+    """Read what is in force, change it, and print it."""
     from rclpy.node import Node
 
     from intent_recognition.nodes.runtime import spinning

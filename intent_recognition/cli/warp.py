@@ -95,12 +95,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Warp and print.
-
-    Raises:
-        ModelError: the source cannot be used.
-        ArgumentError: the target cannot be used; says why.
-    """
+    """Warp and print."""
     check_json(args.json, {"--report": args.report})
     check_output("--report", args.report)
     source = ObjectModel.learn(load_object(find_object(str(args.source))))

@@ -7,11 +7,7 @@ from intent_recognition.evaluation.explaining import Explanation, explain
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import run_online, where_both_were_recorded
 from intent_recognition.evaluation.protocol import evaluate
-from intent_recognition.evaluation.rehearsing import (
-    Rehearsal,
-    Rehearsed,
-    rehearse,
-)
+from intent_recognition.evaluation.rehearsing import Rehearsal, Rehearsed, rehearse
 from intent_recognition.evaluation.remarks import remarks_on
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.evaluation.scoring import PHASES

@@ -139,11 +139,7 @@ def write_segments(
 
 
 def _check_free(paths: Sequence[Path]) -> None:
-    """Find out before anything is written that a directory exists already.
-
-    Raises:
-        ResourceBusyError: one does.
-    """
+    """Find out before anything is written that a directory exists already."""
     for path in paths:
         if path.exists():
             cure = "Choose another folder."

@@ -14,28 +14,12 @@ from rclpy.node import Node
 from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import (
-    JOINT_NAMES,
-    LWR_LIMITS,
-    Arm,
-    JointLimits,
-)
-from intent_recognition.motion import (
-    Clearance,
-    Separation,
-    is_hand,
-    scaled_limits,
-)
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits
+from intent_recognition.motion import Clearance, Separation, is_hand, scaled_limits
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, declare
 from intent_recognition.nodes.prediction_input import RejectionError
-from intent_recognition.promp import (
-    Risk,
-    TaskLibrary,
-    Trajectory,
-    end_std_limits,
-    least_end_std,
-)
+from intent_recognition.promp import Risk, TaskLibrary, Trajectory, end_std_limits, least_end_std
 from intent_recognition.recognition import (
     USUAL_THRESHOLD,
     DecisionSettings,
@@ -230,12 +214,7 @@ class ActivationParameters:
             raise ArgumentError.about("pretrigger_threshold", "0 without a model", value, cure)
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
-        """Limits from the parameters; those not given are the arm's, else the LWR's by joint name.
-
-        Raises:
-            RejectionError: a joint is none of the LWR's and no limits are given.
-            ArgumentError: limits of another size.
-        """
+        """Limits from the parameters; others are the arm's, else the LWR's by joint name."""
         given = {
             name: np.array(self._values[name], dtype=np.float64)
             for name in ARM_LIMITS
@@ -261,11 +240,7 @@ class ActivationParameters:
 
 
 def _read_model(path: str, names: tuple[str, ...]) -> "Model":
-    """A model file, checked.
-
-    Raises:
-        ArgumentError: its joints differ from `names`.
-    """
+    """A model file, checked."""
     from intent_recognition.model import load_model
 
     model = load_model(path)

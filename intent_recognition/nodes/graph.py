@@ -281,11 +281,7 @@ def arguments_of(graph: str, given: Mapping[str, object]) -> dict[str, object]:
 
 
 def _follow_the_clock(graph: str, values: dict[str, object]) -> None:
-    """Let all nodes take the time from /clock where one of them publishes it.
-
-    Raises:
-        ArgumentError: one does, and the others are not to follow it.
-    """
+    """Let all nodes take the time from /clock where one of them publishes it."""
     for name in GRAPHS[graph].nodes:
         spec = NODES[name]
         published = spec.fixed.get(spec.clock) or values.get(spec.parameters.get(spec.clock, ""))

@@ -138,11 +138,7 @@ class IntentEstimatorNode(ManagedNode):
         self.get_logger().info(self._told_tasks())
 
     def _topic_of(self, person: str) -> str:
-        """Where the first tracked body of a person is heard.
-
-        Raises:
-            ArgumentError: the model has none.
-        """
+        """Where the first tracked body of a person is heard."""
         for entry in self._model.dofs.observed:
             if is_raw_pose(entry.topic, entry.type):
                 return human_topic(entry, person)
@@ -197,11 +193,7 @@ class IntentEstimatorNode(ManagedNode):
             belief.forget()
 
     def _check_plan(self, plan: str) -> None:
-        """Refuse a plan for several people.
-
-        Raises:
-            ArgumentError: there is one.
-        """
+        """Refuse a plan for several people."""
         if plan and "" not in self.people:
             cure = "Leave plan or persons empty: a plan is of one person's work."
             raise ArgumentError.about(PLAN, "none with persons", plan, cure)

@@ -108,11 +108,7 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
 
 
 def _end_if_refused(event: Any, _context: object) -> None:
-    """End the launch where a node cannot run (exit code 1): a new start would be no better.
-
-    Raises:
-        IntentError: then; launch ends with all its nodes, and with exit code 1.
-    """
+    """End the launch where a node cannot run (exit code 1): a new start would be no better."""
     if event.returncode == 1:
         raise IntentError(f"{event.process_name} cannot run; what it logged says why")
 
@@ -129,11 +125,7 @@ def _parameter(value: object) -> object:
 
 
 def _params_file(name: str) -> str:
-    """Path of the user's file, or of a shipped one.
-
-    Raises:
-        ArgumentError: there is neither.
-    """
+    """Path of the user's file, or of a shipped one."""
     if Path(name).is_file():
         return str(Path(name).absolute())
     try:

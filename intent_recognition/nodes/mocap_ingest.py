@@ -176,11 +176,7 @@ class MocapIngest(Node):
                 self._identified(body, placed)
 
     def _in_world(self, measured: PoseNumbers) -> PoseNumbers:
-        """A pose in the world frame, by the transform at its stamp.
-
-        Raises:
-            NoTransformError: there is none.
-        """
+        """A pose in the world frame, by the transform at its stamp."""
         known = frame_name(measured.frame_id) in self._settings.frames
         if known or measured.stamp_ns <= 0 or not np.isfinite(measured.pose).all():
             return measured  # as it is, to be checked

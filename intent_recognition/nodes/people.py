@@ -14,13 +14,7 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import steady_timer
 from intent_recognition.nodes.serialized import PoseNumbers
-from intent_recognition.tracking import (
-    NOBODY,
-    Identities,
-    IngestSettings,
-    frame_name,
-    identify,
-)
+from intent_recognition.tracking import NOBODY, Identities, IngestSettings, frame_name, identify
 
 ANYBODY = "*"
 """Stands for everybody whose topics appear."""

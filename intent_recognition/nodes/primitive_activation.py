@@ -17,17 +17,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Mode, PredictedInteraction
 from intent_recognition.demonstrations import numbers_of
-from intent_recognition.errors import (
-    ArgumentError,
-    IntentError,
-    MessageError,
-)
+from intent_recognition.errors import ArgumentError, IntentError, MessageError
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import (
-    JointPath,
-    hand_targets,
-    is_hand,
-)
+from intent_recognition.motion import JointPath, hand_targets, is_hand
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import AT_REST, ActivationParameters
@@ -222,11 +214,7 @@ class PrimitiveActivation(ManagedNode):
         return self._path(self._settings.of_hand, *numbers[:3])
 
     def _meet_arm(self) -> Arm:
-        """The arm whose hand is predicted; where tasks begin in its joints, when it or home is new.
-
-        Raises:
-            RejectionError: there is no description of it.
-        """
+        """The arm whose hand is predicted; of a new one, or home, finds where tasks begin."""
         arm = self._hand.arm
         if arm is None:
             raise RejectionError("no_robot_description", "a hand is predicted, but of which arm?")
@@ -242,11 +230,7 @@ class PrimitiveActivation(ManagedNode):
         return arm
 
     def _keep_clear(self, names: tuple[str, ...]) -> None:
-        """Go by the arm's shape, where it counts, as soon as that is known.
-
-        Raises:
-            RejectionError: it is not known.
-        """
+        """Go by the arm's shape, where it counts, as soon as that is known."""
         settings = self._settings
         arm = settings.described if settings.of_hand else None
         new = self._things.update(
@@ -361,11 +345,7 @@ class PrimitiveActivation(ManagedNode):
     # Set-up
 
     def _changed(self, changes: Changes) -> ActivationParameters:
-        """The parameters with new values.
-
-        Raises:
-            IntentError: they do not fit, or the arm is under way and they are of its motion.
-        """
+        """The parameters with new values."""
         settings = self._settings.changed(changes)
         of_motion = sorted(set(changes) & set(AT_REST))
         activation = self.activation
@@ -384,11 +364,7 @@ class PrimitiveActivation(ManagedNode):
             self._set_joints(self.joint_names)
 
     def _set_joints(self, names: tuple[str, ...]) -> None:
-        """Fix the joints; for those of before, the command in force is not forgotten.
-
-        Raises:
-            IntentError: their limits are not known.
-        """
+        """Fix the joints; for those of before, the command in force is not forgotten."""
         arm = self._settings.described if self._settings.of_hand else None
         self._correction.update(names, self._settings.library, arm, self._settings.reference)
         settings = replace(

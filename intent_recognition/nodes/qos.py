@@ -1,12 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quality of service: the four profiles of the topic graph, and those of recorded topics."""
 
-from rclpy.qos import (
-    QoSDurabilityPolicy,
-    QoSHistoryPolicy,
-    QoSProfile,
-    QoSReliabilityPolicy,
-)
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
 from intent_recognition.bags import TopicInfo, qos_policy
 

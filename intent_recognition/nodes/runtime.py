@@ -16,11 +16,7 @@ from typing import Any, TypeVar
 import rclpy
 from rclpy.clock import Clock, ClockType, JumpThreshold, ROSClock, TimeJump
 from rclpy.duration import Duration
-from rclpy.exceptions import (
-    NameValidationException,
-    NotInitializedException,
-    ParameterException,
-)
+from rclpy.exceptions import NameValidationException, NotInitializedException, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node

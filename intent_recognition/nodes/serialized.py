@@ -12,12 +12,7 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
-from intent_recognition.bags import (
-    LITTLE_ENDIAN,
-    POSE,
-    LayoutCache,
-    header_stamp_ns,
-)
+from intent_recognition.bags import LITTLE_ENDIAN, POSE, LayoutCache, header_stamp_ns
 from intent_recognition.errors import MessageError
 
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -223,11 +223,7 @@ class TaskPracticeService:
 
 
 def _numbers(text: str) -> tuple[float, ...] | None:
-    """Three numbers of a text; None where it is empty.
-
-    Raises:
-        ArgumentError: it is not three numbers.
-    """
+    """Three numbers of a text; None where it is empty."""
     if not text.strip():
         return None
     try:

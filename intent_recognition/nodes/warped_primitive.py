@@ -20,12 +20,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import IntentError, MessageError, one_line
-from intent_recognition.kinematics import (
-    JOINT_NAMES,
-    follow_poses,
-    forward_kinematics,
-    jacobian,
-)
+from intent_recognition.kinematics import JOINT_NAMES, follow_poses, forward_kinematics, jacobian
 from intent_recognition.model import ARRIVED, load_pouring_skill
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
@@ -137,13 +132,7 @@ class WarpedPrimitiveNode(Node):
         self.get_logger().info(f"pour {message.data}: {100.0 * plan.left:.0f} % are to be left")
 
     def _plan(self, asked: str) -> tuple[PourPlan, NDArray[np.float64]]:
-        """The pour asked for, and its joints (T, 7) [rad].
-
-        Raises:
-            MessageError: something has not been seen yet.
-            ArgumentError: so much cannot be poured.
-            KinematicsError: a pose is out of reach.
-        """
+        """The pour asked for, and its joints (T, 7) [rad]."""
         seen = {name: self._seen(name) for name in OBJECTS}
         if self._joints is None:
             raise MessageError.about("joint_states", "those of the arm", "none", "Start it.")

@@ -22,14 +22,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.file import Assembly
-from intent_recognition.plans.work_plan import (
-    SURE,
-    USUAL_SLIP,
-    Pair,
-    WorkPlan,
-    WorkStep,
-    covering,
-)
+from intent_recognition.plans.work_plan import SURE, USUAL_SLIP, Pair, WorkPlan, WorkStep, covering
 
 JUMPS = 0.03
 """Probability e that a step is done before its turn. Convention: as USUAL_SLIP."""

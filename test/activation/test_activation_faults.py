@@ -3,15 +3,7 @@
 
 import numpy as np
 import pytest
-from activation_world import (
-    HOME,
-    LABELS,
-    LIMITS,
-    START_NS,
-    STEP_NS,
-    World,
-    prediction,
-)
+from activation_world import HOME, LABELS, LIMITS, START_NS, STEP_NS, World, prediction
 
 from intent_recognition.activation.states import Command, Mode
 from intent_recognition.errors import IntentError

@@ -20,12 +20,7 @@ from intent_recognition.demonstrations import Source, iter_samples
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import save_model
-from intent_recognition.recognition import (
-    DecisionState,
-    IntentEstimator,
-    decide,
-    decision_settings,
-)
+from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS, n_tasks=2)

@@ -9,12 +9,7 @@ from model_builder import learned_model, make_dofs, perform, true_library
 
 from intent_recognition.evaluation import run_online
 from intent_recognition.evaluation.online import OnlineOutcome, summarise_online
-from intent_recognition.recognition import (
-    DecisionSettings,
-    DecisionState,
-    IntentEstimator,
-    decide,
-)
+from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
 from intent_recognition.signals import merge
 
 DOFS = make_dofs()

@@ -11,16 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from model_builder import (
-    GLOVE,
-    ROBOT,
-    TOOL,
-    WRIST,
-    learned_model,
-    make_dofs,
-    perform,
-    true_library,
-)
+from model_builder import GLOVE, ROBOT, TOOL, WRIST, learned_model, make_dofs, perform, true_library
 from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter

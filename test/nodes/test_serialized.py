@@ -16,10 +16,7 @@ from intent_recognition.nodes.conversions import (
     to_odometry,
     to_stamp,
 )
-from intent_recognition.nodes.serialized import (
-    read_odometry,
-    read_pose,
-)
+from intent_recognition.nodes.serialized import read_odometry, read_pose
 from intent_recognition.tracking import TrackedPose
 
 STAMP_NS = 1_767_226_260_790_000_123
