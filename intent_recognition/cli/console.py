@@ -26,8 +26,6 @@ MOST_LISTED = 5
 """Items of a list that are printed. Convention."""
 NEWS_S = 30.0
 """Time between two lines of progress where the output is no terminal [s]. Convention."""
-WIDTH_OF_A_PIPE = 140
-"""Columns where the output is no terminal, so that tables are not cut off. Convention."""
 
 
 def escape(text: str) -> str:
@@ -37,7 +35,7 @@ def escape(text: str) -> str:
 
 def make_console() -> Console:
     """A console as wide as the terminal, or wide enough for every table."""
-    return Console(width=None if sys.stdout.isatty() else WIDTH_OF_A_PIPE, highlight=False)
+    return Console(width=None if sys.stdout.isatty() else 140, highlight=False)
 
 
 def brief_list(items: Sequence[object]) -> str:

@@ -20,8 +20,6 @@ PARAMETERS = ("rate", "loop", "start_paused", "wait_for_subscribers", "clock", "
 """Options that are parameters of the node `bag_player` under these names."""
 
 SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
-SHOWN_EVERY_S = 0.2
-"""Time between two updates of the progress bar [s]. Convention."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -67,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
         def bag_player() -> BagPlayer:
             node = BagPlayer()
-            steady_timer(node, SHOWN_EVERY_S, lambda: show(node))
+            steady_timer(node, 0.2, lambda: show(node))
             return node
 
         def show(node: BagPlayer) -> None:

@@ -19,8 +19,6 @@ from intent_recognition.model import FRAMES, Frames, FromBags, Run, accumulate_b
 from intent_recognition.signals import Demonstration, Rejection
 
 DEFAULTS = TrainingSettings()
-MOST_BASIS = 200
-"""Basis functions that can be asked for; covariances grow with the square. Convention."""
 DOFS = "dofs.yaml"
 """Name of the DOF file that `intent import` writes beside its bags."""
 
@@ -38,7 +36,7 @@ def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) ->
         --segment  learn from the movement alone, cut as the online detector would, or from the
                    whole recording (default: %(default)s)
         """,
-        basis={"type": number(int, 3, MOST_BASIS), "default": DEFAULTS.n_basis},
+        basis={"type": number(int, 3, 200), "default": DEFAULTS.n_basis},
         segment={"choices": SEGMENTATIONS, "default": segmentation},
     )
 

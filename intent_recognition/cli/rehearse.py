@@ -28,8 +28,6 @@ from intent_recognition.recognition import MAX_WRONG, decision_settings
 from intent_recognition.report import rehearsal_tables, write_rehearsal_report
 from intent_recognition.signals import Demonstration
 
-MOST_WORST = 10
-"""Worst moments that are shown. Convention."""
 N_SUGGESTED = 5
 """Demonstrations that are suggested. Convention."""
 
@@ -74,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         rehearsal = rehearse(model.library, runs, settings)
     suggestions = suggest_next(trained, rehearsal, N_SUGGESTED)
     write_json(args.json, rehearsal_to_json(rehearsal, suggestions))
-    worst = rehearsal.worst(MOST_WORST)
+    worst = rehearsal.worst(10)
     tables = rehearsal_tables(rehearsal, suggestions, worst)
     if args.json != PRINTED:
         say(console, settings.risk or "the model holds no risk: tasks are acted on from 0.9")

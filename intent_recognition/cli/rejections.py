@@ -16,9 +16,6 @@ from intent_recognition.signals import Demonstration, Rejection, stream_doubts
 
 MOST_KINDS = 3
 """Kinds of reasons that a message tells when nothing could be read. Convention."""
-FEWEST_ALIKE = 3
-"""Recordings with reasons that differ in numbers alone, from which one line tells of all.
-Convention."""
 MOST_NAMES = 10
 """Names in such a line. Convention."""
 
@@ -89,7 +86,7 @@ def _folded(items: Sequence[object]) -> Iterator[str]:
         kinds[pattern, k][name] = reason
     for kind in kinds.values():
         (first, reason), *others = kind.items()
-        if len(kind) < FEWEST_ALIKE:
+        if len(kind) < 3:
             yield from (f"{name}{own}" for name, own in kind.items())
             continue
         names = [first, *(Path(name).name for name, _ in others)]

@@ -23,9 +23,6 @@ from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
 
-PRINTED_ROWS = 20
-"""Rows of the printed table, about. Convention: one screen."""
-
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
@@ -91,7 +88,7 @@ def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None
     """About twenty lines of the posterior over time, and when which task became active."""
     labels = (*library.labels, NONE)
     titles = (f">{column}" for column in ("time [s]", *labels, "phase", "active"))
-    step = max(1, len(rows) // PRINTED_ROWS)
+    step = max(1, len(rows) // 20)
     shown = f", one in {step} of them shown (all with --json)" if step > 1 else ""
     table = boxed_table(f"{len(rows)} observations{shown}", *titles)
     for row in rows[::step]:

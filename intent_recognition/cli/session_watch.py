@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 COWORKER, PLAYER = "coworker_sim", "bag_player"
 """Nodes that end by themselves."""
-SLICE_S = 0.1
-"""Longest wait for a callback between two looks at nodes and signals [s]. Convention."""
 HUNG_S = 15.0
 """A node that has said nothing on /diagnostics for so long hangs [s]. Convention: three times the
 longest that learning keeps one busy."""
@@ -117,7 +115,7 @@ class NodeWatch:
             raise KeyboardInterrupt
         self.processes.check(may_end=(COWORKER, PLAYER))
         self._heartbeats.check(filter(self.processes.running, self.processes.names))
-        self._executor.spin_once(timeout_sec=SLICE_S)
+        self._executor.spin_once(timeout_sec=0.1)
 
 
 class ProgressLine:

@@ -19,8 +19,6 @@ from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import DecisionSettings, decision_settings
 from intent_recognition.signals import Demonstration
 
-CONFIDENCE = 0.95
-"""Of the interval for the share acted on wrongly. Convention."""
 SMALLEST_P = 1e-12
 """Least probability that odds are taken of. Numerical safeguard."""
 
@@ -90,7 +88,7 @@ class Rehearsal(NamedTuple):
     def wrong_interval(self) -> tuple[float, float]:
         """Of the share acted on wrongly, by Clopper and Pearson, recordings being independent."""
         test = binomtest(self.n_wrong, len(self.runs))
-        found = test.proportion_ci(CONFIDENCE, method="exact")
+        found = test.proportion_ci(0.95, method="exact")
         return float(found.low), float(found.high)
 
     def worst(self, most: int) -> list[Rehearsed]:

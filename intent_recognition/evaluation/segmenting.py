@@ -30,9 +30,6 @@ AT_REST_NS = 300_000_000
 Convention: the rest after which `OnsetSettings` lets another movement begin.
 """
 
-CLOCK_SAMPLES = 100
-"""Messages from which the difference of log time and stamp is told. Convention."""
-
 
 class Segment(NamedTuple):
     """One interaction of a session.
@@ -116,7 +113,7 @@ def write_segments(
     """
     reader = BagReader(path)
     entries = {entry.topic: entry for entry in dofs.observed}
-    messages = islice(reader.messages(entries), CLOCK_SAMPLES)
+    messages = islice(reader.messages(entries), 100)
     stamps = (
         (m.log_time_ns, stamp_of(entries[m.topic.lstrip("/")], m.message, m.log_time_ns))
         for m in messages

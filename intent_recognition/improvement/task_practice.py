@@ -45,8 +45,6 @@ from intent_recognition.motion import (
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.tables import EntrySamples, ImportedDemonstration
 
-MOST_PEOPLE = 8
-"""People with whom a task is executed in one rollout at most. Convention: 40 ms."""
 N_PHASES = 50
 """Phases at which paths are compared. Convention."""
 DECIDED_SHARE = 0.2
@@ -122,7 +120,7 @@ class TaskPractice:
         beside_m: Sequence[float] | None = None,
         moved_m: Sequence[float] = (0.0, 0.0, 0.0),
         arm: Arm | None = None,
-        most_people: int = MOST_PEOPLE,
+        most_people: int = 8,
     ) -> None:
         library = trained.library
         if task not in library.labels:

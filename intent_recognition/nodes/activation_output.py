@@ -16,10 +16,6 @@ from intent_recognition.nodes.conversions import TrajectoryBuilder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
 from intent_recognition.nodes.people import named_people
 
-_N_CORRECTED = 61
-"""Points of a corrected path. Convention."""
-
-
 PAGE = "dashboard"
 """Name of the node of the page, whose operator may move the arm by hand."""
 
@@ -94,7 +90,7 @@ class ActivationOutput:
         """Tell how a person has corrected the motion, and what became of an interaction."""
         corrected = activation.corrected
         if corrected is not None and corrected is not self._corrected and self._builder is not None:
-            path, phases = corrected.path, np.linspace(0.0, 1.0, _N_CORRECTED)
+            path, phases = corrected.path, np.linspace(0.0, 1.0, 61)
             positions, slopes = path.at(phases)
             times_s = phases * path.duration_s
             message = self._builder.build(

@@ -33,8 +33,6 @@ POLL_PERIOD_S = 0.05
 """Longest time between two looks at pause, stop and rate [s]. Convention."""
 SETTLE_S = 0.2
 """Wait after the last subscriber was found, so that its side is ready too [s]. Convention."""
-UNCHANGED_S = 1.0
-"""Playing begins when the subscribers have not changed for so long [s]. Convention."""
 
 
 class _Anchor(NamedTuple):
@@ -277,7 +275,7 @@ class BagPlayer(Node):
                 matched, changed_s = now, time.monotonic()
             if matched == len(self._outputs):
                 break
-            if matched and time.monotonic() - changed_s > UNCHANGED_S:
+            if matched and time.monotonic() - changed_s > 1.0:
                 break
             self._stopping.wait(0.01)
         if self._wait_s > 0.0:

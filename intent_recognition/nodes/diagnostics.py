@@ -20,8 +20,6 @@ from intent_recognition.registry import ANSWERS
 
 PERIOD_S = 1.0
 """Time between two reports [s] (contract: 1 Hz)."""
-LATENCY_WINDOW = 2000
-"""Latest samples that the percentiles are taken of. Convention."""
 
 PUBLISHERS, LIFECYCLE, ACTIVE, INACTIVE = "publishers ", "lifecycle", "active", "not active"
 """Keys of a report, the first to be followed by a topic, and what a lifecycle node says."""
@@ -91,7 +89,7 @@ class Diagnostics:
         self._totals: Counter[str] = Counter()
         self._in_period: Counter[str] = Counter()
         self._period_start_s = clock()
-        self._latencies_s: deque[float] = deque(maxlen=LATENCY_WINDOW)
+        self._latencies_s: deque[float] = deque(maxlen=2000)
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
         self._wrong_types: set[tuple[str, str, str]] = set()

@@ -25,8 +25,6 @@ from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.via_points import VIA_POINTS, ViaPointInput
 from intent_recognition.recognition import IntentEstimator
 
-CHECK_PERIOD_S = 0.1
-"""Time between two looks at the stream [s]. Convention."""
 LIVE = ("publish_rate", "transition_prior", "forget_after", VIA_POINTS, PLAN)
 
 
@@ -64,7 +62,7 @@ class IntentEstimatorNode(ManagedNode):
         self.create_subscription(
             DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
         )
-        self._watchdog = steady_timer(self, CHECK_PERIOD_S, self._check_stream)
+        self._watchdog = steady_timer(self, 0.1, self._check_stream)
         when_clock_goes_back(self, self._start_over)
         for person in named_people(self) or [""]:
             if person != ANYBODY:

@@ -17,15 +17,9 @@ from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
 
 TUBE_ALPHA = 0.15
 """Opacity of the tube in RViz. Convention."""
-LIFETIME_S = 2
-"""Time after a movement until the picture is empty again [s]."""
 
 LINE_WIDTH_M = 0.006
 """Width of both paths [m]. Convention."""
-TEXT_HEIGHT_M = 0.06
-"""Height of the task's name [m]. Convention."""
-MAX_OBSERVED = 500
-"""Observed positions that are drawn: five seconds at 100 Hz. Convention."""
 NEW_MOVEMENT_NS = 500_000_000
 """Pause between two observations that begins a new path [ns]. Convention."""
 TUBE_FACES = tube_faces().ravel()
@@ -93,7 +87,7 @@ class MarkerBuilder:
             self._observed.clear()
         self._last_ns = stamp_ns
         self._observed.append(position)
-        del self._observed[:-MAX_OBSERVED]
+        del self._observed[:-500]
 
     def build(
         self,
@@ -132,7 +126,7 @@ class MarkerBuilder:
         corners = tube_rings(predicted, std).reshape(-1, 3)[TUBE_FACES]
         tube.points = [to_point(corner) for corner in corners]
         tube.scale = Vector3(x=1.0, y=1.0, z=1.0)
-        text.text, text.scale.z = f"{readable(task)} {probability:.0%}", TEXT_HEIGHT_M
+        text.text, text.scale.z = f"{readable(task)} {probability:.0%}", 0.06
         text.color = colour(own)
         text.pose.position = to_point(predicted[-1] + np.array([0.0, 0.0, 0.1]))
         return MarkerArray(markers=[observed, future, tube, text])
@@ -143,5 +137,5 @@ class MarkerBuilder:
         marker.header.stamp = to_stamp(time_ns)
         marker.header.frame_id = frame
         marker.pose.orientation.w = 1.0
-        marker.lifetime.sec = LIFETIME_S
+        marker.lifetime.sec = 2
         return marker

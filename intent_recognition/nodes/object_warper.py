@@ -44,8 +44,6 @@ CLOUD = "object/labelled_cloud"
 PARAMETERS = "object/parameters"
 POSE = "object/pose"
 GRASP = "object/grasp"
-GRASP_WIDTH = "grasp_width_m"
-"""Name of the grasp's width among the parameters."""
 TOWARD = "object/toward"
 
 
@@ -97,7 +95,7 @@ class ObjectWarper(Node):
         vector = to_named_vector(message.header, parameters, holds)
         grasp = self._grasp_on(warped)
         if grasp is not None:
-            vector.name.append(GRASP_WIDTH)
+            vector.name.append("grasp_width_m")
             vector.position.append(grasp.width_m)
             held = to_pose(grasp.centre, Rotation.from_matrix(grasp.pose[:3, :3]).as_quat())
             self._grasp.publish(PoseStamped(header=message.header, pose=held))

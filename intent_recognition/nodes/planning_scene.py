@@ -19,8 +19,6 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.runtime import steady_timer
 
 OFF, READ, OFFER, BOTH = "off", "read", "offer", "both"
-OFFER_PERIOD_S = 1.0
-"""Time between two offers of our things [s]: who comes later hears them, too. Convention."""
 MONITORED, CHANGES = "monitored_planning_scene", "planning_scene"
 """Topics on which move_group tells its scene, and takes changes of it."""
 
@@ -63,7 +61,7 @@ class PlanningSceneLink:
             node.create_subscription(PlanningScene, MONITORED, self.take, qos.STATE)
         if use in (OFFER, BOTH) and own:
             self._changes = node.create_publisher(PlanningScene, CHANGES, qos.STATE)
-            self._timer = steady_timer(node, OFFER_PERIOD_S, self._offer)
+            self._timer = steady_timer(node, 1.0, self._offer)  # for who comes later, too
 
     def take(self, scene: Any) -> None:
         """Take a `moveit_msgs/msg/PlanningScene`: a whole one, or what has changed."""

@@ -22,10 +22,6 @@ MIDDLEWARE, FAST_DDS, PEERS = "RMW_IMPLEMENTATION", "rmw_fastrtps", "ROS_STATIC_
 with machines beyond this one that nodes look at, too."""
 STOP_S = 5.0
 """Time for a node to end after each signal, before the next one [s]. Convention."""
-PR_SET_PDEATHSIG = 1
-"""Number of the request in Linux' `prctl(2)`."""
-LOG_LINES = 5
-"""Last lines of a dead node's log in the error message. Convention."""
 
 
 def node_environment(base: Mapping[str, str], domain_id: int | None = None) -> dict[str, str]:
@@ -157,7 +153,7 @@ class NodeProcesses:
             raise IntentError.about(
                 f"node {name}",
                 "a process that runs until the end",
-                f"exit code {code}: {' | '.join(lines[-LOG_LINES:]) or 'no output'}",
+                f"exit code {code}: {' | '.join(lines[-5:]) or 'no output'}",
                 f"See {self.log_file(name)}.",
             )
 
@@ -186,6 +182,6 @@ def _text(value: object) -> str:
 
 def _die_with_parent() -> None:
     """Ask the kernel to end this process with its parent (in the child, before exec)."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG of prctl(2)
     if os.getppid() == 1:
         os._exit(1)

@@ -46,8 +46,6 @@ ESTIMATOR = "intent_estimator"
 ANSWER_S = 5.0
 """An estimator that has not answered for so long is asked again [s]. Convention: a model is loaded
 in less than one."""
-MOST_PERIODS = 20
-"""Changes of a task that `teach/skills` tells at most. Convention."""
 
 
 class TaskTeacher(TopicRecorder):
@@ -351,7 +349,7 @@ class TaskTeacher(TopicRecorder):
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         for label, periods in skills.items():
-            for one in periods[-MOST_PERIODS:]:
+            for one in periods[-20:]:
                 numbers = zip(SKILL_COLUMNS, one.texts(), strict=True)
                 values = {"since": one.since, "demonstrations": str(one.n_demonstrations)}
                 if last is not None and (label, one.since) == (last.task, last.time):

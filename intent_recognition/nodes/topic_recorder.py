@@ -24,12 +24,8 @@ from intent_recognition.nodes.qos import keep_last
 from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 from intent_recognition.registry import ANSWERS
 
-DISCOVERY_PERIOD_S = 0.1
-"""Time between two looks for new topics [s]. Convention."""
 UNPUBLISHED_S = 3.0
 """How long after its start a recorder names the topics without a publisher [s]. Convention."""
-QUEUE_DEPTH = 2000
-"""Messages of a topic that wait while the disk is slow. Convention."""
 NOISE_TOPICS = ("/rosout", "/parameter_events")
 ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
 
@@ -92,7 +88,7 @@ class TopicRecorder(Node):
         """
         self._check_names(topics)
         self._wanted = tuple(topics)
-        steady_timer(self, DISCOVERY_PERIOD_S, self.discover)
+        steady_timer(self, 0.1, self.discover)
         steady_timer(self, FLUSH_PERIOD_S, self._flush)
         self.discover()
         self._patience = steady_timer(self, UNPUBLISHED_S, self._warn_of_silent)
@@ -251,7 +247,7 @@ class TopicRecorder(Node):
             )
             if self._writer is not None:
                 self._declare(self._writer, source)
-        profile = keep_last(QUEUE_DEPTH, **guarantees._asdict())
+        profile = keep_last(2000, **guarantees._asdict())
         self._listener.subscribe(resolved, kind, profile)
 
     def _on_message(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:

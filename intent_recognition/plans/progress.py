@@ -36,8 +36,6 @@ HABIT_WEIGHT = 0.5
 VAIN = 0.1
 """How often a step that is undone is done in vain; tasks of which nothing is undone count 1.
 Convention."""
-LIKELY = 0.5
-"""Probability from which a step counts as done. Convention."""
 FORGOTTEN = 0.4
 """Probability from which a step counts as forgotten (docs/plans.md)."""
 POSSIBLE = 0.1
@@ -63,7 +61,7 @@ class StepState(NamedTuple):
 
     def __str__(self) -> str:
         """One of `done`, `forgotten`, `may come` and `later`."""
-        if self.done >= LIKELY:
+        if self.done >= 0.5:
             return "done"
         if self.forgotten >= FORGOTTEN:
             return "forgotten"

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
-MAX_POINTS = 400
-"""Points of a drawn curve. Convention: more are not seen."""
 
 
 @styled
@@ -117,7 +115,7 @@ def _margins(rows: int, legend_below: bool) -> dict[str, float]:
     }
 
 
-def thin(values: NDArray[np.float64], count: int = MAX_POINTS) -> NDArray[np.float64]:
+def thin(values: NDArray[np.float64], count: int = 400) -> NDArray[np.float64]:
     """At most `count` rows, evenly spaced, first and last kept."""
     if len(values) <= count:
         return values
