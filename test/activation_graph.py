@@ -3,7 +3,6 @@
 
 import numpy as np
 from joint_trajectories import build_joint_trajectory
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -66,8 +65,7 @@ class Graph:
     def __init__(self, harness, **parameters):
         self.harness = harness
         parameters = {"use_sim_time": True, "home": HOME.tolist(), **parameters}
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
+        self.node = harness.node(PrimitiveActivation, **parameters)
         self.clock = harness.publisher(Clock, "/clock", 10)
         self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
         self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)

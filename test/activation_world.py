@@ -122,3 +122,11 @@ class World:
         a = np.diff(v, axis=0) / 2e-3
         assert np.all(np.abs(v) <= LIMITS.velocity * (1 + 1e-6))
         assert np.all(np.abs(a) <= LIMITS.acceleration * (1 + 1e-5) + 1e-6)
+
+
+def executing(already_s=0.2, **settings):
+    """A world whose arm has begun to serve a plate."""
+    world = World(**settings)
+    world.begin("plate", already_s)
+    world.run_until(Mode.EXECUTING)
+    return world

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from intent_recognition.nodes.runtime import make_executor, spin_until
@@ -52,6 +53,11 @@ class Harness:
         self.executor.add_node(node)
         self.nodes.append(node)
         return node
+
+    def node(self, kind: Callable[..., Node], **parameters) -> Node:
+        """Spin a node of this kind with these parameters; see `add`."""
+        given = [Parameter(name, value=value) for name, value in parameters.items()]
+        return self.add(kind(parameter_overrides=given))
 
     def spin_until(
         self, predicate: Callable[[], object], deadline_s: float = DEADLINE_S, what: str = ""

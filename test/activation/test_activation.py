@@ -3,7 +3,17 @@
 
 import numpy as np
 import pytest
-from activation_world import GOALS, HOME, LABELS, START_NS, STEP_NS, World, prediction, trajectory
+from activation_world import (
+    GOALS,
+    HOME,
+    LABELS,
+    START_NS,
+    STEP_NS,
+    World,
+    executing,
+    prediction,
+    trajectory,
+)
 
 from intent_recognition.activation.states import Mode
 
@@ -24,9 +34,7 @@ def test_an_interaction_from_recognition_to_home():
 
 
 def test_starts_within_a_tenth_of_a_second_and_catches_up():
-    world = World()
-    world.begin("plate", already_s=0.8)
-    world.run_until(Mode.EXECUTING)
+    world = executing(0.8)
     assert (world.now_ns - START_NS) * 1e-9 <= 0.1
     world.run(1.3)
     assert world.commands[-1].phase_at(world.now_ns)[0] > 0.98
@@ -62,9 +70,7 @@ def test_a_new_onset_is_a_new_interaction_even_if_idle_was_not_seen():
 
 @pytest.mark.slow
 def test_the_same_task_again_at_once_is_an_interaction_of_its_own():
-    world = World(hold_s=2.0)
-    world.begin("plate", already_s=0.3)
-    world.run_until(Mode.EXECUTING)
+    world = executing(0.3, hold_s=2.0)
     world.run(1.5)
     world.task = "idle"
     world.run(0.1)
@@ -94,9 +100,7 @@ def test_a_new_interaction_on_the_way_home_starts_from_the_moving_arm():
 
 
 def test_the_human_being_done_does_not_keep_the_arm_from_arriving():
-    world = World()
-    world.begin("plate", already_s=1.2)
-    world.run_until(Mode.EXECUTING)
+    world = executing(1.2)
     world.run(0.4)
     world.task = "idle"
     end = world.commands[-1].plan.end
@@ -107,9 +111,7 @@ def test_the_human_being_done_does_not_keep_the_arm_from_arriving():
 
 
 def test_silence_stops_the_arm_on_its_path_and_then_sends_it_home():
-    world = World(hold_s=1.0)
-    world.begin("plate", already_s=0.2)
-    world.run_until(Mode.EXECUTING)
+    world = executing(hold_s=1.0)
     world.run(0.3)
     world.speaks = False
     world.run_until(Mode.STOPPED)
@@ -127,9 +129,7 @@ def test_silence_stops_the_arm_on_its_path_and_then_sends_it_home():
 
 
 def test_a_short_silence_is_nothing_and_a_longer_one_resumes():
-    world = World(hold_s=3.0)
-    world.begin("plate", already_s=0.2)
-    world.run_until(Mode.EXECUTING)
+    world = executing(hold_s=3.0)
     world.speaks = False
     world.run(0.4)
     assert world.activation.mode is Mode.EXECUTING
@@ -144,9 +144,7 @@ def test_a_short_silence_is_nothing_and_a_longer_one_resumes():
 
 
 def test_a_withdrawn_task_stops_the_arm():
-    world = World()
-    world.begin("plate", already_s=0.2)
-    world.run_until(Mode.EXECUTING)
+    world = executing()
     world.run(0.2)
     world.task = "none"
     world.run_until(Mode.STOPPED)
@@ -156,9 +154,7 @@ def test_a_withdrawn_task_stops_the_arm():
 
 
 def test_another_task_early_on_takes_over_without_a_jump():
-    world = World()
-    world.begin("plate", already_s=0.3)
-    world.run_until(Mode.EXECUTING)
+    world = executing(0.3)
     world.run(0.3)
     world.task = "screw"
     world.run(0.2)

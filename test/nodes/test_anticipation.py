@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimator_graph import message_for, shifted, with_covariance
 from model_builder import ROBOT, WRIST, learned_model, make_dofs, perform, true_library
 from nav_msgs.msg import Odometry
-from nodes.test_intent_estimator import message_for, shifted, with_covariance
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -61,8 +60,7 @@ class Graph:
     def __init__(self, harness, path, **parameters):
         self.harness = harness
         values = {"model": str(path), "publish_rate": 1000.0, **parameters}
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
-        self.node = harness.add(IntentEstimatorNode(parameter_overrides=overrides))
+        self.node = harness.node(IntentEstimatorNode, **values)
         self.wrist = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
         self.arm = harness.publisher(JointState, "joint_states", qos.STATE)
         self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from clearance_world import ROBOT
 from joint_trajectories import build_joint_trajectory
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
@@ -37,8 +36,7 @@ class Graph:
     def __init__(self, harness, **parameters):
         self.harness, self.now_ns = harness, START_NS
         parameters = {"use_sim_time": True, "home": HOME.tolist(), "n_observations": 2} | parameters
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
+        self.node = harness.node(PrimitiveActivation, **parameters)
         self.clock = harness.publisher(Clock, "/clock", 10)
         self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
         self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)

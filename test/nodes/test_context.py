@@ -3,9 +3,9 @@
 
 import numpy as np
 import pytest
+from estimator_graph import Graph, check_tasks, message_for
 from geometry_msgs.msg import PoseStamped
 from moved_box import DOFS, hand_over, learned
-from nodes.test_intent_estimator import Graph, check_tasks, message_for
 from simulation import START_NS
 
 from intent_recognition.model import Model, save_model

@@ -7,7 +7,6 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from model_builder import TOOL, WRIST, make_dofs, true_library
 from nav_msgs.msg import Odometry
-from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from intent_recognition.model import FRAMES, Model, save_model
@@ -31,8 +30,7 @@ class Stream:
     def __init__(self, harness, tmp_path, frames):
         self.harness, self.path, self.n = harness, tmp_path / "m.npz", 0
         save(self.path, frames)
-        overrides = [Parameter("model", value=str(self.path))]
-        self.node = harness.add(IntentEstimatorNode(parameter_overrides=overrides))
+        self.node = harness.node(IntentEstimatorNode, model=str(self.path))
         self.inputs = [
             harness.publisher(Odometry, "human/wrist", qos.SENSOR),
             harness.publisher(PoseStamped, TOOL.topic, 10),

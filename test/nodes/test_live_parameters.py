@@ -55,8 +55,7 @@ def needed(kind, folder, model):
 
 
 def make(harness, kind, **values):
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    return harness.add(kind(parameter_overrides=overrides))
+    return harness.node(kind, **values)
 
 
 def change(harness, node, **values):

@@ -6,7 +6,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 from intent_recognition.nodes import qos
@@ -26,8 +25,7 @@ def pose(index, position, frame="world", orientation=UPRIGHT):
 
 
 def start(harness, **overrides):
-    parameters = [Parameter(name, value=value) for name, value in overrides.items()]
-    return harness.add(MocapIngest(parameter_overrides=parameters))
+    return harness.node(MocapIngest, **overrides)
 
 
 def exchange(harness, messages, count, body="wrist"):

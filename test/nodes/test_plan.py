@@ -3,7 +3,7 @@
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from nodes.test_intent_estimator import DOFS, Folder
+from estimator_graph import DOFS, Folder
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
@@ -19,8 +19,7 @@ TEXT = "steps: [{step: task_0}, {step: task_1}]\nby_hand: {task_0 < task_1: 1}\n
 def node_of(harness, tmp_path, plan):
     folder = Folder(tmp_path, DOFS)
     values = {"model": str(folder.path), "plan": plan}
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    return harness.add(IntentEstimatorNode(parameter_overrides=overrides))
+    return harness.node(IntentEstimatorNode, **values)
 
 
 @pytest.mark.slow

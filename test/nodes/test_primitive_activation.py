@@ -86,19 +86,6 @@ def test_silence_stops_the_arm_and_diagnostics_say_so(graph):
     check_commands(graph.commands)
 
 
-def test_a_prediction_outside_the_limits_is_bent_and_reported(graph):
-    graph.begin(already_s=0.2)
-    for _ in range(10):
-        graph.tick()
-        graph.send_joints()
-        graph.send_prediction(predicted("plate", graph.onset_ns, size=3.0))
-        graph.send_tasks()
-    graph.harness.spin_until(lambda: graph.commands)
-    check_commands(graph.commands)
-    values = graph.report()[1]
-    assert int(values["count clamped"]) > 0
-
-
 def spoiled(fault, onset_ns):
     message = copy.deepcopy(predicted("plate", onset_ns))
     if fault == "wrong_joint_names":
@@ -275,8 +262,7 @@ def test_joints_of_another_arm_need_limits(harness):
 def test_a_limit_that_is_given_alone_counts_beside_those_of_the_arm(harness, name):
     own = 0.25 * getattr(LWR_LIMITS, name)
     overrides = {"joint_names": list(JOINT_NAMES), "velocity_scale": 1.0, name: own.tolist()}
-    parameters = [Parameter(key, value=value) for key, value in overrides.items()]
-    node = harness.add(PrimitiveActivation(parameter_overrides=parameters))
+    node = harness.node(PrimitiveActivation, **overrides)
     for limit in ("lower", "upper", "velocity"):
         expected = own if limit == name else getattr(LWR_LIMITS, limit)
         np.testing.assert_array_equal(getattr(node._limits, limit), expected)
@@ -296,26 +282,6 @@ def test_wrong_parameters_are_errors_at_start(harness, wrong):
     overrides = [Parameter(name, value=value) for name, value in wrong.items()]
     with pytest.raises(ArgumentError):
         PrimitiveActivation(parameter_overrides=overrides)
-
-
-def test_a_joint_state_without_velocities_is_no_arm_at_rest(graph):
-    graph.begin(already_s=0.1)
-
-    def measured(position):
-        message = to_joint_state(JOINT_NAMES, position, time_ns=graph.now_ns)
-        graph.send(graph.joints, message, "joint_states")
-        graph.send_prediction()
-        graph.send_tasks()
-
-    for k in range(20):
-        graph.tick()
-        measured(HOME + 0.01 * k)
-    assert not graph.commands and graph.rejected("arm_moving") > 0
-    for _ in range(10):
-        graph.tick()
-        measured(HOME + 0.2)
-    graph.harness.spin_until(lambda: graph.commands, what="a command once the arm rests")
-    np.testing.assert_allclose(trajectory_arrays(graph.commands[0])[1][0], HOME + 0.2)
 
 
 @pytest.mark.parametrize("allowed", [False, True])

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from estimator_graph import DOFS, Folder
 from model_builder import make_dofs, true_library
 from nav_msgs.msg import Odometry
-from nodes.test_intent_estimator import DOFS, Folder
 from nodes.test_primitive_activation import HOME, Graph, check_commands
 from rclpy.parameter import Parameter
 from std_msgs.msg import String

@@ -66,8 +66,7 @@ class Cell:
 
     def __init__(self, harness, library, model):
         def node(kind, **values):
-            overrides = [Parameter(name, value=value) for name, value in values.items()]
-            return harness.add(kind(parameter_overrides=overrides))
+            return harness.node(kind, **values)
 
         self.harness = harness
         self.estimator = node(IntentEstimatorNode, model=str(model))
@@ -149,8 +148,7 @@ def test_an_estimator_that_was_started_again_gets_the_taught_model(harness, tmp_
     harness.executor.remove_node(cell.estimator)
     harness.nodes.remove(cell.estimator)
     cell.estimator.destroy_node()
-    override = [Parameter("model", value=str(model))]
-    cell.estimator = harness.add(IntentEstimatorNode(parameter_overrides=override))
+    cell.estimator = harness.node(IntentEstimatorNode, model=str(model))
     assert cell.estimator.active and tuple(cell.estimator._model.labels) == OLD
     cell.wait_said("started again; in use")
     assert tuple(cell.estimator._model.labels) == (*OLD, NEW)
@@ -211,8 +209,7 @@ def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
 @pytest.mark.parametrize(("error", "left"), [(TrainingError, 1), (ResourceBusyError, 2)])
 def test_what_was_learned_before_one_fails_is_used(harness, tmp_path, model, error, left):
     values = {"library": str(tmp_path / "mine"), "model": str(model)}
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+    teacher = harness.node(TaskTeacher, **values)
 
     def learn(bag):
         if bag.name == "b":
@@ -231,8 +228,7 @@ def test_what_was_learned_before_one_fails_is_used(harness, tmp_path, model, err
 def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(harness, tmp_path):
     values = {"library": str(tmp_path / "tasks"), "task": "wave", "hand_link": "my_tool"}
     values["dofs"] = str(share_path("config/dofs_hand.yaml"))
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+    teacher = harness.node(TaskTeacher, **values)
     description = harness.publisher(String, "robot_description", qos.LATCHED)
     description.publish(String(data=lwr_urdf(world=True)))
     harness.spin_until(lambda: teacher.listening)
@@ -370,8 +366,7 @@ def test_thumbs_of_the_page_judge_the_points_that_the_estimator_tries(harness, t
     teacher, call = practising(harness, tmp_path / "mine", model)
     teacher.set_parameters([Parameter("practice_cost", value="thumbs")])
     assert "an estimator" in call("practise", SetBool, data=True).message
-    override = [Parameter("model", value=str(model))]
-    estimator = harness.add(IntentEstimatorNode(parameter_overrides=override))
+    estimator = harness.node(IntentEstimatorNode, model=str(model))
     active = harness.publisher(String, "intent/active_task", qos.LATCHED)
     feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
     harness.connect(active, feedback)

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.parameter import Parameter
 
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
@@ -24,8 +23,7 @@ class Tracker:
         from tf2_msgs.msg import TFMessage
 
         self.harness, self.type = harness, TFMessage
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        self.node = harness.add(MocapIngest(parameter_overrides=overrides))
+        self.node = harness.node(MocapIngest, **parameters)
         self.received = harness.collect(Odometry, "human/wrist", qos.SENSOR)
         self.poses = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
         self.frames = harness.publisher(TFMessage, "/tf", qos.TRANSFORMS)

@@ -5,7 +5,7 @@ import argparse
 
 import numpy as np
 import pytest
-from nodes.test_intent_estimator import DOFS, Folder, Graph
+from estimator_graph import DOFS, Folder, Graph
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -115,8 +114,7 @@ class Cell:
         return n_taken([POSES], self.ingest, self.estimator) < self._n_sent
 
     def _add(self, kind, parameters):
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        return self.harness.add(kind(parameter_overrides=overrides))
+        return self.harness.node(kind, **parameters)
 
     def connect(self) -> None:
         """Wait until every topic of the chain has found its ends."""

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 import pytest
 from model_builder import GLOVE, TOOL, WRIST, make_dofs, perform, true_library, write_recording
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from system.pacing import PacedPlayer
 from trajectory_msgs.msg import JointTrajectory
@@ -44,8 +43,7 @@ def train(folder, dofs, truth):
 
 
 def start(harness, kind, **parameters):
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return harness.add(kind(parameter_overrides=overrides))
+    return harness.node(kind, **parameters)
 
 
 @pytest.mark.parametrize("mixture", MIXTURES)

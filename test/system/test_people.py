@@ -5,7 +5,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from system.pacing import PacedPlayer
 from trajectory_msgs.msg import JointTrajectory
@@ -40,8 +39,7 @@ def recordings(shared_data):
 
 
 def start(harness, kind, **parameters):
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return harness.add(kind(parameter_overrides=overrides))
+    return harness.node(kind, **parameters)
 
 
 @pytest.mark.parametrize("name", LEFT_OUT)

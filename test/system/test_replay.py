@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from system.pacing import PacedPlayer
@@ -29,8 +28,7 @@ TEST_BAGS = ("plate_handover_01", "screw_handover_02", "hold_screwdriver_03")
 
 
 def start(harness, kind, **parameters):
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return harness.add(kind(parameter_overrides=overrides))
+    return harness.node(kind, **parameters)
 
 
 def chain(harness, model):

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 from joint_trajectories import build_joint_trajectory
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -17,8 +16,7 @@ from sim_bridge.nodes.arm_sim import ArmSim
 
 
 def make(harness, **parameters):
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return harness.add(ArmSim(parameter_overrides=overrides))
+    return harness.node(ArmSim, **parameters)
 
 
 def test_a_panda_follows_a_trajectory_and_shows_its_fingers(harness):

@@ -10,7 +10,6 @@ import pytest
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from rclpy.parameter import Parameter
 from rclpy.time import Time
 from ros_harness import NodeProcess
 from rosgraph_msgs.msg import Clock
@@ -30,8 +29,7 @@ SHIFT = np.array([0.3, 0.1, -0.2, 0.15, 0.2, -0.1, 0.3])
 
 
 def make(harness, **parameters):
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return harness.add(LwrSim(parameter_overrides=overrides))
+    return harness.node(LwrSim, **parameters)
 
 
 def trajectory(goal, time_s=0.8, names=JOINT_NAMES, stamp_ns=0):

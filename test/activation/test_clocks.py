@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The activation's state machine: clocks that differ, joint states and commands that are late."""
+
+import numpy as np
+import pytest
+from activation_world import HOME, STEP_NS, World, executing
+
+from intent_recognition.activation.states import Mode
+
+
+def test_a_clock_that_goes_back_starts_over():
+    world = executing()
+    assert world.activation.step(world.now_ns - 10_000_000_000) is None
+    assert world.activation.mode is Mode.IDLE and "clock_jumped_back" in world.rejected
+
+
+@pytest.mark.parametrize("ahead_s", [0.02, 0.5, 0.999, 5.0, 1e6])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_joint_state_from_the_future_blocks_nothing(ahead_s, first):
+    world = World()
+    if not first:
+        world.run(0.1)
+    stamp_ns = world.now_ns + round(ahead_s * 1e9)
+    world.activation.take_joint_state(stamp_ns, HOME, np.zeros(7), now_ns=world.now_ns)
+    assert ("joint_state_in_future" in world.rejected) == (ahead_s > 1.0)
+    world.rejected.clear()
+    world.begin("plate")
+    world.run(0.1)
+    assert world.activation.mode is Mode.EXECUTING
+    assert world.rejected == []
+
+
+@pytest.mark.parametrize("skew_s", [-0.9, -0.3, 0.3, 0.9])
+def test_an_arm_whose_clock_is_off_is_not_stale(skew_s):
+    world = World()
+    world.measures = False
+    world.begin("plate")
+    for _ in range(10):
+        now_ns = world.now_ns + STEP_NS
+        stamp_ns = now_ns + round(skew_s * 1e9)
+        world.activation.take_joint_state(stamp_ns, HOME, np.zeros(7), now_ns=now_ns)
+        world.step()
+    assert world.activation.mode is Mode.EXECUTING
+
+
+@pytest.mark.parametrize(
+    ("late_s", "stopped"), [(0.2, "arm_off_reference"), (0.9, "stale_joint_states")]
+)
+def test_a_push_is_noticed_though_joint_states_are_late(late_s, stopped):
+    """Late ones show the arm where its reference was; so it is told from a clock that is behind."""
+    world, queue = World(), []
+    world.measures = False
+
+    def step(measured):
+        queue.append((world.now_ns, measured))
+        while queue and queue[0][0] <= world.now_ns - late_s * 1e9:
+            stamp_ns, position = queue.pop(0)
+            world.activation.take_joint_state(stamp_ns, position, np.zeros(7), now_ns=world.now_ns)
+        world.step()
+
+    for _ in range(150):
+        step(world.arm())
+    world.begin("plate", already_s=0.0)
+    for k in range(70):
+        step(world.arm() + (0.9 if k > 30 else 0.0))
+    assert world.activation.stop_reason == stopped
+    assert world.activation.clocks["joint states' age by"] == "stamp"
+
+
+@pytest.mark.parametrize("behind_s", [0.1, 0.9])
+def test_an_arm_whose_clock_is_behind_is_followed_while_it_moves(behind_s):
+    world = World()
+    world.measures = False
+    world.begin("plate", already_s=0.2)
+    for _ in range(200):
+        stamp_ns = world.now_ns - round(behind_s * 1e9)
+        world.activation.take_joint_state(stamp_ns, world.arm(), np.zeros(7), now_ns=world.now_ns)
+        world.step()
+    assert world.activation.clocks == {
+        "commands late [s]": "0.000",
+        "joint states behind": f"{behind_s:.3f} s",
+        "joint states' age by": "arrival",
+    }
+    assert world.activation.mode is Mode.EXECUTING and world.rejected == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_with_three_in_ten_commands_lost_the_arm_ends_at_home(seed):
+    """A lost one is noticed: the arm is where the command before asks it to be."""
+    world, rng, got = World(), np.random.default_rng(seed), []
+
+    def reference():
+        reached = [command for command in got if world.now_ns >= command.start_ns]
+        return reached[-1].at(world.now_ns).position if reached else HOME
+
+    world.arm = reference
+
+    def run(seconds):
+        for _ in range(round(seconds * 100)):
+            n = len(world.commands)
+            world.step()
+            got.extend(c for c in world.commands[n:] if rng.random() >= 0.3)
+
+    run(0.3)
+    world.begin("plate", already_s=0.3)
+    run(3.0)
+    world.task = "idle"
+    while world.activation.mode is not Mode.HOMING:
+        run(0.01)
+    while got and got[-1].plan.kind == "home":
+        got.pop()  # in any case the first one home
+    run(12.0)
+    assert "command_lost" in world.rejected and world.activation.mode is Mode.IDLE
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
+
+
+def test_late_joint_states_are_counted_and_change_nothing():
+    world = World()
+    world.run(0.1)
+    for late_ns in (0, 1, STEP_NS, 10**9):
+        world.activation.take_joint_state(world.now_ns - late_ns, HOME + 1.0, now_ns=world.now_ns)
+    assert world.rejected == ["joint_state_not_increasing"] * 4
+    world.begin("plate")
+    world.run(0.1)
+    np.testing.assert_allclose(world.commands[0].plan.positions[0], HOME, atol=1e-12)
