@@ -65,7 +65,8 @@ class Graph:
     def __init__(self, harness, **parameters):
         self.harness = harness
         parameters = {"use_sim_time": True, "home": HOME.tolist(), **parameters}
-        self.node = harness.node(PrimitiveActivation, **parameters)
+        given = {name: value for name, value in parameters.items() if value is not None}
+        self.node = harness.node(PrimitiveActivation, **given)
         self.clock = harness.publisher(Clock, "/clock", 10)
         self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
         self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)

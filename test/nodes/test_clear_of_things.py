@@ -3,73 +3,49 @@
 
 import numpy as np
 import pytest
+from activation_graph import GOALS, HOME, START_NS
+from activation_graph import Graph as ActivationGraph
 from clearance_world import ROBOT
 from joint_trajectories import build_joint_trajectory
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import JOINT_NAMES, hand_position, parse_boxes
+from intent_recognition.kinematics import hand_position, parse_boxes
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
-    to_joint_state,
     to_pose,
-    to_stamp,
     trajectory_arrays,
 )
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.share import share_path
 
-HOME = np.array([-0.07, -0.58, -0.47, 1.5, -0.39, 0.94, 0.5])
-GOAL = HOME + 0.4
-START_NS, STEP_NS = 50_000_000_000, 20_000_000
+GOAL = HOME + GOALS["plate"]
 
 
 def box_at(q):
     return "crate " + " ".join(f"{x:.3f}" for x in hand_position(q)) + " 0.1 0.1 0.1"
 
 
-class Graph:
+class Graph(ActivationGraph):
+    """An arm that stays at home, and a hand that is described when the test says so."""
+
     def __init__(self, harness, **parameters):
-        self.harness, self.now_ns = harness, START_NS
-        parameters = {"use_sim_time": True, "home": HOME.tolist(), "n_observations": 2} | parameters
-        self.node = harness.node(PrimitiveActivation, **parameters)
-        self.clock = harness.publisher(Clock, "/clock", 10)
-        self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
-        self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
-        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        super().__init__(harness, **{"n_observations": 2} | parameters)
         self.description = harness.publisher(String, "robot_description", qos.LATCHED)
-        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
-        harness.connect(self.clock, self.tasks, self.prediction, self.joints, self.description)
+        harness.connect(self.description)
+        self.begin("plate")
 
     def describe(self, text):
         self.description.publish(String(data=text))
         self.harness.spin_until(lambda: self.node._hand.description == text)
 
-    def send(self, publisher, message, stream):
-        before = self.node.diagnostics._totals[stream]
-        publisher.publish(message)
-        self.harness.spin_until(lambda: self.node.diagnostics._totals[stream] > before, what=stream)
-
     def step(self):
-        self.now_ns += STEP_NS
-        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
-        clock = self.node.get_clock()
-        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns)
-        state = to_joint_state(JOINT_NAMES, HOME, np.zeros(7), time_ns=self.now_ns)
-        self.send(self.joints, state, "joint_states")
-        s = np.linspace(0.0, 1.0, 50)
-        q = HOME + np.outer(s**3 * (10 - 15 * s + 6 * s**2), GOAL - HOME)
-        message = build_joint_trajectory(
-            JOINT_NAMES, 2.0 * s, q, None, np.full((50, 7), 0.05), time_ns=START_NS - 600_000_000
-        )
-        message.header.frame_id = "plate"
-        self.send(self.prediction, message, "intent/robot_trajectory")
-        p = to_joint_state(("plate", "none"), [0.99, 0.01], time_ns=self.now_ns)
-        self.send(self.tasks, p, "intent/tasks")
+        self.tick()
+        self.send_joints(HOME)
+        self.send_prediction()
+        self.send_tasks()
 
 
 def test_the_example_names_its_boxes(harness):

@@ -6,15 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from activation_graph import START_NS, Graph
 from joint_trajectories import build_joint_trajectory
 from model_builder import true_library
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation, Slerp
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model.file import Model, save_model
@@ -23,11 +22,9 @@ from intent_recognition.nodes.anticipation import PostureInput
 from intent_recognition.nodes.conversions import (
     stamp_ns,
     to_joint_state,
-    to_stamp,
     trajectory_arrays,
 )
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.recognition.start_posture import start_mean
 from intent_recognition.share import share_path
 from sim_bridge.arm.robots import find_robot
@@ -38,7 +35,6 @@ NAMES = [f"hand/pose.pose.position.{axis}" for axis in "xyz"]
 TURNED_NAMES = NAMES + [f"hand/pose.pose.orientation.{axis}" for axis in "xyzw"]
 GOAL_M = np.array([0.62, -0.03, 0.38])
 TIP = "panda_grasptarget"
-START_NS, STEP_NS = 50_000_000_000, 20_000_000
 
 
 @pytest.fixture(scope="module")
@@ -46,26 +42,15 @@ def panda():
     return ToolboxArm(find_robot("panda"))
 
 
-class HandGraph:
-    """Fake estimator, arm and clock around the node, with a Panda's description."""
+class HandGraph(Graph):
+    """With a Panda's description, whose hand is predicted."""
 
     def __init__(self, harness, arm, describe=True, **others):
-        self.harness, self.arm, self.now_ns = harness, arm, START_NS
-        parameters = {
-            "use_sim_time": True,
-            "home": arm.home.tolist(),
-            "hand_link": arm.robot.tip,
-            "n_observations": 2,
-        } | others
-        overrides = [Parameter(name, value=value) for name, value in parameters.items() if value]
-        self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
+        own = {"home": arm.home.tolist(), "hand_link": arm.robot.tip, "n_observations": 2}
+        super().__init__(harness, **own | others)
+        self.arm = arm
         self.description = harness.publisher(String, "robot_description", qos.LATCHED)
-        self.clock = harness.publisher(Clock, "/clock", 10)
-        self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
-        self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
-        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
-        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
-        harness.connect(self.clock, self.tasks, self.prediction, self.joints, self.description)
+        harness.connect(self.description)
         if describe:
             self.description.publish(String(data=arm.robot.description))
             harness.spin_until(lambda: self.node._hand.arm is not None)
@@ -74,11 +59,6 @@ class HandGraph:
     def turn_at_home(self):
         pose = self.arm._arm.forward_kinematics(self.arm.home)
         return Rotation.from_matrix(pose[:3, :3]).as_quat()
-
-    def send(self, publisher, message, stream):
-        before = self.node.diagnostics._totals[stream]
-        publisher.publish(message)
-        self.harness.spin_until(lambda: self.node.diagnostics._totals[stream] > before, what=stream)
 
     def predict(self, goal):
         """The hand goes to a position (3,), or to one turned as the quaternion says (7,)."""
@@ -96,17 +76,13 @@ class HandGraph:
         self.send(self.prediction, message, "intent/robot_trajectory")
 
     def step(self, goal):
-        self.now_ns += STEP_NS
-        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
-        clock = self.node.get_clock()
-        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns)
+        self.tick()
         names = [*self.arm.robot.joint_names, "panda_finger_joint1", "panda_finger_joint2"]
         q = [*self.arm.home, 0.04, 0.04]
         state = to_joint_state(names, q, np.zeros(9), time_ns=self.now_ns)
         self.send(self.joints, state, "joint_states")
         self.predict(goal)
-        p = to_joint_state(("plate", "none"), [0.99, 0.01], time_ns=self.now_ns)
-        self.send(self.tasks, p, "intent/tasks")
+        self.send_tasks([0.99, 0.01], names=("plate", "none"))
 
 
 def test_the_hand_of_another_arm_goes_where_it_was_predicted(harness, panda):
