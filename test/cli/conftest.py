@@ -5,6 +5,7 @@ import argparse
 import importlib
 
 import pytest
+from cli.recorded import write_all
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -35,3 +36,11 @@ def run_command(parse, capsys):
         return code, capsys.readouterr().out
 
     return run
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """Folder of recordings of two tasks, and their DOF file."""
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    return folder

@@ -4,7 +4,6 @@
 import io
 
 import pytest
-from cli.recorded import write_all
 from rich.console import Console
 
 from intent_recognition.cli import console as consoles
@@ -50,13 +49,6 @@ def test_no_terminal_no_bar(bar):
     with bar(console):
         pass
     assert not console.file.getvalue()
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("recorded")
-    write_all(folder)
-    return folder
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from bag_builder import POSE, START_NS, pose, write_bag
-from cli.recorded import DOFS, PER_TASK, spoil, write_all
+from cli.recorded import DOFS, PER_TASK, spoil
 from model_builder import GLOVE, make_dofs, true_library
 from rich.console import Console
 
@@ -20,13 +20,6 @@ from intent_recognition.cli.train import print_library
 from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
 from intent_recognition.learning import Hyperparameters, Trained, TrainingReport, TrainingSettings
 from intent_recognition.model.file import load_model
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("recorded")
-    write_all(folder)
-    return folder
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 import yaml
-from cli.recorded import write_all
 from model_builder import GLOVE, make_dofs
 
 from intent_recognition.cli.main import main
@@ -12,13 +11,6 @@ from intent_recognition.errors import ArgumentError, DofError, ModelError, Train
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.model.file import load_model, load_trained, save_model
 from intent_recognition.model.from_bags import accumulate_bags
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("recorded")
-    write_all(folder)
-    return folder
 
 
 @pytest.fixture
