@@ -54,10 +54,6 @@ class Measured(NamedTuple):
 class ArmTracking:
     """Keeps the commands sent and compares the measured arm with them.
 
-    Args:
-        settings: tolerances and lead.
-        reject: called with (reason, text) for everything not acted on.
-
     Attributes:
         current: the newest command, which takes over at its start; None before the first.
         last_command_ns: when it was sent.

@@ -29,14 +29,7 @@ from intent_recognition.motion import (
 
 
 class Correcting:
-    """Compares the measured arm with its reference; without `settings.correction`, nothing counts.
-
-    Args:
-        settings: of the activation.
-        arm: the commands sent, and the joints measured.
-        motions: plans.
-        counts: gets how often the arm yielded, and was corrected.
-    """
+    """Compares the measured arm with its reference, where `settings.correction` asks for it."""
 
     def __init__(
         self, settings: ActivationSettings, arm: ArmTracking, motions: Motions, counts: Counter[str]
@@ -90,13 +83,7 @@ class Correcting:
     def step(
         self, now_ns: int, state: Yielding, newest: PredictedInteraction | None
     ) -> Transition | str:
-        """Follow the person who leads the arm, and go on once it was left; or why to stop.
-
-        Args:
-            now_ns: now.
-            state: yielding.
-            newest: prediction, if a task is active, of whatever task.
-        """
+        """Follow the person who leads the arm, and go on once it was left; or why to stop."""
         compared, correction = self._arm.compared(), self.settings.correction
         if compared is None or correction is None or not self._arm.fresh(now_ns):
             return "stale_joint_states"

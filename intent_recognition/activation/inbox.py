@@ -60,10 +60,6 @@ def _same(a: NDArray[np.float64] | None, b: NDArray[np.float64] | None) -> bool:
 class EstimatorInbox:
     """Checks stamps, decides on a task, and keeps the newest prediction.
 
-    Args:
-        settings: how to act.
-        reject: called with (reason, text) for everything not acted on.
-
     Attributes:
         decision: the state of the decision.
         question: the tasks that the movement under way may be while none is acted on, and their

@@ -50,15 +50,6 @@ class Interacting:
 
     Where no way is clear it waits for one: it tries again with each new prediction, and for a while
     after the movement, since things and people move.
-
-    Args:
-        arm: the commands sent, and the joints measured.
-        motions: plans.
-        people: whom to help; which task of theirs is active, and what is predicted.
-        waiting: learns where home is when the first interaction begins.
-        pretrigger: whether the arm has gone ahead for a task.
-        counts: gets how often an interaction began, waited or was refused, and whether the arm had
-            gone ahead for it.
     """
 
     def __init__(

@@ -47,12 +47,6 @@ takes than it must, to a plan; None where there is none."""
 class Motions:
     """Plans from where the arm's reference will be when a command takes over.
 
-    Args:
-        settings: limits and how plans are made.
-        arm: gets every command.
-        reject: called with (reason, text) where no plan keeps the limits.
-        counts: gets how often plans were made, slowed, clamped, bent and refused.
-
     Attributes:
         people: where people are predicted to be, as far as that is known.
         corrected: what is followed, if it was corrected by hand.

@@ -56,10 +56,6 @@ class _Expected(NamedTuple):
 class Pretrigger:
     """Which task to go ahead for, and when to give up.
 
-    Args:
-        settings: when to go ahead.
-        decision: for how many observations the movement must speak against the expected task.
-
     Attributes:
         label: task whose start the arm is at or on its way to; empty when there is none.
     """

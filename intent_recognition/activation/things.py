@@ -16,11 +16,6 @@ than half of it."""
 class Things:
     """Keeps what is in the way, and how often a way was searched for.
 
-    Args:
-        arm: whether it rests.
-        reject: called with (reason, text) for each motion without a way.
-        counts: gets how many were refused.
-
     Attributes:
         obstruction: what was in the way last; None since an interaction has begun.
     """

@@ -45,10 +45,6 @@ def console_beside(
 def check_json(path: Path | None, others: Mapping[str, Path | None] | None = None) -> None:
     """`check_output` for `--json`, which may have taken the next argument for its OUT.
 
-    Args:
-        path: the value of `--json`.
-        others: files that the command writes beside it, by their options.
-
     Raises:
         ArgumentError: it is also the file of another option.
         ResourceBusyError: it cannot be written, or it is a file of another kind.

@@ -23,13 +23,7 @@ MOST_NAMES = 10
 def print_left_out(
     console: Console, left_out: Sequence[object], n_left_out: int | None = None
 ) -> None:
-    """Print what could not be used and why, a line for each or for all that are alike.
-
-    Args:
-        console: console to print to.
-        left_out: rejections, or sentences.
-        n_left_out: number of all, if those listed are only the first of very many.
-    """
+    """Print what could not be used and why, a line for each or for all that are alike."""
     lines = [f"left out {line}" for line in _folded(left_out)]
     if n_left_out is not None and n_left_out > len(left_out):
         lines.append(f"left out {n_left_out - len(left_out)} more")
@@ -37,14 +31,7 @@ def print_left_out(
 
 
 def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure: str) -> BagError:
-    """The error that all was left out: a line for each kind of reason, and each cure once.
-
-    Args:
-        argument: what was to be read.
-        expected: what should have been in it.
-        left_out: all that was found instead.
-        cure: what helps against reasons that say none themselves.
-    """
+    """The error that all was left out: a line for each kind of reason, and each cure once."""
     alike: dict[str, list[Rejection]] = {}
     for one in left_out:
         alike.setdefault(_without_numbers(f"{one.topic}: {one.reason}"), []).append(one)

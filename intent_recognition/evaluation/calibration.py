@@ -42,17 +42,7 @@ class RecognitionRecords:
         none: bool,
         name: str = "",
     ) -> None:
-        """Add one recording at one share observed.
-
-        Args:
-            phase: key of the phase knowledge.
-            fraction: share observed.
-            truth: the true task.
-            labels: the K tasks.
-            probabilities: theirs, without none, (K,).
-            none: whether none was more probable than any of them.
-            name: of the recording.
-        """
+        """Add one recording at one share observed: of the K tasks, (K,), and whether none led."""
         self._records[phase][fraction].append((truth, tuple(labels), probabilities, none))
         answer = labels[int(np.argmax(probabilities))]
         if fraction == 1.0 and phase == "unknown_phase" and answer != truth:

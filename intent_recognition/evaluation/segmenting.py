@@ -72,12 +72,7 @@ def recognise_segments(path: Path, model: Model) -> list[Segment]:
 
 
 def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment]:
-    """Divide spans at the onsets that an estimator found within them, and label each part.
-
-    Args:
-        spans: from rest to rest.
-        seen: the estimates of the whole session, in order.
-    """
+    """Divide spans at the onsets that an estimator found within them, and label each part."""
     moving = [one for one in seen if one.moving]
     stamps = np.array([one.stamp_ns for one in moving], dtype=np.int64)
     onsets = np.array([one.onset_ns for one in moving], dtype=np.int64)

@@ -32,11 +32,6 @@ class Suggestion(NamedTuple):
 def suggest_next(trained: Trained, rehearsal: Rehearsal, n: int) -> list[Suggestion]:
     """What to demonstrate next to the tasks that were rehearsed; see `suggest`.
 
-    Args:
-        trained: what was rehearsed.
-        rehearsal: what came of it.
-        n: how many suggestions.
-
     Raises:
         TrainingError: a recording is too short to be compared with.
     """

@@ -153,12 +153,6 @@ class ActivationParameters:
     ) -> ActivationSettings:
         """How to act, for these joints.
 
-        Args:
-            names: of the joints.
-            starts: where each task begins, label to (n,) [rad].
-            clearance: keeps plans clear of things.
-            separation: slows them near the person.
-
         Raises:
             RejectionError: the limits of a joint are not known.
             ArgumentError: limits or home of another size.

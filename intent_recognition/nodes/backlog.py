@@ -58,16 +58,7 @@ class Backlog:
         *,
         raw: bool = False,
     ) -> Subscription:
-        """Subscribe to one more topic.
-
-        Args:
-            node: subscribes.
-            kind: of the messages.
-            topic: its name.
-            callback: takes each message that is used.
-            qos: of the subscription.
-            raw: whether it takes bytes, of messages with a header.
-        """
+        """Subscribe to one more topic."""
         source = _Subscribed(callback, raw)
         arrival = partial(self._on_message, len(self._sources))
         self._sources.append(source)

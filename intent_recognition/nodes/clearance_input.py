@@ -16,10 +16,6 @@ from intent_recognition.promp import TaskLibrary
 class ClearanceInput:
     """Makes the clearance for each description of the arm.
 
-    Args:
-        node: has the parameters, and logs.
-        diagnostics: of the node.
-
     Attributes:
         clearance: None where nothing is kept clear of, or as long as the arm is not known.
 

@@ -84,11 +84,7 @@ def to_odometry(
 ) -> Odometry:
     """Odometry message of a tracked pose; what was not measured has `UNKNOWN_VARIANCE`.
 
-    Args:
-        pose: in the world frame.
-        body: the tracked body.
-        world_frame: frame of the pose.
-        orientation_variance: of a measured orientation [rad^2].
+    `orientation_variance` is that of a measured orientation [rad^2].
     """
     message = Odometry(child_frame_id=f"{body}_world_aligned")
     message.header.frame_id, message.header.stamp = world_frame, to_stamp(pose.stamp_ns)

@@ -108,13 +108,7 @@ class IntentOutput:
         return bool(self.human_trajectory.get_subscription_count())
 
     def publish_human(self, estimate: Estimate, human: Prediction, frame: str) -> None:
-        """Publish a prediction of the human to who listens.
-
-        Args:
-            estimate: at the same time.
-            human: the prediction.
-            frame: that its poses are in.
-        """
+        """Publish a prediction of the human to who listens."""
         along = human.trajectory
         if self.human_told:
             build = self._human_builder.build

@@ -18,13 +18,7 @@ SLOWER, FASTER = 0.6, 1.15
 
 
 def next_factor(factor: float, asked: float, lag_s: float) -> float:
-    """Next pace: slower when the nodes lag behind the clock, else back toward the pace asked for.
-
-    Args:
-        factor: simulated seconds per real second now.
-        asked: the same, as the user wants it.
-        lag_s: simulated time by which the newest estimate is older than the clock.
-    """
+    """Next pace: slower when the nodes lag, else back toward the one asked for [simulated s/s]."""
     if lag_s > LAG_HIGH_S:
         return max(factor * SLOWER, min(SLOWEST, asked))
     if lag_s < LAG_LOW_S:

@@ -32,10 +32,6 @@ def declare(node: Node, part: str) -> dict[str, Any]:
 
     Those that are declared already keep their values.
 
-    Args:
-        node: owner of the parameters.
-        part: of `parameters.yaml`.
-
     Returns:
         The values, with overrides applied. Integers given for floats (`rate:=0`) become floats; an
         array becomes a Python list, and an unset one `[]`.

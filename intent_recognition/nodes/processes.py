@@ -63,10 +63,6 @@ class NodeProcesses:
 
     Each node runs in a session of its own, so that Ctrl-C in the terminal reaches only the parent,
     which stops them in order. On Linux the kernel ends them if the parent is killed.
-
-    Args:
-        environment: of the nodes.
-        log_folder: where each node's output goes, one file each.
     """
 
     def __init__(self, environment: Mapping[str, str], log_folder: Path):
@@ -89,15 +85,7 @@ class NodeProcesses:
         remappings: Sequence[tuple[str, str]] = (),
         params_file: Path | None = None,
     ) -> None:
-        """Start the node `main` of `module` with parameters (text, numbers, lists).
-
-        Args:
-            name: of the process; with remappings also of the node.
-            module: of the node.
-            parameters: values by name.
-            remappings: pairs of topics, from and to.
-            params_file: of parameters that are laid over these.
-        """
+        """Start the node `main` of `module` with parameters (text, numbers, lists)."""
         quietly = "from intent_recognition.interrupts import end_node_at_interrupts as e; e();"
         code = f"{quietly} import sys, {module} as m; sys.exit(m.main())"
         command = [sys.executable, "-c", code]

@@ -39,11 +39,7 @@ CAPTION = (
 def write_arms_report(
     path: str | Path, sessions: Mapping[str, Sequence[InteractionRecord]]
 ) -> Path:
-    """Write the report as one HTML file.
-
-    Raises:
-        ResourceBusyError: the file cannot be written.
-    """
+    """Write the report as one HTML file."""
     errors_cm = {arm: hand_errors_cm(records) for arm, records in sessions.items()}
     rows = tuple(arm_row(arm, records) for arm, records in sessions.items())
     figure = hand_error_figure(errors_cm)

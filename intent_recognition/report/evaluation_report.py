@@ -73,9 +73,6 @@ def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Pa
         path: of the file; its folder is made if it is missing.
         result: the JSON of `intent evaluate`; parts that are missing are left out.
         title: of the page.
-
-    Raises:
-        ResourceBusyError: the file cannot be written.
     """
     return write_page(path, evaluation_page(result, title))
 

@@ -44,16 +44,7 @@ EXPLANATION = (
 def write_explanation_report(
     path: str | Path, explanations: Sequence[Explanation], title: str
 ) -> Path:
-    """Write the explanations of a recording as one HTML file.
-
-    Args:
-        path: of the file; its folder is made if it is missing.
-        explanations: of its decisions, in order.
-        title: of the page.
-
-    Raises:
-        ResourceBusyError: the file cannot be written.
-    """
+    """Write the explanations of a recording as one HTML file."""
     sections = tuple(Section(heading(one), _blocks(one)) for one in explanations)
     return write_page(path, ReportPage(title, EXPLANATION, sections))
 

@@ -50,13 +50,7 @@ Tables = Mapping[str, Sequence[Sequence[str]]]
 def rehearsal_tables(
     rehearsal: Rehearsal, suggestions: Sequence[Suggestion], worst: Sequence[Rehearsed]
 ) -> Tables:
-    """What a rehearsal says, as texts.
-
-    Args:
-        rehearsal: what came of the recordings.
-        suggestions: what to demonstrate next.
-        worst: the runs with the worst moments, the worst first.
-    """
+    """What a rehearsal says, as texts."""
     n, (low, high) = len(rehearsal.runs), rehearsal.wrong_interval()
     decided_s = [run.decided_s for run in rehearsal.runs if not run.missed] or [np.nan]
     computed_ms = 1e3 * np.concatenate([run.computed_s for run in rehearsal.runs])
@@ -95,9 +89,6 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
         path: of the file; its folder is made if it is missing.
         tables: of `rehearsal_tables`.
         worst: the runs with the worst moments, the worst first.
-
-    Raises:
-        ResourceBusyError: the file cannot be written.
     """
     sections = []
     for title, (names, *rows) in tables.items():
