@@ -83,7 +83,6 @@ def explain(
     reader: BagReader,
     model: Model,
     rejected: Counter[str] | None = None,
-    settings: DecisionSettings | None = None,
     against: str | None = None,
 ) -> list[Explanation]:
     """Explain each decision during a recording, and each movement without one.
@@ -92,14 +91,13 @@ def explain(
         reader: the recording.
         model: the trained model.
         rejected: filled with the number of dropped observations, by reason.
-        settings: of the decision; the node's defaults when None.
         against: label of the rival; None for the most probable other one.
 
     Raises:
         ArgumentError: there is no such rival.
     """
     rejected = Counter() if rejected is None else rejected
-    settings = settings or decision_settings(model.library)
+    settings = decision_settings(model.library)
     samples = list(samples_of(reader, model, rejected))
     run = list(_run(model, settings, samples, rejected))
     instead = {

@@ -105,7 +105,6 @@ def replay(
     reader: BagReader,
     model: Model,
     rejected: Counter[str] | None = None,
-    settings: DecisionSettings | None = None,
     held_back: dict[str, str] | None = None,
 ) -> Iterator[dict]:
     """One dictionary per observation: stamp [ns], probabilities, phase, active task.
@@ -114,11 +113,10 @@ def replay(
         reader: the recording.
         model: the trained model; its own DOF file says what is read.
         rejected: filled with the number of dropped observations, by reason.
-        settings: of the decision; the node's defaults when None.
         held_back: filled with the last reason why a recognised task was not active, by task.
     """
     rejected = Counter() if rejected is None else rejected
-    settings = settings or decision_settings(model.library)
+    settings = decision_settings(model.library)
     held_back = {} if held_back is None else held_back
     estimator = IntentEstimator(model.library)
     labels = (*model.library.labels, NONE)

@@ -108,7 +108,6 @@ def to_joint_state(
     effort: Iterable[float] = (),
     *,
     time_ns: int,
-    frame_id: str = "",
 ) -> JointState:
     """JointState message, also in its use as a stamped named vector; arrays (d,) or empty."""
     message = JointState(
@@ -118,7 +117,6 @@ def to_joint_state(
         effort=_floats(effort),
     )
     message.header.stamp = to_stamp(time_ns)
-    message.header.frame_id = frame_id
     return message
 
 

@@ -35,11 +35,10 @@ class PaceKeeper:
     Args:
         node: whose executor spins.
         asked: simulated seconds per real second when nothing lags.
-        simulator: name of the node that paces `/clock`.
     """
 
-    def __init__(self, node: Node, asked: float, simulator: str = "lwr_sim"):
-        self._client = node.create_client(SetParameters, f"{simulator}/set_parameters")
+    def __init__(self, node: Node, asked: float):
+        self._client = node.create_client(SetParameters, "lwr_sim/set_parameters")
         self._asked = self.factor = asked
         self.slowest = asked
 

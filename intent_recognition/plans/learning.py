@@ -46,7 +46,6 @@ def learn_plan(
     assemblies: Sequence[Assembly],
     rng: np.random.Generator,
     by_hand: Mapping[Pair, float] | None = None,
-    n_samples: int = N_SAMPLES,
 ) -> WorkPlan:
     """The plan of an assembly that was demonstrated a few times.
 
@@ -58,7 +57,6 @@ def learn_plan(
         assemblies: what was done in each, in order.
         rng: random numbers of the sampled orders.
         by_hand: relations that a person has written; those of steps that are no more are left out.
-        n_samples: steps of the Markov chain.
 
     Raises:
         ArgumentError: no assembly holds a task.
@@ -71,7 +69,7 @@ def learn_plan(
     steps = sorted(_places(found), key=lambda step: (_places(found)[step], step))
     number = {step: k for k, step in enumerate(steps)}
     sequences = [[number[step] for step in one if step is not None] for one in found]
-    before = np.minimum(sample_orders(sequences, len(steps), rng, n_samples), SURE)
+    before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES), SURE)
     names = [task if k == 1 else f"{task} {k}" for task, k in steps]
     told = np.round(covering(np.where(before < LEAST_ORDER, 0.0, before)), 3)
     order = {(names[i], names[j]): float(told[i, j]) for i, j in np.argwhere(told > 0.0).tolist()}

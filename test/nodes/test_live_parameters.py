@@ -54,10 +54,6 @@ def needed(kind, folder, model):
     return {"model": model} if kind is IntentEstimatorNode else {}
 
 
-def make(harness, kind, **values):
-    return harness.node(kind, **values)
-
-
 def change(harness, node, **values):
     """The reason why the values were not taken, or empty."""
     parameters = [Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
@@ -72,7 +68,7 @@ def change(harness, node, **values):
 def test_every_parameter_is_described_and_those_that_cannot_change_are_read_only(
     harness, tmp_path, model, kind
 ):
-    node = make(harness, kind, **needed(kind, tmp_path, model))
+    node = harness.node(kind, **needed(kind, tmp_path, model))
     listed = harness.call(
         ListParameters, f"{node.get_name()}/list_parameters", ListParameters.Request()
     )
@@ -94,7 +90,7 @@ def test_every_parameter_is_described_and_those_that_cannot_change_are_read_only
 
 
 def test_ingest_takes_noise_and_speed(harness):
-    node = make(harness, MocapIngest)
+    node = harness.node(MocapIngest)
     assert change(harness, node, position_std=0.01, max_speed=2.0, orientation_std_rad=0.1) == ""
     assert node._settings.max_speed_m_s == 2.0
     assert np.allclose(node._settings.covariances["world"], np.eye(3) * 1e-4)
@@ -104,13 +100,13 @@ def test_ingest_takes_noise_and_speed(harness):
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), 2000.0])
 def test_a_value_that_is_none_is_refused_and_changes_nothing(harness, value):
-    node = make(harness, MocapIngest)
+    node = harness.node(MocapIngest)
     assert "max_speed" in change(harness, node, max_gap=0.2, max_speed=value)
     assert (node._settings.max_speed_m_s, node._settings.max_gap_s) == (6.0, 0.5)
 
 
 def test_estimator_takes_rate_and_expectation(harness, model):
-    node = make(harness, IntentEstimatorNode, model=model)
+    node = harness.node(IntentEstimatorNode, model=model)
     assert change(harness, node, publish_rate=5.0, transition_prior=False, forget_after=1.0) == ""
     assert node.people[""].publish_rate == 5.0
     assert node.people[""].estimator.expectation._forget_after_s == 1.0
@@ -118,7 +114,7 @@ def test_estimator_takes_rate_and_expectation(harness, model):
 
 
 def test_activation_takes_the_decision_at_once(harness, model):
-    node = make(harness, PrimitiveActivation, model=model)
+    node = harness.node(PrimitiveActivation, model=model)
     assert change(harness, node, threshold=0.8, n_observations=2, timeout=0.2) == ""
     decision = node.activation._inbox.settings.decision
     assert (decision.threshold, decision.n_observations) == (0.8, 2)
@@ -126,15 +122,15 @@ def test_activation_takes_the_decision_at_once(harness, model):
 
 
 def test_activation_tells_what_does_not_fit(harness, model):
-    node = make(harness, PrimitiveActivation)
+    node = harness.node(PrimitiveActivation)
     assert "0 without a model" in change(harness, node, pretrigger_threshold=0.5)
-    other = make(harness, PrimitiveActivation, model=model)
+    other = harness.node(PrimitiveActivation, model=model)
     harness.executor.remove_node(node)
     assert "7 finite angles" in change(harness, other, home=[0.0, 0.0])
 
 
 def test_limits_change_only_while_the_arm_rests(harness, model):
-    node = make(harness, PrimitiveActivation, model=model)
+    node = harness.node(PrimitiveActivation, model=model)
     before = node._limits.velocity
     node._timer.cancel()  # nothing steps it on meanwhile
     node.activation.state = Homing(None)
@@ -149,7 +145,7 @@ def test_limits_change_only_while_the_arm_rests(harness, model):
 
 def test_player_goes_on_at_another_rate(harness, tmp_path):
     bag = str(write_bag(tmp_path / "bag", count=30))
-    node = make(harness, BagPlayer, bag=bag, rate=0.001, wait_for_subscribers=0.0)
+    node = harness.node(BagPlayer, bag=bag, rate=0.001, wait_for_subscribers=0.0)
     harness.spin_until(lambda: node.published >= 1)
     assert change(harness, node, rate=0.0) == ""
     harness.spin_until(node.finished.is_set)

@@ -75,9 +75,9 @@ def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
         label: harness.publisher(PoseStamped, f"mocap/{label}/wrist/pose", qos.SENSOR)
         for label in TASKS
     }
-    ingest = harness.add(MocapIngest(parameter_overrides=overrides(persons=persons)))
-    named = overrides(persons=persons, model=str(tmp_path / "model.npz"))
-    estimator = harness.add(IntentEstimatorNode(parameter_overrides=named))
+    ingest = harness.node(MocapIngest, persons=persons)
+    named = {"persons": persons, "model": str(tmp_path / "model.npz")}
+    estimator = harness.node(IntentEstimatorNode, **named)
     tasks = {
         who: harness.collect(JointState, f"intent/{who}/tasks", qos.keep_last(1000))
         for who in TASKS
