@@ -25,7 +25,7 @@ from intent_recognition.filtering.observation_model import Measurement, Observat
 from intent_recognition.filtering.posterior import TaskBelief, TaskPosterior, task_belief
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.filtering.table import HypothesisTable
-from intent_recognition.gaussian import GaussianBatch, cholesky, student_log_density
+from intent_recognition.gaussian import GaussianBatch, cholesky, half_log_det, student_log_density
 from intent_recognition.promp import (
     ControlGrid,
     StartPosture,
@@ -127,7 +127,6 @@ class MovementFilter:
             self.births.clear(self._log_weight)
         self._measurements: list[Measurement] = []
         self._peaks = np.zeros(1)  # highest log density of so many measurements
-        self._seen = np.zeros(n_tasks, dtype=np.int64)  # of how many each task was conditioned on
         self._follows = np.ones(n_tasks, dtype=bool)
         self._belief: TaskBelief | None = None
         self._predictions: dict[int, TaskPrediction] = {}
@@ -139,6 +138,11 @@ class MovementFilter:
     def n_used(self) -> int:
         """How many observations were used."""
         return len(self._measurements)
+
+    @property
+    def _seen(self) -> NDArray[np.int64]:
+        """On how many of them each task was conditioned, (K + 1,)."""
+        return np.asarray(self.table.rows["seen"][:: self.grid.n_scales])
 
     def observe(self, observation: Observation) -> None:
         """Condition every hypothesis on an observation, unless it follows too closely on the last.
@@ -171,7 +175,6 @@ class MovementFilter:
         index = None if self._follows.all() else self._rows_of(np.flatnonzero(self._follows))
         self.table.condition(measurement, index)
         self._measurements.append(measurement)
-        self._seen[self._follows] = self.n_used
         peak = _peak(measurement) if self._prunes else 0.0
         self._peaks = np.append(self._peaks, self._peaks[-1] + peak)
         if self._prunes:
@@ -187,7 +190,6 @@ class MovementFilter:
             k = int(self._seen[wanted].min())
             tasks = np.flatnonzero(wanted & (self._seen == k))
             self.table.condition(self._measurements[k], self._rows_of(tasks))
-            self._seen[tasks] = k + 1
             wanted[tasks] = (k + 1 < self.n_used) & (self._bound(tasks) >= limit[tasks])
 
     def _rows_of(self, tasks: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -299,6 +301,7 @@ class MovementFilter:
 def _peak(measurement: Measurement) -> float:
     """Highest log density that a measurement can have under any hypothesis."""
     factor = cholesky(measurement.noise_covariance, name="noise covariance")
-    log_scale = np.log(np.diagonal(factor)).sum()
-    m, freedom = len(factor), measurement.freedom
-    return float(student_log_density(np.zeros(()), log_scale, m, freedom))
+    at_peak = student_log_density(
+        np.zeros(()), half_log_det(factor), len(factor), measurement.freedom
+    )
+    return float(at_peak)

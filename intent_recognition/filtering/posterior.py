@@ -109,11 +109,8 @@ def task_belief(
         log_task = np.where(possible, total, log_task)
     with np.errstate(invalid="ignore"):
         log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
-        if grid.none_margin:
-            log_task_evidence[-1] = counted_none(
-                log_task_evidence, log_task_prior, grid.none_margin
-            )
-            log_task[-1] = log_task_prior[-1] + log_task_evidence[-1]
+        log_task_evidence[-1] = counted_none(log_task_evidence, log_task_prior, grid.none_margin)
+        log_task[-1] = log_task_prior[-1] + log_task_evidence[-1]
     scale_weights = grid.duration_weights(log_evidence)
     probabilities = np.exp(log_task - np.max(log_task))
     probabilities /= probabilities.sum()

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.table import Deviations
-from intent_recognition.gaussian import Gaussian, GaussianBatch, cholesky, solve_lower, symmetrize
+from intent_recognition.gaussian import Gaussian, GaussianBatch, symmetrize, whiten_innovation
 from intent_recognition.promp import (
     ControlGrid,
     PhaseDeviation,
@@ -130,9 +130,9 @@ class TaskPrediction:
         spread = np.einsum("n,kqnr->kqr", row, cross)
         spread = symmetrize(spread) + np.diag(start.variance + library.control_noise_variance())
         cross = cross.reshape(len(mean), q * n, q).swapaxes(1, 2)
-        innovation = (start.position - mean @ row)[..., None]
-        found = solve_lower(cholesky(spread), np.concatenate([cross, innovation], axis=2))
-        cross, innovation = found[..., :-1].reshape(-1, q, q, n), found[..., -1]
+        innovation = start.position - mean @ row
+        cross, innovation, _ = whiten_innovation(spread, cross, innovation)
+        cross = cross.reshape(-1, q, q, n)
         mean = mean + np.einsum("kr,krqn->kqn", innovation, cross)
         return mean, own - np.einsum("krqn,krqm->kqnm", cross, cross)
 

@@ -7,6 +7,7 @@ from intent_recognition.gaussian.linalg import (
     affine_span,
     cholesky,
     covariance_root,
+    half_log_det,
     solve_lower,
     student_log_density,
     symmetrize,

@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.gaussian.linalg import cholesky, solve_lower, student_log_density
+from intent_recognition.gaussian.linalg import (
+    cholesky,
+    half_log_det,
+    solve_lower,
+    student_log_density,
+)
 from intent_recognition.gaussian.normal import Gaussian
 
 KERNEL = os.environ.get("INTENT_KERNEL", "")
@@ -224,7 +229,7 @@ def _condition(
         own = np.matmul(by_dof, row[:, None, :, None])[..., 0]
         factor = cholesky(own + noise, name="innovation covariance")
         found = solve_lower(factor, np.concatenate([cross, innovation], axis=2))
-        return found, np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        return found, half_log_det(factor)
 
     apart = values[..., None, :] - np.matmul(rows, known)  # (n, E, m)
     moved = deviation[index]

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, one_hot
-from intent_recognition.gaussian.normal import Gaussian, condition, log_density, mixture_moments
+from intent_recognition.gaussian.normal import Gaussian, condition, log_density
 from intent_recognition.gaussian.starts import kmeans_starts
 
 RELATIVE_FLOOR = 1e-6
@@ -61,8 +62,11 @@ class GaussianMixture:
     @property
     def moments(self) -> Gaussian:
         """Mean and covariance of the whole mixture (Ewerton et al. 2015, Eq. 14)."""
-        means, covariances = zip(*self.components, strict=True)
-        return mixture_moments(self.weights, np.array(means), np.array(covariances))
+        means, covariances = (np.array(part) for part in zip(*self.components, strict=True))
+        mean = self.weights @ means
+        apart = (means - mean) * np.sqrt(self.weights)[:, None]
+        within = np.tensordot(self.weights, covariances, axes=1)
+        return Gaussian(mean, symmetrize(within + apart.T @ apart))
 
     def log_density(self, points: ArrayLike) -> NDArray[np.float64]:
         """Log density of points (n, d), (n,)."""

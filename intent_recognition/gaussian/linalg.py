@@ -10,7 +10,6 @@ from scipy.linalg import solve_triangular
 
 from intent_recognition.errors import ArgumentError, describe
 
-LOG_2_PI = float(np.log(2.0 * np.pi))
 RANK_TOLERANCE = 1e-10
 """Singular values below this part of the largest one count as zero. Convention: rounding."""
 
@@ -70,10 +69,9 @@ def solve_lower(factor: NDArray[np.float64], right: NDArray[np.float64]) -> NDAr
     return solution
 
 
-def log_normalizer(factor: NDArray[np.float64]) -> NDArray[np.float64]:
-    """0.5 log det(2 pi S) from the Cholesky factor of S, (...)."""
-    diagonal = np.diagonal(factor, axis1=-2, axis2=-1)
-    return np.add.reduce(np.log(diagonal), axis=-1) + 0.5 * factor.shape[-1] * LOG_2_PI
+def half_log_det(factor: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half the log determinant of a matrix, from its Cholesky factor, (...)."""
+    return np.add.reduce(np.log(np.diagonal(factor, axis1=-2, axis2=-1)), axis=-1)
 
 
 def student_log_density(
@@ -92,7 +90,7 @@ def student_log_density(
     """
     nu, m = degrees_of_freedom, dimension
     if nu == inf:
-        return -0.5 * squares - log_scale - 0.5 * m * LOG_2_PI
+        return -0.5 * squares - log_scale - 0.5 * m * log(2.0 * pi)
     constant = lgamma(0.5 * (nu + m)) - lgamma(0.5 * nu) - 0.5 * m * log(nu * pi)
     return constant - log_scale - 0.5 * (nu + m) * np.log1p(squares / nu)
 

@@ -20,7 +20,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky, solve_lower
+from intent_recognition.gaussian.linalg import (
+    cholesky,
+    half_log_det,
+    solve_lower,
+    student_log_density,
+)
 
 MEMBER = 1e-13
 """Responsibilities below this count as zero in a covariance. Convention."""
@@ -91,13 +96,11 @@ class MixtureFit(NamedTuple):
         responsibilities: (B, n, K); zero for points left out.
         log_likelihood: mean over the points that were not left out, (B,).
         components: the mixtures, from these responsibilities.
-        n_iterations: (B,).
     """
 
     responsibilities: NDArray[np.float64]
     log_likelihood: NDArray[np.float64]
     components: Components
-    n_iterations: NDArray[np.int64]
 
     @property
     def labels(self) -> NDArray[np.int64]:
@@ -149,19 +152,19 @@ def log_joint(points: NDArray[np.float64], components: Components) -> NDArray[np
     """log p(k) + log density of each point under component k, (B, n, K)."""
     n_axes = points.shape[1]
     small = components.rows.shape[2] <= n_axes
-    squared, log_det = (_by_members if small else _by_axes)(points, components)
-    constant = components.log_weight - 0.5 * (log_det + n_axes * LOG_2_PI)
-    return np.swapaxes(constant[..., None] - 0.5 * squared, 1, 2)
+    squares, log_scale = (_by_members if small else _by_axes)(points, components)
+    density = student_log_density(squares, log_scale[..., None], n_axes)
+    return np.swapaxes(components.log_weight[..., None] + density, 1, 2)
 
 
 def _by_axes(
     points: NDArray[np.float64], components: Components
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Squared Mahalanobis distances (B, K, n) and log determinants (B, K)."""
+    """Squared Mahalanobis distances (B, K, n) and half the log determinants (B, K)."""
     factor = cholesky(components.covariance(points), name="covariance of a component")
     errors = np.swapaxes(points - components.mean[:, :, None, :], 2, 3)
     whitened = solve_lower(factor, errors)
-    return np.einsum("bkrn,bkrn->bkn", whitened, whitened), _log_det(factor)
+    return np.einsum("bkrn,bkrn->bkn", whitened, whitened), half_log_det(factor)
 
 
 def _by_members(
@@ -180,12 +183,7 @@ def _by_members(
     factor = cholesky(gram, name="covariance of a component")
     whitened = solve_lower(factor, cross)
     squared -= np.einsum("bkmn,bkmn->bkn", whitened, whitened)
-    return squared, np.log(components.diagonal).sum(axis=2) + _log_det(factor)
-
-
-def _log_det(factor: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Log determinant from a Cholesky factor."""
-    return 2.0 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
+    return squared, 0.5 * np.log(components.diagonal).sum(axis=2) + half_log_det(factor)
 
 
 def _by_coordinates(
@@ -235,12 +233,12 @@ def fit_mixture(
     """
     n_fits, n, n_components = responsibilities.shape
     found = np.array(responsibilities, dtype=np.float64)
-    likelihood, iterations = np.full(n_fits, -np.inf), np.zeros(n_fits, dtype=np.int64)
+    likelihood = np.full(n_fits, -np.inf)
     for part in batches(n_fits, n_components * n * max(n, points.shape[1])):
-        found[part], likelihood[part], iterations[part] = _iterate(
+        found[part], likelihood[part] = _iterate(
             points, found[part], prior, n_iterations, tolerance
         )
-    return MixtureFit(found, likelihood, maximisation(points, found, prior), iterations)
+    return MixtureFit(found, likelihood, maximisation(points, found, prior))
 
 
 def batches(n_items: int, numbers_each: int) -> Iterator[slice]:
@@ -256,13 +254,12 @@ def _iterate(
     prior: CovariancePrior,
     n_iterations: int,
     tolerance: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """EM of one batch: responsibilities, log likelihoods and numbers of iterations."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """EM of one batch: responsibilities and log likelihoods."""
     found = responsibilities.copy()
     included = found.sum(axis=2) > 0
     n_included = np.maximum(included.sum(axis=1), 1)
     likelihood = np.full(len(found), -np.inf)
-    iterations = np.zeros(len(found), dtype=np.int64)
     active = np.arange(len(found))
     for _ in range(n_iterations):
         joint = log_joint(points, maximisation(points, found[active], prior))
@@ -271,8 +268,7 @@ def _iterate(
         new = np.sum(total * included[active], axis=1) / n_included[active]
         change = np.abs(new - likelihood[active])
         found[active], likelihood[active] = share, new
-        iterations[active] += 1
         active = active[change > tolerance]
         if not active.size:
             break
-    return found, likelihood, iterations
+    return found, likelihood

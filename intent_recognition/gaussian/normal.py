@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from intent_recognition.errors import ShapeError, describe
-from intent_recognition.gaussian.linalg import cholesky, log_normalizer, solve_lower, symmetrize
+from intent_recognition.gaussian.linalg import (
+    cholesky,
+    half_log_det,
+    solve_lower,
+    student_log_density,
+    symmetrize,
+)
 
 
 class Gaussian(NamedTuple):
@@ -25,7 +31,8 @@ def log_density(distribution: Gaussian, value: NDArray[np.float64]) -> NDArray[n
     """Log density of values (..., d) under distributions, whose arrays may be batches: (...)."""
     factor = cholesky(distribution.covariance)
     whitened = solve_lower(factor, (value - distribution.mean)[..., None])[..., 0]
-    return -0.5 * np.sum(whitened**2, axis=-1) - log_normalizer(factor)
+    squares = np.sum(whitened**2, axis=-1)
+    return student_log_density(squares, half_log_det(factor), whitened.shape[-1])
 
 
 def marginal(distribution: Gaussian, index: NDArray[np.int64]) -> Gaussian:
@@ -38,30 +45,16 @@ def marginal(distribution: Gaussian, index: NDArray[np.int64]) -> Gaussian:
     return Gaussian(distribution.mean[index], distribution.covariance[np.ix_(index, index)])
 
 
-class WhitenedInnovation(NamedTuple):
-    """What conditioning takes, for an innovation covariance S = L L^T.
-
-    The posterior mean is m + cross^T innovation, its covariance P - cross^T cross.
-
-    Attributes:
-        cross: L^-1 H P, (..., m, d).
-        innovation: L^-1 (y - H m), (..., m).
-        log_density: log N(y; H m, S), (...).
-    """
-
-    cross: NDArray[np.float64]
-    innovation: NDArray[np.float64]
-    log_density: NDArray[np.float64]
-
-
 def whiten_innovation(
     innovation_covariance: NDArray[np.float64],
     cross: NDArray[np.float64],
     innovation: NDArray[np.float64],
     *,
     name: str = "innovation covariance",
-) -> WhitenedInnovation:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Whiten an innovation and its covariance with what is conditioned (Maeda et al. 2014, Eq. 6).
+
+    The posterior mean is then m + cross^T innovation, its covariance P - cross^T cross.
 
     Args:
         innovation_covariance: S = H P H^T + R, (..., m, m).
@@ -69,14 +62,19 @@ def whiten_innovation(
         innovation: y - H m, (..., m).
         name: of S, for the error.
 
+    Returns:
+        L^-1 H P, (..., m, d), and L^-1 (y - H m), (..., m), for S = L L^T; and
+        log N(y; H m, S), (...).
+
     Raises:
         ArgumentError: S is not positive definite.
     """
     factor = cholesky(innovation_covariance, name=name)
     solved = solve_lower(factor, np.concatenate([cross, innovation[..., None]], axis=-1))
     whitened = solved[..., -1]
-    log_density = -0.5 * np.sum(whitened**2, axis=-1) - log_normalizer(factor)
-    return WhitenedInnovation(solved[..., :-1], whitened, log_density)
+    squares = np.sum(whitened**2, axis=-1)
+    density = student_log_density(squares, half_log_det(factor), whitened.shape[-1])
+    return solved[..., :-1], whitened, density
 
 
 def condition(
@@ -148,22 +146,6 @@ def regression(joint: Gaussian, n_source: int) -> Regression:
     return Regression(
         matrix, joint.mean[target] - matrix @ joint.mean[source], symmetrize(covariance)
     )
-
-
-def mixture_moments(
-    weights: NDArray[np.float64], means: NDArray[np.float64], covariances: NDArray[np.float64]
-) -> Gaussian:
-    """Mean and covariance of a mixture (Ewerton et al. 2015, Eq. 14).
-
-    Args:
-        weights: probability of each component, (K,).
-        means: (K, d).
-        covariances: (K, d, d).
-    """
-    mean = weights @ means
-    apart = (means - mean) * np.sqrt(weights)[:, None]
-    within = np.tensordot(weights, covariances, axes=1)
-    return Gaussian(mean, symmetrize(within + apart.T @ apart))
 
 
 def product(factors: Sequence[Gaussian], powers: Sequence[float]) -> Gaussian:

@@ -81,7 +81,6 @@ class IntentEstimator:
         switching: bool = True,
     ):
         check_type("library", library, TaskLibrary, LIBRARY_CURE)
-        self.library = self.taught = library
         self._bend: Callable[[TaskLibrary], TaskLibrary] = lambda taught: taught
         self._context, self._task_prior = KnownContext(library), task_prior
         self._n_scales, self._switching = n_scales, switching
@@ -91,9 +90,9 @@ class IntentEstimator:
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._turns = ObservedTurns(library)
         self.first_samples = FirstSamples(library)
-        self._movements = self._new_movements()
         self._run: MovementFilter | None = None  # of the movement under way
         self._posterior: TaskPosterior | None = None
+        self._use(library)
 
     def __repr__(self) -> str:
         """What it can recognise, and whether a movement is under way."""
@@ -390,12 +389,9 @@ class IntentEstimator:
         self._detector.use(self.library.onset)
         self.expectation.swap(self.library, self._task_prior)
         self._posture.library_changed()
-        self._movements = self._new_movements()
+        grid = make_prior_grid(self.library, self._task_prior, self._n_scales)
+        self._movements = Movements(self.library, grid, switching=self._switching)
         if self._run is not None:
             seen = self._run.observations
             self._begin(self._run.onset_ns, seen)
             self._believe(seen[-1].stamp_ns)
-
-    def _new_movements(self) -> Movements:
-        grid = make_prior_grid(self.library, self._task_prior, self._n_scales)
-        return Movements(self.library, grid, switching=self._switching)

@@ -15,7 +15,8 @@ from simulation import make_library
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import batch as batch_module
 from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement
-from intent_recognition.gaussian.normal import Gaussian, condition, mixture_moments
+from intent_recognition.gaussian.gaussian_mixture import GaussianMixture
+from intent_recognition.gaussian.normal import Gaussian, condition
 
 seeds = st.integers(0, 2**32 - 1)
 BUILT = pytest.mark.skipif(KERNEL != "c", reason="the compiled update is not in use")
@@ -90,9 +91,9 @@ def test_moments_and_mixture_are_those_that_went_in(rng):
     assert np.array_equal(batch.moments()[0], mean)
     assert np.array_equal(batch.moments(np.array([2, 0]))[1], covariance[[2, 0]])
     weight = rng.dirichlet(np.ones(4))
-    for ours, expected in zip(
-        batch.mixture(weight), mixture_moments(weight, mean, covariance), strict=True
-    ):
+    components = tuple(Gaussian(*parts) for parts in zip(mean, covariance, strict=True))
+    moments = GaussianMixture(weight, components).moments
+    for ours, expected in zip(batch.mixture(weight), moments, strict=True):
         np.testing.assert_allclose(ours, expected, rtol=1e-12, atol=1e-12)
 
 

@@ -126,7 +126,6 @@ def test_a_batch_is_its_fits_one_by_one(rng, monkeypatch):
     monkeypatch.setattr(mixture, "NUMBERS_AT_ONCE", 1)
     apart = fit_mixture(points, starts, prior)
     np.testing.assert_allclose(together.responsibilities, apart.responsibilities, atol=1e-12)
-    np.testing.assert_array_equal(together.n_iterations, apart.n_iterations)
     single = fit_mixture(points, starts[3:4], prior)
     np.testing.assert_allclose(single.log_likelihood, together.log_likelihood[3:4], rtol=1e-12)
 
