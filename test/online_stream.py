@@ -33,6 +33,17 @@ def feed(estimator: IntentEstimator, observations) -> list[Estimate]:
     return estimates
 
 
+def follow(estimator: IntentEstimator, observations, elapsed_s: float) -> tuple[Estimate, list]:
+    """The estimate so long after an onset, and the observations up to then."""
+    seen = []
+    for observation in observations:
+        seen.append(observation)
+        estimate = estimator.update(observation)
+        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > elapsed_s:
+            return estimate, seen
+    raise AssertionError("no movement was that long")
+
+
 def movement(library: TaskLibrary, task: int, rng, **options) -> Demonstration:
     return simulate(library, task, rng, **{"rest_before_s": 0.8, "rest_after_s": 0.8} | options)
 

@@ -13,7 +13,6 @@ from simulation import START_NS, make_library, simulate
 from intent_recognition.filtering import births
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import make_prior_grid
-from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.promp.phase_deviation import PhaseDeviation
 from intent_recognition.recognition.transitions import weigh
 from intent_recognition.signals.observation import merge
@@ -42,6 +41,19 @@ def runs(library, hypotheses):
     return (MovementFilter(library, hypotheses, START_NS, prune=prune) for prune in (True, False))
 
 
+def observe(runs, observations, *, same: bool = False) -> None:
+    """Take observations with some filters; `same`: their probabilities are, after each."""
+    for observation in observations:
+        for run in runs:
+            run.observe(observation)
+        if same:
+            np.testing.assert_allclose(*(probabilities(run) for run in runs), atol=1e-12)
+
+
+def probabilities(run: MovementFilter) -> np.ndarray:
+    return run.posterior(START_NS).probabilities
+
+
 def task_joint(log_evidence: np.ndarray, hypotheses) -> np.ndarray:
     joint = (log_evidence + hypotheses.log_prior).reshape(-1, hypotheses.n_scales)
     return np.logaddexp.reduce(joint, axis=1)
@@ -58,13 +70,8 @@ def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s
     pruned, whole = runs(library, hypotheses)
     most_pruned = 0
     for observation in observations:
-        pruned.observe(observation)
-        whole.observe(observation)
-        elapsed_s = (observation.stamp_ns - START_NS) * 1e-9
-        ours = task_posterior(pruned.log_evidence, hypotheses, elapsed_s)
-        expected = task_posterior(whole.log_evidence, hypotheses, elapsed_s)
-        np.testing.assert_allclose(ours.probabilities, expected.probabilities, atol=1e-12)
-        assert ours.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+        observe((pruned, whole), [observation], same=True)
+        assert probabilities(pruned).sum() == pytest.approx(1.0, abs=1e-12)
         bound = task_joint(pruned.log_evidence, hypotheses)
         assert np.all(task_joint(whole.log_evidence, hypotheses) <= bound + 1e-8)
         most_pruned = max(most_pruned, len(pruned.pruned_tasks))
@@ -79,29 +86,23 @@ def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s
 def test_a_pruned_task_comes_back_as_if_it_had_never_been_pruned(seed, filtered):
     library, hypotheses, observations = scene(seed, filtered=filtered)
     pruned, whole = runs(library, hypotheses)
-    for observation in observations[:70]:
-        pruned.observe(observation)
-        whole.observe(observation)
+    observe((pruned, whole), observations[:70])
     expected = bank_of(whole)
     for task in pruned.pruned_tasks[:1]:  # one alone, then all others
         one = pruned.task(int(task))
         block = slice(task * N_SCALES, (task + 1) * N_SCALES)
         np.testing.assert_allclose(one.mean, expected.mean[block], **ROUNDING)
         assert task not in pruned.pruned_tasks
-    for ours, theirs in zip(bank_of(pruned), expected, strict=True):
-        np.testing.assert_allclose(ours, theirs, **ROUNDING)
+    assert_same(pruned, whole)
     assert not len(pruned.pruned_tasks)
-    assert_same_deviations(pruned, whole)
-    for observation in observations[70:]:  # and goes on
-        pruned.observe(observation)
-        whole.observe(observation)
-    for ours, theirs in zip(bank_of(pruned), bank_of(whole), strict=True):
+    observe((pruned, whole), observations[70:])  # and goes on
+    assert_same(pruned, whole)
+
+
+def assert_same(one: MovementFilter, other: MovementFilter) -> None:
+    """All weights, and past, present and future deviations; restored tasks look back on all."""
+    for ours, theirs in zip(bank_of(one), bank_of(other), strict=True):
         np.testing.assert_allclose(ours, theirs, **ROUNDING)
-    assert_same_deviations(pruned, whole)
-
-
-def assert_same_deviations(one: MovementFilter, other: MovementFilter) -> None:
-    """Past, present and future ones of all tasks; restored tasks look back on all of them."""
     times_s = np.linspace(0.0, 3.0, 13)
     for task in range(one.library.n_tasks + 1):
         ours, theirs = (run.prediction(task) for run in (one, other))
@@ -118,17 +119,10 @@ def test_when_the_movement_turns_to_a_pruned_task_it_is_restored(filtered):
     library, hypotheses, first = scene(5, filtered=filtered)
     rng = np.random.default_rng(6)
     pruned, whole = runs(library, hypotheses)
-    for observation in first[:50]:
-        pruned.observe(observation)
-        whole.observe(observation)
+    observe((pruned, whole), first[:50])
     other = int(pruned.pruned_tasks[0])
     second = list(merge(simulate(library, other, rng, rate_hz=40.0).observed))
-    for observation in (o for o in second if o.stamp_ns > first[49].stamp_ns):
-        pruned.observe(observation)
-        whole.observe(observation)
-        ours = task_posterior(pruned.log_evidence, hypotheses, 1.0).probabilities
-        expected = task_posterior(whole.log_evidence, hypotheses, 1.0).probabilities
-        np.testing.assert_allclose(ours, expected, atol=1e-12)
+    observe((pruned, whole), (o for o in second if o.stamp_ns > first[49].stamp_ns), same=True)
     np.testing.assert_allclose(bank_of(pruned).mean, bank_of(whole).mean, atol=1e-12)
 
 
@@ -139,8 +133,7 @@ def test_hypotheses_are_born_of_the_tasks_that_are_most_probable_though_they_lag
         for prune in (True, False)
     )
     for observation in observations:
-        pruned.observe(observation)
-        whole.observe(observation)
+        observe((pruned, whole), [observation])
         ours, theirs = (np.unique(run.births._table.rows["task"]) for run in (pruned, whole))
         assert np.array_equal(ours, theirs)
     assert len(pruned.pruned_tasks) > library.n_tasks - 2 * births.MAX_TASKS
@@ -149,14 +142,8 @@ def test_hypotheses_are_born_of_the_tasks_that_are_most_probable_though_they_lag
 def test_an_outlier_prunes_no_task_for_good():
     library, hypotheses, observations = scene(7)
     pruned, whole = runs(library, hypotheses)
-    for k, observation in enumerate(observations):
-        if k == 60:
-            observation = observation._replace(values=observation.values + 3.0)
-        pruned.observe(observation)
-        whole.observe(observation)
-        ours = task_posterior(pruned.log_evidence, hypotheses, 1.0).probabilities
-        expected = task_posterior(whole.log_evidence, hypotheses, 1.0).probabilities
-        np.testing.assert_allclose(ours, expected, atol=1e-12)
+    observations[60] = observations[60]._replace(values=observations[60].values + 3.0)
+    observe((pruned, whole), observations, same=True)
 
 
 @pytest.mark.parametrize("unlikely", [1e-40, 0.0])
@@ -164,20 +151,15 @@ def test_a_posterior_that_is_weighed_anew_is_exact_too(unlikely):
     """The likeliest task is made next to impossible: the others must not have been left behind."""
     library, hypotheses, observations = scene(13)
     whole = MovementFilter(library, hypotheses, START_NS)
-    for observation in observations:
-        whole.observe(observation)
+    observe([whole], observations)
     ratio = np.ones(library.n_tasks)
-    ratio[np.argmax(task_posterior(whole.log_evidence, hypotheses, 1.0).probabilities[:-1])] = (
-        unlikely
-    )
+    ratio[np.argmax(probabilities(whole)[:-1])] = unlikely
     whole = MovementFilter(library, hypotheses, START_NS)
     pruned = MovementFilter(library, hypotheses, START_NS, prune=True, task_weight=ratio)
     for observation in observations:
-        pruned.observe(observation)
-        whole.observe(observation)
+        observe((pruned, whole), [observation])
         ours, theirs = (
-            weigh(task_posterior(run.log_evidence, hypotheses, 1.0), ratio).probabilities
-            for run in (pruned, whole)
+            weigh(run.posterior(START_NS), ratio).probabilities for run in (pruned, whole)
         )
         np.testing.assert_allclose(ours, theirs, atol=1e-12)
     assert len(pruned.pruned_tasks)
@@ -191,7 +173,7 @@ def test_an_excluded_task_is_pruned_and_stays_impossible():
     run = MovementFilter(library, hypotheses, START_NS, prune=True)
     for observation in observations:
         run.observe(observation)
-        assert task_posterior(run.log_evidence, hypotheses, 1.0).probabilities[3] == 0.0
+        assert probabilities(run)[3] == 0.0
     assert 3 in run.pruned_tasks
     assert np.all(np.isfinite(bank_of(run).mean))
 
@@ -199,21 +181,17 @@ def test_an_excluded_task_is_pruned_and_stays_impossible():
 def test_few_hypotheses_are_all_filtered(rng):
     library = make_library(rng, n_basis=4)
     run = MovementFilter(library, make_prior_grid(library), START_NS, prune=True)
-    for observation in merge(simulate(library, 0, rng).observed):
-        run.observe(observation)
+    observe([run], merge(simulate(library, 0, rng).observed))
     assert not len(run.pruned_tasks)
 
 
 def test_memory_used_again_remembers_nothing():
     library, hypotheses, observations = scene(11)
     used = MovementFilter(library, hypotheses, START_NS, prune=True)
-    for observation in observations:
-        used.observe(observation)
+    observe([used], observations)
     assert len(used.pruned_tasks)
     fresh = MovementFilter(library, hypotheses, START_NS)
     used.restart(START_NS)
-    for observation in observations[:7]:
-        used.observe(observation)
-        fresh.observe(observation)
+    observe((used, fresh), observations[:7])
     for ours, theirs in zip(bank_of(used), bank_of(fresh), strict=True):
         assert np.array_equal(ours, theirs)

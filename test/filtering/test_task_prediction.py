@@ -37,6 +37,14 @@ def seen(library: TaskLibrary, rng: np.random.Generator, n: int, task: int = 0) 
     return list(merge(recording.observed))[:n]
 
 
+def predicted(rng, phase_deviation, n_seen: int, n_scales: int = 5) -> TaskPrediction:
+    """Task 0 of a library after some observations."""
+    library = library_with(rng, phase_deviation)
+    return run_on(
+        library, 0, make_prior_grid(library, n_scales=n_scales), seen(library, rng, n_seen)
+    )
+
+
 def run_on(library, task, hypotheses, observations) -> TaskPrediction:
     run = MovementFilter(library, hypotheses, START_NS)
     for observation in observations:
@@ -112,8 +120,7 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
 
 
 def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_deviations(rng):
-    library = library_with(rng, LEADING)
-    run = run_on(library, 0, make_prior_grid(library, n_scales=3), seen(library, rng, 6))
+    run = predicted(rng, LEADING, 6, n_scales=3)
     times = np.linspace(0.0, 5.0, 11)
     table = run.phases_at(times)
     assert table.shape == (3, 11, 201)
@@ -127,9 +134,8 @@ def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_deviations(rn
 @pytest.mark.parametrize("phase_deviation", [STEADY, LEADING])
 @pytest.mark.parametrize("n", [0, 1, 12])
 def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_deviation, n):
-    library = library_with(rng, phase_deviation)
-    run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, n))
-    found = run.controlled(41)
+    run = predicted(rng, phase_deviation, n)
+    library, found = run.library, run.controlled(41)
     weights = controlled_weights(library, 0, run.observed_weights())
     noise = library.control_noise_variance()
     ends = rollout(library.basis, weights, np.array([0.0, 1.0]), 1.0, noise)
@@ -149,8 +155,7 @@ def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_d
 @pytest.mark.parametrize("phase_deviation", [STEADY, LEADING])
 @pytest.mark.parametrize("agent", ["controlled", "observed"])
 def test_velocities_are_the_slope_of_the_positions(rng, phase_deviation, agent):
-    library = library_with(rng, phase_deviation)
-    run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, 8))
+    run = predicted(rng, phase_deviation, 8)
     found = getattr(run, agent)(801)
     numeric = np.gradient(found.positions, found.times_s, axis=0)
     worst = np.max(np.abs(found.velocities - numeric)[2:-2], axis=0)
@@ -158,9 +163,8 @@ def test_velocities_are_the_slope_of_the_positions(rng, phase_deviation, agent):
 
 
 def test_the_observed_agent_goes_on_from_now_to_the_end(rng):
-    library = library_with(rng, LEADING)
-    run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, 10))
-    found = run.observed(9)
+    run = predicted(rng, LEADING, 10)
+    library, found = run.library, run.observed(9)
     assert found.times_s[0] == pytest.approx(run.elapsed_s)
     assert found.times_s[-1] == pytest.approx(run.duration_s)
     weights = run.observed_weights().mean.reshape(3, -1)
@@ -241,8 +245,8 @@ def test_asking_late_equals_asking_all_the_time(rng):
 @pytest.mark.parametrize("follows", [True, False])
 def test_the_controlled_agent_may_keep_steady_progress(rng, follows):
     """Its phases then are those of the durations alone, whatever the observed one does."""
-    library = library_with(rng, replace(LEADING, controlled_follows=follows))
-    run = run_on(library, 0, make_prior_grid(library, n_scales=3), seen(library, rng, 8))
+    run = predicted(rng, replace(LEADING, controlled_follows=follows), 8, n_scales=3)
+    library = run.library
     times = np.linspace(0.0, 3.0, 7)
     table = run.phases_at(times)
     found = table @ np.linspace(0.0, 1.0, table.shape[-1])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from online_stream import episodes, feed, going_back, movement, same, shifted
+from online_stream import episodes, feed, follow, going_back, movement, same, shifted
 from plain import run_bank
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, minimum_jerk
@@ -99,21 +99,16 @@ def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, r
         observed_weight_covariance=None,
         coupling=None,
     )
-    observations = list(merge(movement(truth, 0, rng).observed))
     estimator = IntentEstimator(library)
     assert estimator.predict_controlled() is None
-    for observation in observations:
-        estimate = estimator.update(observation)
-        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.0:
-            break
+    estimate, observations = follow(estimator, merge(movement(truth, 0, rng).observed), 1.0)
     prediction = estimator.predict_controlled(n_points=21)
     assert prediction.task == "task_0"
     assert prediction.onset_ns == estimate.onset_ns
-    moving = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
-    used = [moving[0]]
-    for observation in moving[1:]:
-        if observation.stamp_ns - used[-1].stamp_ns >= 0.4995e9 * library.correlation_time_s:
-            used.append(observation)
+    used: list[Observation] = []
+    for one in (o for o in observations if o.stamp_ns >= estimate.onset_ns):
+        if not used or one.stamp_ns - used[-1].stamp_ns >= 0.4995e9 * library.correlation_time_s:
+            used.append(one)
     weights, duration_s = by_hand(library, 0, used, estimate.onset_ns)
     phase = np.linspace(0.0, 1.0, 21)
     expected = rollout(library.basis, weights, phase, duration_s, library.control_noise_variance())
@@ -170,10 +165,7 @@ def test_at_rest_the_controlled_agent_is_where_the_tasks_begin(library):
 
 def test_poses_at_stamps_are_those_of_all_tasks_together(library, truth, rng):
     estimator = IntentEstimator(library)
-    for observation in merge(movement(truth, 1, rng).observed):
-        estimate = estimator.update(observation)
-        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 0.7:
-            break
+    estimate, _ = follow(estimator, merge(movement(truth, 1, rng).observed), 0.7)
     onset_s, known = estimate.onset_ns * 1e-9, estimate.probabilities[:-1]
     ahead_s = np.array([0.0, 0.4, 0.9])
     found = estimator.predict_controlled_at(onset_s + ahead_s)
@@ -195,13 +187,10 @@ def test_times_that_are_none_are_refused(library, times):
 
 def test_rest_of_the_human_begins_where_the_human_is(library, truth, rng):
     estimator = IntentEstimator(library)
-    for observation in merge(movement(truth, 1, rng).observed):
-        estimate = estimator.update(observation)
-        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.2:
-            break
+    estimate, seen = follow(estimator, merge(movement(truth, 1, rng).observed), 1.2)
     rest = estimator.predict_observed(n_points=10)
     assert rest.task == "task_1"
-    np.testing.assert_allclose(rest.trajectory.positions[0], observation.values, atol=0.02)
+    np.testing.assert_allclose(rest.trajectory.positions[0], seen[-1].values, atol=0.02)
     now = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
     assert rest.trajectory.times_s[0] == pytest.approx(now, abs=0.1)
     assert np.all(np.diff(rest.trajectory.times_s) > 0)
@@ -209,14 +198,10 @@ def test_rest_of_the_human_begins_where_the_human_is(library, truth, rng):
 
 def test_asynchronous_signals_equal_the_joint_filter_whatever_order_they_arrive_in(rng):
     """Two trackers with stamps of their own; the late one's samples come in bursts."""
-    truth = make_library(rng, groups=(2, 1), n_basis=8, spread=0.02, noise_std=0.001)
-    library = truth
-    recording = movement(truth, 0, rng)
-    first, second = recording.observed
+    library = make_library(rng, groups=(2, 1), n_basis=8, spread=0.02, noise_std=0.001)
+    first, second = movement(library, 0, rng).observed
     second = replace(second, stamps_ns=second.stamps_ns + 3_333_333)
     merged = list(merge((first, second)))
-    stamps = [o.stamp_ns for o in merged]
-    assert stamps == sorted(stamps)
     reference = feed(IntentEstimator(library), merged)
     moving = max(episodes(reference), key=len)
     until = moving[len(moving) * 2 // 3].stamp_ns
@@ -239,42 +224,25 @@ def test_one_signal_of_three_dofs_equals_two_signals_with_the_same_stamps(rng):
         np.random.default_rng(3), groups=(3,), n_basis=8, spread=0.02, noise_std=0.001
     )
     apart = replace(together, observed_groups=(2, 1), onset=together.onset * 2)
-    recording = movement(together, 2, rng)
-    signal = recording.observed[0]
-    one = IntentEstimator(together)
-    other = IntentEstimator(apart)
-    onset = None
-    for i, stamp in enumerate(signal.stamps_ns.tolist()):
-        a = one.update(Observation(stamp, 0, signal.values[i]))
-        other.update(Observation(stamp, 0, signal.values[i, :2]))
-        b = other.update(Observation(stamp, 1, signal.values[i, 2:]))
-        if a.moving and b.moving and a.onset_ns == b.onset_ns:
-            onset = a.onset_ns
-            same(a, b, 1e-8)
-    # The detectors see different norms; where they agree the numbers must.
     hypotheses = make_prior_grid(together)
-    used = [Observation(s, 0, v) for s, v in zip(signal.stamps_ns.tolist(), signal.values)][50:90]
+    used = list(merge(movement(together, 2, rng).observed))[50:90]
     split = [
         Observation(o.stamp_ns, g, o.values[c]) for o in used for g, c in ((0, [0, 1]), (1, [2]))
     ]
-    start = used[0].stamp_ns if onset is None else onset
-    a = run_bank(together, hypotheses, used, start)
-    b = run_bank(apart, hypotheses, split, start)
+    a = run_bank(together, hypotheses, used, used[0].stamp_ns)
+    b = run_bank(apart, hypotheses, split, used[0].stamp_ns)
     np.testing.assert_allclose(a.mean, b.mean, atol=1e-9)
     np.testing.assert_allclose(a.log_evidence, b.log_evidence, rtol=1e-9)
 
 
 def test_occlusion_widens_the_prediction_and_harms_nothing(library, truth, rng):
     recording = movement(truth, 0, rng, rate_hz=100.0, duration_s=2.0)
-    observations = list(merge(recording.observed))
-    start = observations[0].stamp_ns
-    stop = start + round(2.0 * 1e9)
-    seen = [o for o in observations if o.stamp_ns <= stop]
+    start = int(recording.observed[0].stamps_ns[0])
+    seen = [o for o in merge(recording.observed) if o.stamp_ns <= start + 2_000_000_000]
     occluded = [o for o in seen if not 1.2 < (o.stamp_ns - start) * 1e-9 < 1.99]
     full, gap = IntentEstimator(library), IntentEstimator(library)
     a, b = feed(full, seen)[-1], feed(gap, occluded)[-1]
-    assert a.moving
-    assert b.moving
+    assert a.moving and b.moving
     assert int(np.argmax(b.probabilities)) == 0
     widths = [np.linalg.norm(e.predict_observed().trajectory.std) for e in (full, gap)]
     assert widths[1] > widths[0]
@@ -291,12 +259,10 @@ def test_a_library_swapped_in_mid_movement_has_seen_everything(library, truth, r
     assert before[-1].moving
     swapping.swap(other)
     after = feed(swapping, observations[half:])
-    moving = [
-        i for i in range(half, len(observations)) if fresh[i].moving and after[i - half].moving
-    ]
-    assert len(moving) > 20
-    for i in moving:
-        same(after[i - half], fresh[i])
+    pairs = [(a, b) for a, b in zip(after, fresh[half:], strict=True) if a.moving and b.moving]
+    assert len(pairs) > 20
+    for ours, theirs in pairs:
+        same(ours, theirs)
 
 
 @pytest.mark.slow

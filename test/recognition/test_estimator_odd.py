@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from online_stream import episodes, feed, going_back, learned, movement, shifted
+from online_stream import episodes, feed, follow, going_back, learned, movement, shifted
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError
@@ -146,10 +146,7 @@ def test_the_distribution_behind_an_estimate_is_symmetric_and_positive_definite(
     library, truth, rng
 ):
     estimator = IntentEstimator(library)
-    for observation in merge(movement(truth, 0, rng).observed):
-        estimate = estimator.update(observation)
-        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.5:
-            break
+    follow(estimator, merge(movement(truth, 0, rng).observed), 1.5)
     observed: Gaussian = estimator._run.prediction(0).observed_weights()
     assert np.array_equal(observed.covariance, observed.covariance.T)
     assert np.linalg.eigvalsh(observed.covariance).min() > 0
