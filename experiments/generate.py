@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Protocol
 
+from experiments.recording import Content, write_recording
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 
 SCENARIOS = MappingProxyType(
@@ -45,8 +46,8 @@ class Scenario(Protocol):
     def orders(self, seed: int) -> list[RecordingOrder]:
         """Every recording, in order."""
 
-    def make(self, order: RecordingOrder, output: Path) -> Path:
-        """Simulate one recording, write its bag below `output` and return its directory."""
+    def content(self, order: RecordingOrder, bags: Path) -> Content:
+        """Simulate one recording; those that it builds on lie below `bags`."""
 
 
 def _scenario(name: str) -> Scenario:
@@ -124,7 +125,8 @@ def make_room(folder: Path, overwrite: bool) -> None:
 
 
 def _make(scenario: str, order: RecordingOrder, output: Path) -> Path:
-    return _scenario(scenario).make(order, output)
+    content = _scenario(scenario).content(order, output)
+    return write_recording(output / order.folder, *content)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -42,6 +42,13 @@ PROVENANCE = {
 
 Message = tuple[str, str, int, dict]
 """Topic, type, stamp in ns, fields."""
+Content = tuple[Mapping[str, str], Iterable[Message]]
+"""Metadata under custom_data, and messages in order of time."""
+
+
+def known_of(seed: int, index: int) -> dict[str, str]:
+    """What the metadata of every numbered recording of a scenario say."""
+    return {**PROVENANCE, "seed": str(seed), "index": str(index)}
 
 
 class ArmSamples(Protocol):

@@ -7,12 +7,13 @@ from pathlib import Path, PurePosixPath
 
 from experiments.recording import (
     POSE_TYPE,
-    PROVENANCE,
     SAMPLE_NS,
+    Content,
+    Message,
+    known_of,
     pose_fields,
     recorded_at_ns,
     to_counts,
-    write_recording,
 )
 from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
 from sim_bridge.scenarios.assembly import (
@@ -48,24 +49,14 @@ def orders(seed: int) -> list[AssemblyOrder]:
     return [AssemblyOrder(seed, index) for index in range(SESSIONS)]
 
 
-def make(order: AssemblyOrder, output: Path) -> Path:
-    """Record one session as a bag below `output`; return its directory.
-
-    Raises:
-        ResourceBusyError: the directory exists already.
-    """
+def content(order: AssemblyOrder, _: Path) -> Content:
+    """Simulate one recording: its metadata and its messages."""
     plan = plan_session(order.seed, order.index)
-    metadata = {
-        **PROVENANCE,
-        "seed": str(order.seed),
-        "index": str(order.index),
-        "bodies": f"{WORKER} {ASSISTANT}",
-    }
-    said = messages(plan, recorded_at_ns(60 * order.index))
-    return write_recording(output / order.folder, metadata, said)
+    metadata = known_of(order.seed, order.index) | {"bodies": f"{WORKER} {ASSISTANT}"}
+    return metadata, messages(plan, recorded_at_ns(60 * order.index))
 
 
-def messages(plan: AssemblySession, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:
+def messages(plan: AssemblySession, start_ns: int) -> Iterator[Message]:
     """Yield (topic, type, stamp in ns, fields), in order of time."""
     marks = [(i.onset_s - MARGIN_S, i.task) for i in plan.interactions]
     marks += [(i.end_s + MARGIN_S, "") for i in plan.interactions]

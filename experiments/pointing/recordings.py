@@ -15,12 +15,12 @@ from experiments.pointing.lesson import TaughtPointing, plan_path, stand, teach
 from experiments.pointing.person import PersonPointing, marker_placement, point
 from experiments.pointing.scene import SPOTS_M, TASK, spot
 from experiments.recording import (
-    PROVENANCE,
+    Content,
+    known_of,
     metadata_stamp,
     metadata_vector,
     pose_and_joint_messages,
     recorded_at_ns,
-    write_recording,
 )
 
 PURPOSES = ("train", "test")
@@ -105,9 +105,7 @@ def metadata(shown: PointingRecording) -> dict[str, str]:
     known = {
         "task": TASK,
         "set": shown.order.purpose,
-        **PROVENANCE,
-        "seed": str(shown.order.seed),
-        "index": str(shown.order.index),
+        **known_of(shown.order.seed, shown.order.index),
         "spot_m": metadata_vector(shown.spot_m),
         "marker_placement_m": metadata_vector(shown.placement_m),
         "human_onset_ns": metadata_stamp(shown.order.start_ns, shown.person.onset_s),
@@ -124,12 +122,8 @@ def metadata(shown: PointingRecording) -> dict[str, str]:
     }
 
 
-def make(order: PointingOrder, output: Path) -> Path:
-    """Simulate one recording and write it as a bag below `output`; return its directory.
-
-    Raises:
-        ResourceBusyError: the directory exists already.
-    """
+def content(order: PointingOrder, _: Path) -> Content:
+    """Simulate one recording: its metadata and its messages."""
     shown = record(order)
-    said = pose_and_joint_messages(shown.order.start_ns, shown.person.samples, shown.arm)
-    return write_recording(output / shown.order.folder, metadata(shown), said)
+    said = pose_and_joint_messages(order.start_ns, shown.person.samples, shown.arm)
+    return metadata(shown), said

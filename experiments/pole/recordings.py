@@ -16,12 +16,12 @@ from experiments.pole.lesson import PoleLesson, lead_around
 from experiments.pole.person import WandPointing, draw_pointing
 from experiments.pole.plan import can_reach, plan_way
 from experiments.recording import (
-    PROVENANCE,
+    Content,
+    known_of,
     metadata_stamp,
     metadata_vector,
     pose_and_joint_messages,
     recorded_at_ns,
-    write_recording,
 )
 from experiments.teaching.path import REACTION_SHARE
 from intent_recognition.errors import KinematicsError
@@ -136,9 +136,7 @@ def metadata(shown: PoleDemonstration) -> dict[str, str]:
 
     missed = fingertip(lesson.true_positions_rad[-1])[:2] - pointing.reach.goal_m[:2]
     return {
-        **PROVENANCE,
-        "seed": str(order.seed),
-        "index": str(order.index),
+        **known_of(order.seed, order.index),
         "way": order.way,
         "spot": str(order.spot),
         "reachable": " ".join(shown.reachable),
@@ -153,15 +151,12 @@ def metadata(shown: PoleDemonstration) -> dict[str, str]:
     }
 
 
-def make(order: PoleOrder, output: Path) -> Path:
-    """Simulate one demonstration and write it as a bag below `output`; return its directory.
+def content(order: PoleOrder, _: Path) -> Content:
+    """Simulate one recording: its metadata and its messages.
 
     Raises:
-        ResourceBusyError: the directory exists already.
         KinematicsError: it cannot be shown.
     """
     shown = demonstrate(order)
-    said = pose_and_joint_messages(
-        shown.order.start_ns, shown.pointing.samples, shown.lesson, WAND_TOPIC
-    )
-    return write_recording(output / shown.order.folder, metadata(shown), said)
+    said = pose_and_joint_messages(order.start_ns, shown.pointing.samples, shown.lesson, WAND_TOPIC)
+    return metadata(shown), said

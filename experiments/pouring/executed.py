@@ -16,7 +16,7 @@ import numpy as np
 
 from experiments.pouring.checking import HIGHEST_RISK, Constraints, learn_constraints
 from experiments.pouring.recordings import joint_messages, labels_of
-from experiments.recording import PROVENANCE, recorded_at_ns, write_recording
+from experiments.recording import PROVENANCE, Content, Message, recorded_at_ns
 from intent_recognition.errors import KinematicsError
 from intent_recognition.warping import EMPTY, Reached, References, WarpedPrimitive, amount_to_leave
 from sim_bridge.scenarios.pouring import (
@@ -239,21 +239,18 @@ def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, st
     }
 
 
-def messages(order: PourOrder, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
+def messages(order: PourOrder, poured: "Poured") -> Iterator[Message]:
     """Messages of the arm's noisy sensors."""
     noise = order.rng(2 + MANNERS.index(order.manner))
     return joint_messages(order.start_ns, poured, noise, every=EVERY)
 
 
-def make(order: PourOrder, output: Path) -> Path:
-    """Plan, pour and write the bag below `output`; return its directory.
+def content(order: PourOrder, bags: Path) -> Content:
+    """Plan and pour, with the skill of the demonstrations below `bags`: metadata and messages.
 
     Raises:
-        ResourceBusyError: the directory exists already.
         KinematicsError: the path is out of reach, or none passes the check.
     """
-    skill = learn_skill(output / "pouring" / "train", order.seed)
-    plan_ = planned(order, skill)
+    plan_ = planned(order, learn_skill(bags / "pouring" / "train", order.seed))
     poured = execute(order, plan_)
-    folder = output / order.folder
-    return write_recording(folder, metadata(order, plan_, poured), messages(order, poured))
+    return metadata(order, plan_, poured), messages(order, poured)

@@ -17,15 +17,16 @@ from experiments.recording import (
     ANGLE_STEP_RAD,
     JOINT_TOPIC,
     JOINT_TYPE,
-    PROVENANCE,
     RATE_STEP_RAD_S,
     SAMPLE_NS,
     TORQUE_STEP_NM,
+    Content,
+    Message,
     joint_fields,
+    known_of,
     metadata_vector,
     recorded_at_ns,
     to_counts,
-    write_recording,
 )
 from intent_recognition.warping import References
 from sim_bridge.containers import CONTAINER_SEED, Container, make_container
@@ -100,9 +101,7 @@ def metadata(order: DemonstrationOrder, poured: "Poured") -> dict[str, str]:
     return {
         "task": TASK,
         "set": "train",
-        **PROVENANCE,
-        "seed": str(order.seed),
-        "index": str(order.index),
+        **known_of(order.seed, order.index),
         **labels_of(make_container(CUP, CONTAINER_SEED), CUP, SECOND, poured),
         "strongest_pull_n": f"{poured.strongest_pull_n:.3f}",
     }
@@ -125,7 +124,7 @@ def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[
     }
 
 
-def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
+def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[Message]:
     """Messages of the arm's noisy sensors."""
     noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
     return joint_messages(order.start_ns, poured, noise)
@@ -133,7 +132,7 @@ def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[tuple[str,
 
 def joint_messages(
     start_ns: int, poured: "Poured", noise: np.random.Generator, *, every: int = 1
-) -> Iterator[tuple[str, str, int, dict]]:
+) -> Iterator[Message]:
     """Yield (topic, type, stamp in ns, fields), in order of time, as noisy sensors measure.
 
     Args:
@@ -154,12 +153,7 @@ def joint_messages(
         yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, *(c[k] for c in columns))
 
 
-def make(order: DemonstrationOrder, output: Path) -> Path:
-    """Simulate one demonstration and write it as a bag below `output`; return its directory.
-
-    Raises:
-        ResourceBusyError: the directory exists already.
-    """
+def content(order: DemonstrationOrder, _: Path) -> Content:
+    """Simulate one recording: its metadata and its messages."""
     poured = record(order)
-    folder = output / order.folder
-    return write_recording(folder, metadata(order, poured), messages(order, poured))
+    return metadata(order, poured), messages(order, poured)

@@ -7,12 +7,12 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from experiments.recording import (
-    PROVENANCE,
+    Content,
+    known_of,
     metadata_stamp,
     metadata_vector,
     pose_and_joint_messages,
     recorded_at_ns,
-    write_recording,
 )
 from experiments.teaching.demonstration import (
     TEST_COUNTS,
@@ -113,9 +113,7 @@ def metadata(shown: ToolboxDemonstration) -> dict[str, str]:
         "task": shown.order.task,
         "simulated": "true",  # before the set, as in the shipped files
         "set": shown.order.purpose,
-        **PROVENANCE,
-        "seed": str(shown.order.seed),
-        "index": str(shown.order.index),
+        **known_of(shown.order.seed, shown.order.index),
         "human_onset_ns": metadata_stamp(shown.order.start_ns, wrist.onset_s),
         "human_end_ns": metadata_stamp(shown.order.start_ns, wrist.end_s),
         "robot_start_ns": metadata_stamp(shown.order.start_ns, times.start_s),
@@ -131,20 +129,8 @@ def metadata(shown: ToolboxDemonstration) -> dict[str, str]:
     }
 
 
-def make(order: ToolboxOrder, output: Path) -> Path:
-    """Simulate one demonstration and write it as a bag below `output`; return its directory.
-
-    Raises:
-        ResourceBusyError: the directory exists already.
-    """
-    return write_demonstration(demonstrate(order), output)
-
-
-def write_demonstration(shown: ToolboxDemonstration, output: Path) -> Path:
-    """Write one demonstration as a bag below `output`/toolbox; return its directory.
-
-    Raises:
-        ResourceBusyError: the directory exists already.
-    """
-    said = pose_and_joint_messages(shown.order.start_ns, shown.wrist.samples, shown.arm)
-    return write_recording(output / shown.order.folder, metadata(shown), said)
+def content(order: ToolboxOrder, _: Path) -> Content:
+    """Simulate one recording: its metadata and its messages."""
+    shown = demonstrate(order)
+    said = pose_and_joint_messages(order.start_ns, shown.wrist.samples, shown.arm)
+    return metadata(shown), said

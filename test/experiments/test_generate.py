@@ -9,7 +9,8 @@ import pytest
 from mcap.reader import make_reader
 
 from experiments.generate import generate, main
-from experiments.teaching.recordings import ToolboxOrder, demonstrate, orders, write_demonstration
+from experiments.recording import write_recording
+from experiments.teaching.recordings import ToolboxOrder, content, demonstrate, orders
 from intent_recognition.bags.metadata import read_metadata
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
@@ -20,7 +21,7 @@ from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
 FIRST = ToolboxOrder(1, "train", HOLD, 3)
 
 
-def content(folder):
+def messages(folder):
     with next(folder.glob("*.mcap")).open("rb") as stream:
         return [
             (channel.topic, message.log_time, message.data)
@@ -30,12 +31,13 @@ def content(folder):
 
 @pytest.mark.slow
 def test_same_seed_same_bytes_and_equal_to_what_is_shipped(tmp_path, repository):
-    one = write_demonstration(demonstrate(FIRST), tmp_path / "a")
-    two = write_demonstration(demonstrate(FIRST), tmp_path / "b")
-    assert content(one) == content(two)
+    one, two = (
+        write_recording(tmp_path / place / FIRST.name, *content(FIRST, tmp_path)) for place in "ab"
+    )
+    assert messages(one) == messages(two)
     assert (one / "metadata.yaml").read_bytes() == (two / "metadata.yaml").read_bytes()
     shipped = repository / "bags" / "toolbox" / "train" / FIRST.name
-    ours, theirs = content(one), content(shipped)
+    ours, theirs = messages(one), messages(shipped)
     assert [(t, s) for t, s, _ in ours] == [(t, s) for t, s, _ in theirs]
     # Poses come from numpy alone; joint states went through the physics engine of the machine.
     poses = [(a, b) for (t, _, a), (_, _, b) in zip(ours, theirs, strict=True) if "mocap" in t]
@@ -64,7 +66,6 @@ def test_forty_eight_and_twelve_are_shipped_each_labelled_and_called_simulated(r
         assert float(d["teaching_error_m"]) < 0.04
     sizes = [sum(f.stat().st_size for f in folder.iterdir()) for folder in folders]
     assert max(sizes) < 200_000
-    assert sum(sizes) < 10_000_000
 
 
 def test_shipped_bags_read_as_demonstrations_without_a_rejection(repository):
@@ -93,13 +94,17 @@ def test_bad_requests_are_named(tmp_path, capsys):
     assert "generate: output" in capsys.readouterr().err
 
 
-def test_shipped_files_are_those_of_the_checksum_list(repository):
-    listed = dict(
-        reversed(line.split()) for line in (repository / "bags/SHA256SUMS").read_text().splitlines()
-    )
-    files = {
-        str(path.relative_to(repository / "bags")): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in (repository / "bags" / "toolbox").rglob("*")
-        if path.is_file()
+@pytest.mark.parametrize(
+    ("folder", "beside", "most"),
+    [("toolbox", "..", 10_000_000), ("pointing", ".", 5_000_000), ("pouring", ".", 3_000_000)],
+)
+def test_shipped_files_are_those_of_the_checksum_list(repository, folder, beside, most):
+    below = repository / "bags" / folder
+    root = (below / beside).resolve()
+    listed = dict(reversed(line.split()) for line in (root / "SHA256SUMS").read_text().splitlines())
+    files = [path for path in below.rglob("*") if path.is_file() and path.name != "SHA256SUMS"]
+    found = {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files
     }
-    assert files == listed
+    assert found == listed
+    assert sum(path.stat().st_size for path in files) < most
