@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+
 EACH = int(os.environ.get("HOSTILE_EACH", "50"))
 """Files of each kind."""
 SEED = int(os.environ.get("HOSTILE_SEED", "14"))
@@ -120,3 +122,16 @@ def spoiled(rng, content, chance=0.15):
     if isinstance(content, list):
         return [spoiled(rng, value, chance) for value in content]
     return content
+
+
+def write_bag(folder: Path, whole, metadata: str | bytes | None = None, content=None) -> Path:
+    folder.mkdir()
+    (folder / whole[0]).write_bytes(whole[1] if content is None else content)
+    text = whole[2] if metadata is None else metadata
+    (folder / "metadata.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    return folder
+
+
+def save(path, arrays):
+    np.savez(path, **arrays)
+    return path
