@@ -13,7 +13,8 @@ INTRODUCTION = """\
 
 `intent COMMAND --help` says the same in the terminal, with examples. Every command ends with 0 \
 when all went well, with 1 and one line on stderr when something of yours cannot be used, and with \
-2 when it was called wrongly. Wherever `BAG` stands, a folder of bags may stand, unless the \
+2 when it was called wrongly. `--json OUT` writes what a command finds as JSON to OUT; without OUT \
+it prints that, and nothing else. Wherever `BAG` stands, a folder of bags may stand, unless the \
 command says otherwise ([bags.md](../bags.md#folders)). [Completion](../shell.md#completion) and \
 [output for scripts](../shell.md#for-scripts) have a page of their own.
 """
@@ -28,7 +29,11 @@ def commands_page() -> str:
     helps = {choice.dest: choice.help for choice in subparsers._choices_actions}
     parts, explained = [INTRODUCTION, _overview(helps)], {}
     for commands in GROUPS.values():
-        parts += [_command(name, subparsers.choices[name], explained) for name in commands]
+        for name in commands:
+            parts += [_command(f"intent {name}", subparsers.choices[name], explained)]
+            for inner in subparsers.choices[name]._actions:
+                if isinstance(inner, argparse._SubParsersAction):
+                    parts += [_command(p.prog, p, explained) for p in inner.choices.values()]
     parts.append("## intent\n\n" + _table(parser, explained))
     return "\n".join(parts)
 
@@ -43,8 +48,10 @@ def _overview(helps: dict[str, str]) -> str:
 
 
 def _command(name: str, parser: argparse.ArgumentParser, explained: dict[str, str]) -> str:
-    parts = [f"## intent {name}", parser.description, f"```text\n{_usage(parser)}\n```"]
-    return "\n\n".join([*parts, _table(parser, explained)])
+    parts = [f"## {name}", parser.description or ""]
+    if _shown(parser):  # else it has commands of its own
+        parts += [f"```text\n{_usage(parser)}\n```", _table(parser, explained)]
+    return "\n\n".join(parts) + "\n" * (not _shown(parser))
 
 
 def _usage(parser: argparse.ArgumentParser) -> str:
@@ -60,16 +67,19 @@ def _usage(parser: argparse.ArgumentParser) -> str:
 
 def _table(parser: argparse.ArgumentParser, explained: dict[str, str]) -> str:
     """The arguments; those that another command explained in the same words by name only."""
-    rows, known = [], []
+    rows: list[str] = []
+    known: dict[str, list[str]] = {}
     for action in _shown(parser):
-        name, help_text = _name(action), parser._get_formatter()._expand_help(action)
-        if explained.get(name) == help_text:
-            known.append(f"`{name}`")
+        help_text = parser._get_formatter()._expand_help(action) if action.help else ""
+        name = _name(action)
+        where = explained.setdefault(f"{name}: {help_text}", parser.prog)
+        if name == "--json OUT":
+            known.setdefault("", []).append(f"`{name}`")
+        elif where != parser.prog:
+            known.setdefault(f"as of `{where}`: ", []).append(f"`{name}`")
         else:
-            rows.append(f"- `{name}`: {help_text}")
-            explained.setdefault(name, help_text)
-    if known:
-        rows.append(f"- as above: {', '.join(known)}")
+            rows.append(f"- `{name}`{help_text and ': '}{help_text}")
+    rows += [f"- {where}{', '.join(names)}" for where, names in known.items()]
     return "\n".join(rows) + "\n"
 
 
@@ -77,6 +87,7 @@ def _name(action: argparse.Action) -> str:
     """The argument with what is to be given; a bar would end the cell of a table."""
     takes_value = action.nargs != 0
     value = action.metavar or "|".join(map(str, action.choices or ()))
+    value = " ".join(value) if isinstance(value, tuple) else value
     value = str(value or (action.dest.upper() if takes_value else ""))
     if not action.option_strings:
         return value

@@ -55,7 +55,8 @@ def nodes_page() -> str:
     """The page as Markdown."""
     with TemporaryDirectory() as folder, _running():
         overrides = _overrides(Path(folder))
-        parts = [_section(name, overrides.get(name, {})) for name in NODES]
+        explained: dict[str, ParameterSpec] = {}
+        parts = [_section(name, overrides.get(name, {}), explained) for name in NODES]
     return "\n".join([INTRODUCTION, *parts])
 
 
@@ -95,8 +96,8 @@ def _does(name: str) -> str:
     return f"{does[:-1]} ([more]({HOW[name]}))." if name in HOW else does
 
 
-def _section(name: str, overrides: dict) -> str:
-    """All about one node."""
+def _section(name: str, overrides: dict, explained: dict[str, ParameterSpec]) -> str:
+    """All about one node; `explained` has the parameters of those before it."""
     path = NODES[name].module
     kind = next(
         member
@@ -108,20 +109,27 @@ def _section(name: str, overrides: dict) -> str:
     try:
         parts = [f"## {name}", _does(name)]
         if name != "lwr_sim":
-            parts += [_parameters(parameters_of(name)), _topics(node), _services(node)]
+            parts += [_parameters(parameters_of(name), explained), _topics(node), _services(node)]
     finally:
         node.destroy_node()
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _parameters(described: Mapping[str, ParameterSpec]) -> str:
+def _parameters(described: Mapping[str, ParameterSpec], explained: dict[str, ParameterSpec]) -> str:
+    """A table; parameters that a node before it has in the same words by name only."""
     rows = ["|parameter|default|meaning|", "|---|---|---|"]
+    known = [name for name, spec in described.items() if explained.get(name) == spec]
     for name, spec in described.items():
+        explained.setdefault(name, spec)
+        if name in known:
+            continue
         star = "" if spec.live else r"\*"
         text = spec.description.strip().rstrip(".").replace("|", "\\|")
         limits = _range(spec)
         text = f"{text[:1].upper()}{text[1:]}{f' ({limits})' if limits else ''}."
         rows.append(f"|`{name}`{star}|{_default(spec)}|{text}|")
+    if known:
+        rows.append(f"\nAs above: {', '.join(f'`{name}`' for name in known)}.")
     return "\n".join(rows)
 
 

@@ -83,7 +83,7 @@ def _node(section: str) -> NodeReference:
         return frozenset(name for found in lists for name in re.findall("`([^`]+)`", found))
 
     return NodeReference(
-        frozenset(re.findall(r"^\|`(\w+)`(?:\\\*)?\|", section, re.MULTILINE)),
+        frozenset(re.findall(r"^\|`(\w+)`(?:\\\*)?\|", section, re.MULTILINE)) | listed("As above"),
         listed("In") | listed("Out"),
         listed("Offers"),
     )

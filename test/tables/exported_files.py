@@ -290,8 +290,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 PREFACE = (
     "# Formats, one by one\n\nMade by a test: of a small file of each kind, the map that"
     " `intent import FILE --suggest` writes. Delete what you do not need, name topics and task, and"
-    " import with it. [Recordings in other formats](import.md) says what the keys mean; for bags of"
-    " ROS a map is [suggested](import.md#a-first-map) likewise.\n"
+    " import with it. [Recordings in other formats](import.md) says what the keys"
+    " mean; for bags of ROS a map is [suggested](import.md#a-first-map) likewise.\n"
 )
 LEFT_OUT = "# Suggested", "# Delete", "# They"
 """Lines of a suggestion that say the same of every file, or nothing of its format."""
