@@ -12,7 +12,6 @@ from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library, write_recording
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from intent_recognition.cli import teach
@@ -129,9 +128,7 @@ def test_practice_is_given_to_an_estimator_of_its_library_alone(harness, tmp_pat
     for seed in (7, 8):
         other.learn(write_recording(other.new_bag(OLD), perform(TRUTH, 0, seed), DOFS))
     runs = folder.model_path if own else other.model_path
-    estimator = harness.add(
-        IntentEstimatorNode(parameter_overrides=[Parameter("model", value=str(runs))])
-    )
+    estimator = harness.node(IntentEstimatorNode, model=str(runs))
     model = estimator._model
     with Command("improve", OLD, "--library", folder.path, "--undo") as command:
         harness.spin_until(lambda: command.process.poll() is not None)

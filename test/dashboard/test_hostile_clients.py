@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -48,9 +47,7 @@ class Graph:
         self.harness, self.heard = harness, []
         self.port = free_port()
         overrides = {"port": self.port, "rate": 60.0, "models": "/nowhere"} | values
-        self.node = harness.add(
-            Dashboard(parameter_overrides=[Parameter(n, value=v) for n, v in overrides.items()])
-        )
+        self.node = harness.node(Dashboard, **overrides)
         self.page, self.timers = self.node.page, len(list(self.node.timers))
         for name, parameters in (
             (TEACHER, {"task": "", "learn_at_stop": True}),

@@ -2,6 +2,8 @@
 """Which recordings each protocol trains and tests on."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import make_folds
@@ -23,6 +25,32 @@ PEOPLE = [
 ]
 
 
+def some(n: int) -> list[Demonstration]:
+    return [recorded(f"{i:02d}", "a") for i in range(n)]
+
+
+@given(st.integers(2, 30), st.data())
+def test_folds_are_index_modulo_k_and_test_each_recording_once(n, data):
+    k = data.draw(st.integers(2, n))
+    folds = make_folds(some(n), f"kfold:{k}")
+    assert len(folds) == k
+    for f, (train, test) in enumerate(folds):
+        assert test == [i for i in range(n) if i % k == f]
+        assert sorted(train + test) == list(range(n))
+    assert sorted(i for _, test in folds for i in test) == list(range(n))
+
+
+@given(st.integers(2, 30))
+def test_leave_one_out_is_as_many_folds_as_recordings(n):
+    assert make_folds(some(n), "loo") == make_folds(some(n), f"kfold:{n}")
+
+
+@pytest.mark.parametrize(("n", "protocol"), [(0, "loo"), (1, "loo"), (3, "kfold:4")])
+def test_too_few_recordings_for_a_protocol(n, protocol):
+    with pytest.raises(ArgumentError, match=f"at least {4 if n == 3 else 2} recordings, got {n}"):
+        make_folds(some(n), protocol)
+
+
 def test_a_person_is_left_out_at_a_time():
     assert make_folds(PEOPLE, "logo:person") == [
         ([1, 2, 4, 5], [0, 3]),
@@ -42,9 +70,8 @@ def test_a_key_that_a_recording_lacks_is_named_with_those_it_has():
 def test_the_first_of_each_task_by_name_are_trained_on():
     assert make_folds(PEOPLE, "temporal:0.5") == [([0, 1, 2, 3], [4, 5])]
     assert make_folds(PEOPLE, "temporal:0.3") == [([1, 2], [0, 3, 4, 5])]
-    ten = [recorded(f"{i:02d}", "a") for i in range(10)]
-    assert make_folds(ten, "temporal") == [(list(range(7)), [7, 8, 9])]
-    assert make_folds(ten, "temporal:0.999") == [(list(range(9)), [9])]
+    assert make_folds(some(10), "temporal") == [(list(range(7)), [7, 8, 9])]
+    assert make_folds(some(10), "temporal:0.999") == [(list(range(9)), [9])]
 
 
 def test_a_task_shown_once_is_trained_on():
@@ -54,7 +81,9 @@ def test_a_task_shown_once_is_trained_on():
 
 
 @pytest.mark.parametrize(
-    "protocol", ["temporal:", "temporal:0", "temporal:1", "temporal:x", "logo", "logo:", "later"]
+    "protocol",
+    ["", "kfold", "kfold:", "kfold:1", "kfold:x", "kfold:-2", "loo:3", "LOO", "later"]
+    + ["temporal:", "temporal:0", "temporal:1", "temporal:x", "logo", "logo:"],
 )
 def test_other_words_name_the_protocols(protocol):
     with pytest.raises(ArgumentError, match=r"loo, kfold:K, logo:KEY, temporal"):
@@ -63,7 +92,7 @@ def test_other_words_name_the_protocols(protocol):
 
 def test_merged_folds_test_everything_once_and_train_on_nothing_they_test():
     for n, most in ((29, 10), (12, 10), (4, 10)):
-        merged = merge_folds(make_folds([recorded(f"{i}", "a") for i in range(n)], "loo"), most)
+        merged = merge_folds(make_folds(some(n), "loo"), most)
         assert len(merged) == min(n, most)
         assert sorted(i for _, test in merged for i in test) == list(range(n))
         assert all(sorted([*train, *test]) == list(range(n)) for train, test in merged)

@@ -31,9 +31,7 @@ def test_a_pour_played_back_is_the_recorded_one(harness, name):
     ticks = harness.collect(Clock, "/clock", SENSOR)
     watch = harness.add(Node("watch", parameter_overrides=[Parameter("use_sim_time", value=True)]))
     values = {"bag": str(bag), "clock": True, "rate": 20.0}
-    player = harness.add(
-        BagPlayer(parameter_overrides=[Parameter(n, value=v) for n, v in values.items()])
-    )
+    player = harness.node(BagPlayer, **values)
     harness.spin_until(lambda: player.done and len(seen) == len(recorded))
     for replayed, original in zip(seen, recorded, strict=True):
         assert stamp_ns(replayed) == stamp_ns(original)

@@ -13,7 +13,6 @@ from joint_trajectories import build_joint_trajectory
 from nav_msgs.msg import Odometry
 from nodes.test_object_warper import message_of
 from nodes.test_warped_primitive import LIP_M, told
-from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from scan_builder import scanned
 from sensor_msgs.msg import JointState, PointCloud2
@@ -122,7 +121,7 @@ def hear(node, subscription, message):
 
 
 def make(harness, kind, **values):
-    return harness.add(kind(parameter_overrides=[Parameter(k, value=v) for k, v in values.items()]))
+    return harness.node(kind, **values)
 
 
 def mocap(harness, tmp_path, model):

@@ -192,7 +192,7 @@ def test_a_grasp_that_does_not_fit_costs_no_parameters(harness, tmp_path):
     grip = mug.points[np.argmin(mug.points[:, 0])]
     pose[:3, 3] = [grip[0] + 0.004, 0.0, grip[2]]
     path = save_object(tmp_path / "held.npz", replace(mug, grasp=Grasp(pose, 0.009)))
-    harness.add(ObjectWarper(parameter_overrides=[Parameter("source", value=str(path))]))
+    harness.node(ObjectWarper, source=str(path))
     vectors = harness.collect(JointState, "object/parameters", qos.STATE)
     reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
     publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from bag_builder import POSE
 from model_builder import GLOVE, WRIST, learned_model, make_dofs, message_of, perform, true_library
-from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
@@ -65,12 +64,8 @@ class Nodes:
 
     def __init__(self, harness, subject, bodies=("wrist",)):
         self.harness, self.dofs = harness, subject.dofs
-        self.ingest = harness.add(
-            MocapIngest(parameter_overrides=[Parameter("bodies", value=list(bodies))])
-        )
-        self.estimator = harness.add(
-            IntentEstimatorNode(parameter_overrides=[Parameter("model", value=str(subject.path))])
-        )
+        self.ingest = harness.node(MocapIngest, bodies=list(bodies))
+        self.estimator = harness.node(IntentEstimatorNode, model=str(subject.path))
         self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
         inner = [p for p in self.ingest._outputs.values() if p.topic_name[1:] in self.heard()]
         self.inner = {publisher.topic_name[1:] for publisher in inner}
@@ -282,11 +277,7 @@ def test_the_dof_file_of_the_node_may_add_velocities_to_the_model_s(harness, tmp
     more = replace(subject.dofs, velocities=(HAND_RATE,))
     (tmp_path / "dofs.yaml").write_text(yaml.safe_dump(more.to_dict()))
     parameters = {"model": str(subject.path), "dofs": str(tmp_path / "dofs.yaml")}
-    node = harness.add(
-        IntentEstimatorNode(
-            parameter_overrides=[Parameter(name, value=v) for name, v in parameters.items()]
-        )
-    )
+    node = harness.node(IntentEstimatorNode, **parameters)
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     publisher = harness.publisher(message_class(ODOMETRY), HAND.topic, 10)
     harness.connect(publisher, node.people[""].output.tasks)

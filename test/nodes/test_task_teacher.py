@@ -65,12 +65,9 @@ class Cell:
     """Estimator and teacher in one process, and who publishes what they hear."""
 
     def __init__(self, harness, library, model):
-        def node(kind, **values):
-            return harness.node(kind, **values)
-
         self.harness = harness
-        self.estimator = node(IntentEstimatorNode, model=str(model))
-        self.teacher = node(TaskTeacher, model=str(model), library=str(library), task=NEW)
+        self.estimator = harness.node(IntentEstimatorNode, model=str(model))
+        self.teacher = harness.node(TaskTeacher, model=str(model), library=str(library), task=NEW)
         self.pose = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
         self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
         self.human = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
@@ -184,11 +181,7 @@ def test_a_library_is_asked_for(harness):
 
 @pytest.mark.slow
 def test_without_an_estimator_it_learns_all_the_same(harness, tmp_path, model):
-    overrides = [
-        Parameter("library", value=str(tmp_path / "mine")),
-        Parameter("model", value=str(model)),
-    ]
-    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+    teacher = harness.node(TaskTeacher, library=str(tmp_path / "mine"), model=str(model))
     bag = teacher.folder.new_bag(NEW)
     teacher.folder.learn(write_recording(bag, perform(TRUTH, 2, 50), DOFS))
     assert "took" in teacher.undo()
@@ -197,12 +190,9 @@ def test_without_an_estimator_it_learns_all_the_same(harness, tmp_path, model):
 def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
     bare = load_model(model)
     save_model(tmp_path / "bare.npz", Model(bare.library, bare.dofs))
-    overrides = [
-        Parameter("library", value=str(tmp_path / "mine")),
-        Parameter("model", value=str(tmp_path / "bare.npz")),
-    ]
+    values = {"library": str(tmp_path / "mine"), "model": str(tmp_path / "bare.npz")}
     with pytest.raises(ModelError, match="statistics"):
-        TaskTeacher(parameter_overrides=overrides)
+        harness.node(TaskTeacher, **values)
     assert not (tmp_path / "mine").exists()
 
 
@@ -318,9 +308,7 @@ def test_a_corrected_execution_stays_one_when_its_task_begins_again_at_once(tmp_
 def practising(harness, library, model):
     """A teacher that practises, and its services."""
     values = {"library": str(library), "model": str(model), "task": OLD[0], "practice_cost": "time"}
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    overrides.append(Parameter("practice_rollouts", value=14))
-    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+    teacher = harness.node(TaskTeacher, **values, practice_rollouts=14)
 
     def call(service, kind=Trigger, **fields):
         return harness.call(kind, f"task_teacher/{service}", kind.Request(**fields))

@@ -129,9 +129,7 @@ def test_the_node_reaches_its_goal_by_either_controller(harness):
     predictions = harness.publisher(JointTrajectory, "intent/robot_trajectory", COMMAND)
     commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
     overrides = {"controller": "stochastic_feedback", "publish_clock": True}
-    node = harness.add(
-        LwrSim(parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
-    )
+    node = harness.node(LwrSim, **overrides)
     harness.connect(predictions)
     harness.connect(commands)
     goal = np.array(HOME) + 0.1

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
-from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -36,7 +35,7 @@ def fetch_and_carry() -> JointTrajectory:
 
 @pytest.mark.slow
 def test_plate_is_taken_and_given(harness):
-    node = harness.add(LwrSim(parameter_overrides=[Parameter("real_time_factor", value=5.0)]))
+    node = harness.node(LwrSim, real_time_factor=5.0)
     tasks = harness.publisher(String, "intent/active_task", LATCHED)
     commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
     harness.connect(tasks, commands)
