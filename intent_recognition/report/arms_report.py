@@ -6,28 +6,21 @@ from pathlib import Path
 from statistics import median
 
 from intent_recognition.evaluation import CM_PER_M, InteractionRecord, summarise, summary_line
+from intent_recognition.report import html
 from intent_recognition.report.demo_report import hand_error_text
 from intent_recognition.report.drawing import to_svg
 from intent_recognition.report.figures_session import hand_error_figure
-from intent_recognition.report.html import (
-    Column,
-    Figure,
-    ReportPage,
-    Section,
-    TableBlock,
-    write_page,
-)
 
 COLUMNS = (
-    Column("arm", align="left"),
-    Column("recognised"),
-    Column("before the end"),
-    Column("median decision", "%"),
-    Column("hand error", "cm"),
-    Column("median hand error", "cm"),
-    Column("largest", "cm"),
-    Column("median arrival", "s"),
-    Column("latest", "s"),
+    html.Column("arm", align="left"),
+    html.Column("recognised"),
+    html.Column("before the end"),
+    html.Column("median decision", "%"),
+    html.Column("hand error", "cm"),
+    html.Column("median hand error", "cm"),
+    html.Column("largest", "cm"),
+    html.Column("median arrival", "s"),
+    html.Column("latest", "s"),
 )
 CAPTION = (
     "hand error: mean and two standard deviations over the tasks whose place depends on the human,"
@@ -44,17 +37,17 @@ def write_arms_report(
     rows = tuple(arm_row(arm, records) for arm, records in sessions.items())
     figure = hand_error_figure(errors_cm)
     blocks = (
-        TableBlock(COLUMNS, rows, CAPTION),
-        Figure(to_svg(figure), "Every interaction's hand error, and their mean, by arm."),
+        html.TableBlock(COLUMNS, rows, CAPTION),
+        html.Figure(to_svg(figure), "Every interaction's hand error, and their mean, by arm."),
     )
     together = summary_line(summarise([one for records in sessions.values() for one in records]))
-    page = ReportPage(
+    page = html.ReportPage(
         "The same session with several arms",
         "Each arm before the same simulated coworker; measured on the ROS 2 topics.",
-        (Section("Result", blocks),),
+        (html.Section("Result", blocks),),
         together,
     )
-    return write_page(path, page)
+    return html.write_page(path, page)
 
 
 def arm_row(arm: str, records: Sequence[InteractionRecord]) -> tuple[str | None, ...]:

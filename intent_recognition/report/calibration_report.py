@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from intent_recognition.report import html
 from intent_recognition.report.drawing import readable, to_svg
 from intent_recognition.report.figures_calibration import (
     confusion_shares_figure,
@@ -12,17 +13,6 @@ from intent_recognition.report.figures_calibration import (
     roc_figure,
 )
 from intent_recognition.report.figures_evaluation import PHASE_NAMES, reliability_figure
-from intent_recognition.report.html import (
-    Block,
-    Column,
-    Figure,
-    KeyNumber,
-    KeyNumbers,
-    Paragraph,
-    Row,
-    Section,
-    TableBlock,
-)
 
 SHOWN_FRACTIONS = ("0.2", "0.5")
 UNKNOWN_EXPLANATION = (
@@ -35,7 +25,7 @@ UNKNOWN_EXPLANATION = (
 )
 
 
-def reliability_figures(result: Mapping) -> list[Figure]:
+def reliability_figures(result: Mapping) -> list[html.Figure]:
     """A reliability diagram for each kind of phase, and the regions that hold the truth."""
     figures = []
     for phase, bins in by_phase(result.get("reliability")).items():
@@ -45,18 +35,18 @@ def reliability_figures(result: Mapping) -> list[Figure]:
             np.array(bins["count"]),
         )
         caption = f"Are the task probabilities calibrated? {PHASE_NAMES[phase].capitalize()}."
-        figures.append(Figure(to_svg(figure), caption))
+        figures.append(html.Figure(to_svg(figure), caption))
     regions = by_phase(result.get("coverage"))
     if regions:
         figure = regions_figure({p: (r["should"], r["does"]) for p, r in regions.items()})
         caption = "Are the standard deviations calibrated? Regions of 50 to 99 %."
-        figures.append(Figure(to_svg(figure), caption))
+        figures.append(html.Figure(to_svg(figure), caption))
     return figures
 
 
-def confusion_section(result: Mapping, segment: str) -> Section:
+def confusion_section(result: Mapping, segment: str) -> html.Section:
     """Confusion matrices early in the `segment` (movement or recording), mistakes at its end."""
-    rows: list[Block] = []
+    rows: list[html.Block] = []
     for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
         for fraction in SHOWN_FRACTIONS:
@@ -67,46 +57,48 @@ def confusion_section(result: Mapping, segment: str) -> Section:
                 )
                 percent = f"{100 * float(fraction):.0f} %"
                 caption = f"{percent} of the {segment} observed, {PHASE_NAMES[phase]}."
-                figures.append(Figure(to_svg(figure), caption))
+                figures.append(html.Figure(to_svg(figure), caption))
         if figures:
-            rows.append(Row(tuple(figures)))
+            rows.append(html.Row(tuple(figures)))
     mistaken = [tuple(map(str, one.values())) for one in result.get("mistaken", ())]
     if mistaken:
-        columns = tuple(Column(name, align="left") for name in ("recording", "task", "taken for"))
+        columns = tuple(
+            html.Column(name, align="left") for name in ("recording", "task", "taken for")
+        )
         caption = "Taken for another task with all observed, unknown phase: are the labels right?"
-        rows.append(TableBlock(columns, tuple(mistaken), caption))
-    return Section("Confusions", tuple(rows))
+        rows.append(html.TableBlock(columns, tuple(mistaken), caption))
+    return html.Section("Confusions", tuple(rows))
 
 
-def none_section(result: Mapping) -> Section:
+def none_section(result: Mapping) -> html.Section:
     """Recognition of movements of unknown tasks, where it was scored, and what `none` costs."""
     none = result.get("none") or {}
-    blocks: list[Block] = []
+    blocks: list[html.Block] = []
     if none.get("area") is not None:
         blocks.append(_none_numbers(none))
         curve = none["roc"]
         figure = roc_figure(curve["unknown"], curve["known"], none["area"])
         caption = "Each point is a threshold: how many known and unknown movements reach it."
-        blocks.append(Figure(to_svg(figure), caption))
+        blocks.append(html.Figure(to_svg(figure), caption))
         blocks.append(_left_out_table(none["left_out"]))
-        blocks.append(Paragraph(UNKNOWN_EXPLANATION, small=True))
+        blocks.append(html.Paragraph(UNKNOWN_EXPLANATION, small=True))
     accuracy = by_phase(none.get("accuracy"))
     if accuracy:
         blocks.append(_accuracy_table(accuracy))
     heading = "Movements of unknown tasks" if none.get("area") is not None else "The answer none"
-    return Section(heading, tuple(blocks))
+    return html.Section(heading, tuple(blocks))
 
 
-def _none_numbers(none: Mapping) -> KeyNumbers:
-    return KeyNumbers(
+def _none_numbers(none: Mapping) -> html.KeyNumbers:
+    return html.KeyNumbers(
         (
-            KeyNumber("area under the ROC", f"{none['area']:.3f}", good=none["area"] >= 0.95),
-            KeyNumber(
+            html.KeyNumber("area under the ROC", f"{none['area']:.3f}", good=none["area"] >= 0.95),
+            html.KeyNumber(
                 "unknown movements activated",
                 _percent(none["activated_unknown"]),
                 note=_gates(none, "unknown"),
             ),
-            KeyNumber(
+            html.KeyNumber(
                 "known movements activated",
                 _percent(none["activated_known"]),
                 note=_gates(none, "known"),
@@ -124,25 +116,25 @@ def _gates(none: Mapping, kind: str) -> str:
     return f"{text}, {recognised} recognised, {held} held back by an uncertain end"
 
 
-def _left_out_table(left_out: Mapping) -> TableBlock:
+def _left_out_table(left_out: Mapping) -> html.TableBlock:
     columns = (
-        Column("task left out", align="left"),
-        Column("movements"),
-        Column("area", form=".3f"),
-        Column("above the threshold", "%", form=".1f"),
-        Column("activated", "%", form=".1f"),
+        html.Column("task left out", align="left"),
+        html.Column("movements"),
+        html.Column("area", form=".3f"),
+        html.Column("above the threshold", "%", form=".1f"),
+        html.Column("activated", "%", form=".1f"),
     )
     rows = []
     for task, own in left_out.items():
         shares = 100 * own["above_threshold"], 100 * own["activated"]
         rows.append((readable(task), own["n"], own["area"], *shares))
-    return TableBlock.of(columns, rows, "Each task left out")
+    return html.TableBlock.of(columns, rows, "Each task left out")
 
 
-def _accuracy_table(accuracy: Mapping) -> TableBlock:
-    columns = [Column("observed", "%", form=".0f")]
+def _accuracy_table(accuracy: Mapping) -> html.TableBlock:
+    columns = [html.Column("observed", "%", form=".0f")]
     columns += [
-        Column(f"{which} none, {PHASE_NAMES[phase]}", "%", form=".1f")
+        html.Column(f"{which} none, {PHASE_NAMES[phase]}", "%", form=".1f")
         for phase in accuracy
         for which in ("without", "with")
     ]
@@ -151,7 +143,7 @@ def _accuracy_table(accuracy: Mapping) -> TableBlock:
         both = [table.get(fraction, {}) for table in accuracy.values()]
         shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
         rows.append([100 * float(fraction), *(100 * share for share in shares)])
-    return TableBlock.of(
+    return html.TableBlock.of(
         columns, rows, "Accuracy on known tasks, without the answer none and with it"
     )
 

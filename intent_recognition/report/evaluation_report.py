@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.evaluation import remarks_on
+from intent_recognition.report import html
 from intent_recognition.report.calibration_report import (
     by_phase,
     confusion_section,
@@ -20,19 +21,6 @@ from intent_recognition.report.figures_evaluation import (
     coverage_figure,
     recognition_figure,
     rmse_figure,
-)
-from intent_recognition.report.html import (
-    Block,
-    Column,
-    Figure,
-    KeyNumber,
-    KeyNumbers,
-    Paragraph,
-    ReportPage,
-    Row,
-    Section,
-    TableBlock,
-    write_page,
 )
 
 PREDICTION_COLUMNS = {
@@ -74,17 +62,19 @@ def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Pa
         result: the JSON of `intent evaluate`; parts that are missing are left out.
         title: of the page.
     """
-    return write_page(path, evaluation_page(result, title))
+    return html.write_page(path, evaluation_page(result, title))
 
 
-def evaluation_page(result: Mapping, title: str) -> ReportPage:
+def evaluation_page(result: Mapping, title: str) -> html.ReportPage:
     """The report's content; arguments as of `write_evaluation_report`."""
     tasks = ", ".join(str(task) for task in result.get("tasks", ()))
     segment = result.get("segment", "movement")
     explained = " ".join([*remarks_on(result), EXPLANATION.format(segment=segment)])
     sections = [
-        Section("Result", (_key_numbers(result, segment), Paragraph(explained, small=True))),
-        Section("Recognition", _recognition(result.get("recognition", {}), segment)),
+        html.Section(
+            "Result", (_key_numbers(result, segment), html.Paragraph(explained, small=True))
+        ),
+        html.Section("Recognition", _recognition(result.get("recognition", {}), segment)),
         confusion_section(result, segment),
         *(_prediction(result.get("prediction", {}), unit, segment) for unit in _units(result)),
         *(
@@ -94,14 +84,14 @@ def evaluation_page(result: Mapping, title: str) -> ReportPage:
             for unit in _units(result)
             if "prediction_with_start_posture" in result
         ),
-        Section("Online", _online(result.get("online", {}))),
-        Section("Calibration", _calibration(result, segment)),
+        html.Section("Online", _online(result.get("online", {}))),
+        html.Section("Calibration", _calibration(result, segment)),
         none_section(result),
-        Section("Without labels", _mixture(result.get("mixture", {}))),
-        Section("Left out and doubtful", _faults(result)),
+        html.Section("Without labels", _mixture(result.get("mixture", {}))),
+        html.Section("Left out and doubtful", _faults(result)),
     ]
     subtitle = f"{result.get('n_demonstrations', 0)} recordings of {tasks or 'no task'}"
-    return ReportPage(title, subtitle, tuple(sections))
+    return html.ReportPage(title, subtitle, tuple(sections))
 
 
 def number(value: object, unit: str) -> float:
@@ -122,13 +112,13 @@ def _units(result: Mapping) -> list[str]:
     return [unit] if isinstance(unit, str) else list(unit)
 
 
-def _key_numbers(result: Mapping, segment: str) -> KeyNumbers:
+def _key_numbers(result: Mapping, segment: str) -> html.KeyNumbers:
     numbers = []
     for phase, name in PHASE_NAMES.items():
         early = result.get("recognition", {}).get(phase, {}).get("0.3")
         if early:
             text = f"{100 * number(early.get('accuracy'), ''):.0f} %"
-            numbers.append(KeyNumber(f"recognised at 30 % of the {segment}", text, note=name))
+            numbers.append(html.KeyNumber(f"recognised at 30 % of the {segment}", text, note=name))
     for phase, name in PHASE_NAMES.items():
         half = result.get("prediction", {}).get(phase, {}).get("0.5")
         for unit in _units(result) if half else ():
@@ -138,11 +128,11 @@ def _key_numbers(result: Mapping, segment: str) -> KeyNumbers:
             good = bool(ours <= best) if np.isfinite(best) else None
             note = f"{name}; better baseline {_text(best)} {unit}" if good is not None else name
             label = f"RMSE at 50 % of the {segment}"
-            numbers.append(KeyNumber(label, f"{_text(ours)} {unit}", good=good, note=note))
-    return KeyNumbers(tuple(numbers))
+            numbers.append(html.KeyNumber(label, f"{_text(ours)} {unit}", good=good, note=note))
+    return html.KeyNumbers(tuple(numbers))
 
 
-def _recognition(recognition: Mapping, segment: str) -> tuple[Block, ...]:
+def _recognition(recognition: Mapping, segment: str) -> tuple[html.Block, ...]:
     phases = by_phase(recognition)
     if not phases:
         return ()
@@ -151,10 +141,10 @@ def _recognition(recognition: Mapping, segment: str) -> tuple[Block, ...]:
         {phase: series(table, "log_loss") for phase, table in phases.items()},
         segment,
     )
-    columns = [Column(f"{segment} observed", "%", form=".0f")]
+    columns = [html.Column(f"{segment} observed", "%", form=".0f")]
     for phase in phases:
-        columns.append(Column(f"accuracy, {PHASE_NAMES[phase]}", "%", form=".1f"))
-        columns.append(Column(f"log loss, {PHASE_NAMES[phase]}", "nat", form=".3f"))
+        columns.append(html.Column(f"accuracy, {PHASE_NAMES[phase]}", "%", form=".1f"))
+        columns.append(html.Column(f"log loss, {PHASE_NAMES[phase]}", "nat", form=".3f"))
     rows = []
     for fraction in sorted(next(iter(phases.values())), key=float):
         row: list[float | None] = [100 * float(fraction)]
@@ -164,68 +154,68 @@ def _recognition(recognition: Mapping, segment: str) -> tuple[Block, ...]:
             row.append(_known(number(scores.get("log_loss"), "")))
         rows.append(row)
     caption = f"Accuracy and mean log loss over the share of the {segment} observed."
-    return Figure(to_svg(figure), caption), TableBlock.of(columns, rows)
+    return html.Figure(to_svg(figure), caption), html.TableBlock.of(columns, rows)
 
 
-def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") -> Section:
+def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") -> html.Section:
     phases = by_phase(prediction)
     heading = f"Prediction of the controlled agent{remark} [{unit}]" if unit else "Prediction"
     if not phases:
-        return Section(heading, ())
+        return html.Section(heading, ())
     panels = {
         phase: {name: series(table, name, unit) for name in RMSE_STYLES}
         for phase, table in phases.items()
     }
-    blocks: list[Block] = [
-        Figure(
+    blocks: list[html.Block] = [
+        html.Figure(
             to_svg(rmse_figure(panels, unit, segment)),
             "Solid and dotted: the library; dashed: baselines, which are given the true task.",
         )
     ]
     for phase, table in phases.items():
         blocks.append(_prediction_table(table, unit, segment, PHASE_NAMES[phase]))
-    return Section(heading, tuple(blocks))
+    return html.Section(heading, tuple(blocks))
 
 
-def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> TableBlock:
-    columns = [Column(f"{segment} observed", "%")]
-    columns += [Column(t, WITHOUT_UNIT.get(n, unit)) for n, t in PREDICTION_COLUMNS.items()]
+def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> html.TableBlock:
+    columns = [html.Column(f"{segment} observed", "%")]
+    columns += [html.Column(t, WITHOUT_UNIT.get(n, unit)) for n, t in PREDICTION_COLUMNS.items()]
     rows = []
     for fraction in sorted(table, key=float):
         values = {n: number(table[fraction].get(n), unit) for n in PREDICTION_COLUMNS}
         values["coverage_2_sigma"] *= 100
         texts = (_text(v, ".1f" if n == "coverage_2_sigma" else "") for n, v in values.items())
         rows.append((f"{100 * float(fraction):.0f}", *texts))
-    return TableBlock(tuple(columns), tuple(rows), caption[0].upper() + caption[1:])
+    return html.TableBlock(tuple(columns), tuple(rows), caption[0].upper() + caption[1:])
 
 
-def _online(online: Mapping) -> tuple[Block, ...]:
+def _online(online: Mapping) -> tuple[html.Block, ...]:
     """What the nodes would have done: shares of the recordings."""
     phases = by_phase(online)
     if not phases:
         return ()
-    shares = (Column(text, "%", form=".1f") for text in ONLINE_COLUMNS.values())
+    shares = (html.Column(text, "%", form=".1f") for text in ONLINE_COLUMNS.values())
     rows = []
     for phase, scores in phases.items():
         values = [100 * number(scores.get(name), "") for name in ONLINE_COLUMNS]
         rows.append((PHASE_NAMES[phase], *map(_known, values)))
-    return TableBlock.of((Column("", align="left"), *shares), rows), Paragraph(
+    return html.TableBlock.of((html.Column("", align="left"), *shares), rows), html.Paragraph(
         ONLINE_EXPLANATION, small=True
     )
 
 
-def _faults(result: Mapping) -> tuple[Block, ...]:
+def _faults(result: Mapping) -> tuple[html.Block, ...]:
     """Recordings that were not scored, and those whose streams may not belong together."""
     rows = [
         (str(one["recording"]), kind, str(one["reason"]))
         for key, kind in (("left_out", "left out"), ("doubtful", "doubtful"))
         for one in result.get(key, ())
     ]
-    columns = tuple(Column(name, align="left") for name in ("recording", "", "why"))
-    return (TableBlock(columns, tuple(rows)),) if rows else ()
+    columns = tuple(html.Column(name, align="left") for name in ("recording", "", "why"))
+    return (html.TableBlock(columns, tuple(rows)),) if rows else ()
 
 
-def _calibration(result: Mapping, segment: str) -> tuple[Block, ...]:
+def _calibration(result: Mapping, segment: str) -> tuple[html.Block, ...]:
     drawn = []
     prediction = result.get("prediction", {})
     units = _units(result)
@@ -237,20 +227,20 @@ def _calibration(result: Mapping, segment: str) -> tuple[Block, ...]:
         if coverage:
             where = f" ({unit})" if len(units) > 1 else ""
             caption = f"Share of true values within two standard deviations{where}."
-            drawn.append(Figure(to_svg(coverage_figure(coverage, segment)), caption))
+            drawn.append(html.Figure(to_svg(coverage_figure(coverage, segment)), caption))
     drawn += reliability_figures(result)
-    return tuple(Row(tuple(drawn[i : i + 2])) for i in range(0, len(drawn), 2))
+    return tuple(html.Row(tuple(drawn[i : i + 2])) for i in range(0, len(drawn), 2))
 
 
-def _mixture(mixture: Mapping) -> tuple[Block, ...]:
+def _mixture(mixture: Mapping) -> tuple[html.Block, ...]:
     if not mixture:
         return ()
     purity = number(mixture.get("purity"), "")
     return (
-        KeyNumbers(
+        html.KeyNumbers(
             (
-                KeyNumber("components chosen", str(mixture.get("n_components", "?"))),
-                KeyNumber("purity", _text(purity, ".2f") or "?", note="against the labels"),
+                html.KeyNumber("components chosen", str(mixture.get("n_components", "?"))),
+                html.KeyNumber("purity", _text(purity, ".2f") or "?", note="against the labels"),
             )
         ),
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from intent_recognition.evaluation import Explanation
+from intent_recognition.report import html
 from intent_recognition.report.drawing import (
     INK,
     PALETTE,
@@ -18,20 +19,9 @@ from intent_recognition.report.drawing import (
     to_svg,
 )
 from intent_recognition.report.figures_interaction import posterior_over_time_figure
-from intent_recognition.report.html import (
-    Block,
-    Column,
-    Figure,
-    Paragraph,
-    ReportPage,
-    Row,
-    Section,
-    TableBlock,
-    write_page,
-)
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
+    from matplotlib.figure import Figure
 
 EXPLANATION = (
     "Evidence is the logarithm of how much more probable an observation is under the task than"
@@ -45,8 +35,8 @@ def write_explanation_report(
     path: str | Path, explanations: Sequence[Explanation], title: str
 ) -> Path:
     """Write the explanations of a recording as one HTML file."""
-    sections = tuple(Section(heading(one), _blocks(one)) for one in explanations)
-    return write_page(path, ReportPage(title, EXPLANATION, sections))
+    sections = tuple(html.Section(heading(one), _blocks(one)) for one in explanations)
+    return html.write_page(path, html.ReportPage(title, EXPLANATION, sections))
 
 
 def heading(one: Explanation) -> str:
@@ -74,7 +64,7 @@ def without_rows(one: Explanation) -> list[tuple[str, float | None, str]]:
 
 
 @styled
-def evidence_figure(one: Explanation) -> "Drawing":
+def evidence_figure(one: Explanation) -> "Figure":
     """Evidence so far over time, in all and by DOF, and what each DOF added by the decision."""
     found = one.evidence
     figure = new_figure(8.6, 3.4)
@@ -103,7 +93,7 @@ def short_name(name: str, names: Sequence[str]) -> str:
     return name.rpartition(".")[2] if len(stems) == 1 and len(names) > 1 else name
 
 
-def _blocks(one: Explanation) -> tuple[Block, ...]:
+def _blocks(one: Explanation) -> tuple[html.Block, ...]:
     """Figures and table of one explanation."""
     movement_s = max(float(one.times_s[-1]), 1e-9)
     trace = {
@@ -114,12 +104,15 @@ def _blocks(one: Explanation) -> tuple[Block, ...]:
     }
     drawn = (evidence_figure(one), posterior_over_time_figure(trace, movement_s))
     columns = (
-        Column("signal", align="left"),
-        Column("evidence", "nat", form=".1f"),
-        Column("without it", align="left"),
+        html.Column("signal", align="left"),
+        html.Column("evidence", "nat", form=".1f"),
+        html.Column("without it", align="left"),
     )
-    table = TableBlock.of(columns, without_rows(one))
-    blocks: tuple[Block, ...] = (Row(tuple(Figure(to_svg(figure)) for figure in drawn)), table)
+    table = html.TableBlock.of(columns, without_rows(one))
+    blocks: tuple[html.Block, ...] = (
+        html.Row(tuple(html.Figure(to_svg(figure)) for figure in drawn)),
+        table,
+    )
     if not one.task:
-        blocks = (Paragraph("Nothing became active during this movement."), *blocks)
+        blocks = (html.Paragraph("Nothing became active during this movement."), *blocks)
     return blocks

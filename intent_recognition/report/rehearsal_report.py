@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from intent_recognition.evaluation import Rehearsal, Rehearsed, Suggestion
+from intent_recognition.report import html
 from intent_recognition.report.drawing import (
     INK,
     SOFT,
@@ -18,19 +19,9 @@ from intent_recognition.report.drawing import (
     to_svg,
 )
 from intent_recognition.report.figures_interaction import thin
-from intent_recognition.report.html import (
-    Block,
-    Column,
-    Figure,
-    Paragraph,
-    ReportPage,
-    Section,
-    TableBlock,
-    write_page,
-)
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
+    from matplotlib.figure import Figure
 
 PANELS = 5
 """Small plots side by side. Convention."""
@@ -92,18 +83,22 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
     """
     sections = []
     for title, (names, *rows) in tables.items():
-        columns = [Column(name.removeprefix(">"), align="left") for name in names]
-        block: tuple[Block, ...] = (TableBlock.of(columns, rows),)
-        sections.append(Section(title.capitalize(), block))
+        columns = [html.Column(name.removeprefix(">"), align="left") for name in names]
+        block: tuple[html.Block, ...] = (html.TableBlock.of(columns, rows),)
+        sections.append(html.Section(title.capitalize(), block))
     if worst:
-        drawn = Figure(to_svg(worst_figure(worst)), CAPTION)
-        sections[-1] = Section(sections[-1].heading, (drawn, *sections[-1].blocks))
-    sections[0] = Section("Result", (*sections[0].blocks, Paragraph(EXPLANATION, small=True)))
-    return write_page(path, ReportPage("Rehearsal", "before the robot moves", tuple(sections)))
+        drawn = html.Figure(to_svg(worst_figure(worst)), CAPTION)
+        sections[-1] = html.Section(sections[-1].heading, (drawn, *sections[-1].blocks))
+    sections[0] = html.Section(
+        "Result", (*sections[0].blocks, html.Paragraph(EXPLANATION, small=True))
+    )
+    return html.write_page(
+        path, html.ReportPage("Rehearsal", "before the robot moves", tuple(sections))
+    )
 
 
 @styled
-def worst_figure(runs: Sequence[Rehearsed]) -> "Drawing":
+def worst_figure(runs: Sequence[Rehearsed]) -> "Figure":
     """A small plot for each run: probabilities over time, and what was active."""
     rows = -(-len(runs) // PANELS)
     figure = new_figure(11.2, 0.6 + 2.2 * rows)

@@ -6,18 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.report import html
 from intent_recognition.report.drawing import to_png, to_svg
 from intent_recognition.report.figures_warping import cut_figure, parts_figure
-from intent_recognition.report.html import (
-    Column,
-    Figure,
-    KeyNumber,
-    KeyNumbers,
-    ReportPage,
-    Section,
-    TableBlock,
-    write_page,
-)
 from intent_recognition.warping import ObjectModel, PouringParameters, WarpedObject
 
 
@@ -38,28 +29,30 @@ def write_warp_report(
     cut = to_svg(cut_figure(warped, parameters))
     degrees = np.degrees(parameters.tilt_reference_rad)
     numbers = (
-        KeyNumber("opening radius", f"{1e3 * parameters.opening_radius_m:.1f} mm"),
-        KeyNumber("volume", f"{1e6 * parameters.volume_m3:.0f} ml"),
-        KeyNumber("height", f"{1e3 * parameters.height_m:.1f} mm"),
-        KeyNumber("tilt that leaves half", f"{degrees:.1f}\N{DEGREE SIGN}"),
+        html.KeyNumber("opening radius", f"{1e3 * parameters.opening_radius_m:.1f} mm"),
+        html.KeyNumber("volume", f"{1e6 * parameters.volume_m3:.0f} ml"),
+        html.KeyNumber("height", f"{1e3 * parameters.height_m:.1f} mm"),
+        html.KeyNumber("tilt that leaves half", f"{degrees:.1f}\N{DEGREE SIGN}"),
     )
     rows = tuple((name, _text(value)) for name, value in content.items())
-    table = TableBlock((Column("name", align="left"), Column("value", align="left")), rows)
+    table = html.TableBlock(
+        (html.Column("name", align="left"), html.Column("value", align="left")), rows
+    )
     caption = (
         "Cut along the lip. The line is the fitted cavity; the dashed one is the level of what is"
         " left when the container is tilted about its lip until half of its volume is above it."
     )
-    page = ReportPage(
+    page = html.ReportPage(
         title="Warped object",
         subtitle=f"{content['source']} onto {content['target']}",
         sections=(
-            Section("Parameters", (KeyNumbers(numbers),)),
-            Section("Parts", (Figure(parts, "Points by part.", media_type="image/png"),)),
-            Section("Cavity", (Figure(cut, caption),)),
-            Section("As JSON", (table,)),
+            html.Section("Parameters", (html.KeyNumbers(numbers),)),
+            html.Section("Parts", (html.Figure(parts, "Points by part.", media_type="image/png"),)),
+            html.Section("Cavity", (html.Figure(cut, caption),)),
+            html.Section("As JSON", (table,)),
         ),
     )
-    return write_page(path, page)
+    return html.write_page(path, page)
 
 
 def _text(value: object) -> str:
