@@ -6,15 +6,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, brief_list, busy, escape, progress_bar, say
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    check_output,
-    console_beside,
-    write_json,
-)
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
 from intent_recognition.cli.rejections import (
     print_doubtful,
@@ -72,13 +66,13 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     add_recording_options(parser, "recording")
     add_unlabelled_options(parser)
-    add_json_option(parser, "the numbers")
+    output.add_json_option(parser, "the numbers")
 
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables, write what was asked for."""
-    console = console_beside(args.json, {"--report": args.report})
-    check_output("--report", args.report)
+    console = output.console_beside(args.json, {"--report": args.report})
+    output.check_output("--report", args.report)
     wanted = n_components(args)
     dofs = settle_orientations(load_dofs(args.dofs), args.bags)
     recorded, rejections = read_all(args.bags, dofs, console)
@@ -121,9 +115,9 @@ def run(args: argparse.Namespace) -> int:
     print_left_out(console, [*map(_line, result["left_out"])])
     print_doubtful(console, [*map(_line, result["doubtful"])])
     result |= {"left_out": [*map(_as_json, unread), *result["left_out"]]} | mixture
-    if args.json != PRINTED:
+    if args.json != output.PRINTED:
         print_result(console, result)
-    write_json(args.json, result)
+    output.write_json(args.json, result)
     if args.report:
         from intent_recognition.report import write_evaluation_report
 
@@ -139,7 +133,7 @@ def _finish_unlabelled(
     """Print and write what there is without a single label."""
     print_left_out(console, rejections)
     console.print("no recording has a label: recognition and prediction are not scored")
-    write_json(args.json, {"n_demonstrations": n, "tasks": [], **mixture})
+    output.write_json(args.json, {"n_demonstrations": n, "tasks": [], **mixture})
     return 0
 
 

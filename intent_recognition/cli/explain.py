@@ -10,15 +10,9 @@ import numpy as np
 from rich.console import Console
 
 from intent_recognition.bags import BagReader
+from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, busy, escape, say
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    check_output,
-    console_beside,
-    write_json,
-)
 from intent_recognition.evaluation import Explanation, explain
 from intent_recognition.model import load_model
 from intent_recognition.report import heading, without_rows, write_explanation_report
@@ -49,19 +43,19 @@ def add_parser(subparsers: Subparsers) -> None:
         """,
         model={"required": True},
     )
-    add_json_option(parser, "the evidence")
+    output.add_json_option(parser, "the evidence")
 
 
 def run(args: argparse.Namespace) -> int:
     """Explain the decisions of one recording."""
-    console = console_beside(args.json, {"--report": args.report})
-    check_output("--report", args.report)
+    console = output.console_beside(args.json, {"--report": args.report})
+    output.check_output("--report", args.report)
     model, reader = load_model(args.model), BagReader(args.bag)
     rejected: Counter[str] = Counter()
     with busy(console, "explaining"):
         found = explain(reader, model, rejected, against=args.against)
-    write_json(args.json, [one.to_json() for one in found])
-    if args.json != PRINTED:
+    output.write_json(args.json, [one.to_json() for one in found])
+    if args.json != output.PRINTED:
         for one in found:
             print_explanation(console, one)
         if not found:

@@ -5,9 +5,9 @@ import argparse
 
 import yaml
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import make_console, say
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs
@@ -43,7 +43,7 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, write the table and its map, print what was left out."""
     console = make_console()
-    check_output("--output", args.output)
+    output.check_output("--output", args.output)
     dofs = load_dofs(args.dofs)
     demonstrations, rejections = read_all(args.bags, dofs, console)
     columns = export_columns(demonstrations)

@@ -10,9 +10,9 @@ from pathlib import Path
 import yaml
 from rich.table import Table
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import DOFS
 from intent_recognition.cli.rejections import nothing_of, print_doubtful, print_left_out
 from intent_recognition.demonstrations import DofSpec
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         if args.output is None:
             sys.stdout.write(text)
         else:
-            check_output("--output", args.output)
+            output.check_output("--output", args.output)
             if args.output.exists() and args.output.read_bytes() != text.encode():
                 cure = "Choose another, or delete it."
                 raise ResourceBusyError.about("--output", "a new file", args.output, cure)

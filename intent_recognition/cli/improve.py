@@ -7,6 +7,7 @@ from os.path import relpath
 
 from rich.console import Console
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import print_facts, progress_bar, say
 from intent_recognition.cli.improve_subjects import (
     SKILL,
@@ -18,7 +19,6 @@ from intent_recognition.cli.improve_subjects import (
     undo,
 )
 from intent_recognition.cli.options import Subparsers, add_command, add_options, number
-from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.cli.teach import add_library_options
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
 
@@ -93,13 +93,13 @@ def add_parser(subparsers: Subparsers) -> None:
         --undo    take the last --accept back
         """,
     )
-    add_json_option(parser, "costs and outcomes")
+    output.add_json_option(parser, "costs and outcomes")
     add_library_options(parser, None)
 
 
 def run(args: argparse.Namespace) -> int:
     """Practise, accept or undo."""
-    console = console_beside(args.json)
+    console = output.console_beside(args.json)
     if args.undo:
         _tell(args, console, "undone", undo(args, console))
         return 0
@@ -118,9 +118,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _tell(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
     """Print what was accepted or undone, and write it."""
-    if args.json != PRINTED:
+    if args.json != output.PRINTED:
         say(console, said)
-    write_json(args.json, {what: said})
+    output.write_json(args.json, {what: said})
 
 
 def _practise(session: PracticeSession, rollouts: int, console: Console) -> None:
@@ -168,9 +168,9 @@ def _report(
         outcomes = {"start": found.outcome_before, "settled": found.outcome_after}
         numbers["checked_outcomes"] = outcomes
     facts["to take it over"] = "the same command with --accept"
-    if args.json != PRINTED:
+    if args.json != output.PRINTED:
         print_facts(console, facts)
-    write_json(args.json, numbers)
+    output.write_json(args.json, numbers)
 
 
 def _thumb(rollout: Rollout) -> float:

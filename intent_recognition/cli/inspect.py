@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.progress import track
 
 from intent_recognition.bags import cure_of
+from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, print_facts
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 from intent_recognition.cli.rejections import print_doubtful
 from intent_recognition.demonstrations import (
     BagSummary,
@@ -68,13 +68,13 @@ def add_parser(subparsers: Subparsers) -> None:
         intent inspect bracket.npz --json
         """,
     )
-    add_json_option(parser, "what is in it")
+    output.add_json_option(parser, "what is in it")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print them: models first, then the recordings, several in one table."""
-    check_json(args.json)
-    console = Console(quiet=True) if args.json == PRINTED else make_console()
+    output.check_json(args.json)
+    console = Console(quiet=True) if args.json == output.PRINTED else make_console()
     models = [path for path in args.paths if path.suffix == ".npz"]
     sources = [path for path in args.paths if path not in models]
     if any(path.is_absolute() for path in sources):
@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         listed, failed = _inspect_several(console, root, bags, dofs)
         content += listed
     alone = len(args.paths) == 1 and (models or folders or is_one)
-    write_json(args.json, content[0] if alone else content)
+    output.write_json(args.json, content[0] if alone else content)
     return int(failed)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, make_console, say
 from intent_recognition.cli.options import Subparsers, a_path, add_command, number
-from intent_recognition.cli.output import check_output
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.durable import write_text
@@ -88,7 +88,7 @@ def load_plan(path: Path) -> WorkPlan:
 
 def _learn(args: argparse.Namespace) -> int:
     console = make_console()
-    check_output("--output", args.output)
+    output.check_output("--output", args.output)
     by_hand = load_plan(args.output).by_hand if args.output.exists() else {}
     assemblies = _assemblies(args.sessions, args.pause, console)
     if args.first:

@@ -8,10 +8,10 @@ from dataclasses import asdict, replace
 from rich.console import Console
 
 from intent_recognition.bags import RecoveryReport, recover
+from intent_recognition.cli import output
 from intent_recognition.cli.console import busy
 from intent_recognition.cli.inspect_bag import damage_line
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -32,16 +32,16 @@ def add_parser(subparsers: Subparsers) -> None:
         """,
         output={"required": True},
     )
-    add_json_option(parser, "what was saved and lost")
+    output.add_json_option(parser, "what was saved and lost")
 
 
 def run(args: argparse.Namespace) -> int:
     """Recover, and print what was saved and what was not."""
-    check_json(args.json)
+    output.check_json(args.json)
     with busy(Console(stderr=True), "recovering"):
         report = recover(args.bag, args.output)
-    write_json(args.json, report_json(report))
-    if args.json != PRINTED:
+    output.write_json(args.json, report_json(report))
+    if args.json != output.PRINTED:
         sys.stdout.write("\n".join(report_lines(report)) + "\n")
     return 0
 

@@ -5,15 +5,9 @@ import argparse
 
 from rich.console import Console
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, escape, progress_bar, say
 from intent_recognition.cli.options import Subparsers, add_command, number
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    check_output,
-    console_beside,
-    write_json,
-)
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.evaluation import (
@@ -54,13 +48,13 @@ def add_parser(subparsers: Subparsers) -> None:
         """,
         max_wrong={"type": number(float, 0.001, 0.5), "default": MAX_WRONG},
     )
-    add_json_option(parser, "the numbers")
+    output.add_json_option(parser, "the numbers")
 
 
 def run(args: argparse.Namespace) -> int:
     """Rehearse, print, write what was asked for."""
-    console = console_beside(args.json, {"--report": args.report})
-    check_output("--report", args.report)
+    console = output.console_beside(args.json, {"--report": args.report})
+    output.check_output("--report", args.report)
     model, trained = load_trained(args.model)
     found, rejections = read_all(args.bags, model.dofs, console)
     print_left_out(console, rejections)
@@ -71,10 +65,10 @@ def run(args: argparse.Namespace) -> int:
         runs = bar.track(recordings, description="rehearsing")
         rehearsal = rehearse(model.library, runs, settings)
     suggestions = suggest_next(trained, rehearsal, N_SUGGESTED)
-    write_json(args.json, rehearsal_to_json(rehearsal, suggestions))
+    output.write_json(args.json, rehearsal_to_json(rehearsal, suggestions))
     worst = rehearsal.worst(10)
     tables = rehearsal_tables(rehearsal, suggestions, worst)
-    if args.json != PRINTED:
+    if args.json != output.PRINTED:
         say(console, settings.risk or "the model holds no risk: tasks are acted on from 0.9")
         for title, (names, *rows) in tables.items():
             table = boxed_table(title, *names)

@@ -8,16 +8,10 @@ from itertools import pairwise
 from rich.console import Console
 
 from intent_recognition.bags import BagReader
+from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.explain import write_report
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    check_output,
-    console_beside,
-    write_json,
-)
 from intent_recognition.errors import BagError
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
@@ -45,13 +39,13 @@ def add_parser(subparsers: Subparsers) -> None:
         """,
         model={"required": True},
     )
-    add_json_option(parser, "every observation")
+    output.add_json_option(parser, "every observation")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay one recording."""
-    console = console_beside(args.json, {"--report": args.report})
-    check_output("--report", args.report)
+    console = output.console_beside(args.json, {"--report": args.report})
+    output.check_output("--report", args.report)
     model = load_model(args.model)
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()
@@ -71,8 +65,8 @@ def run(args: argparse.Namespace) -> int:
             "Replay a recording with the topics of the model's DOF file, in the frame that"
             " `intent inspect` shows for the model.",
         )
-    write_json(args.json, rows, indent=None)
-    if args.json != PRINTED:
+    output.write_json(args.json, rows, indent=None)
+    if args.json != output.PRINTED:
         print_rows(console, model.library, rows)
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):

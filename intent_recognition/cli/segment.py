@@ -6,9 +6,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, escape, plain_table, say
 from intent_recognition.cli.options import Subparsers, add_command, add_options
-from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import (
@@ -51,12 +51,12 @@ def add_parser(subparsers: Subparsers) -> None:
         --unlabelled   cut by motion alone (the default without --model)
         """,
     )
-    add_json_option(parser, "the segments")
+    output.add_json_option(parser, "the segments")
 
 
 def run(args: argparse.Namespace) -> int:
     """Segment, write the bags, print what was found."""
-    console = console_beside(args.json)
+    console = output.console_beside(args.json)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."
         raise ArgumentError.about("--dofs", "no --model with it", args.model, cure)
@@ -71,8 +71,8 @@ def run(args: argparse.Namespace) -> int:
     content = [
         segment._asdict() | {"bag": str(bag)} for segment, bag in zip(segments, bags, strict=True)
     ]
-    write_json(args.json, content)
-    if args.json != PRINTED:
+    output.write_json(args.json, content)
+    if args.json != output.PRINTED:
         _print(console, segments, bags)
     say(console, f"{len(bags)} demonstrations in {args.output}")
     return 0

@@ -7,15 +7,9 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, busy, escape
 from intent_recognition.cli.options import Subparsers, add_command
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    check_output,
-    console_beside,
-    write_json,
-)
 from intent_recognition.cli.recordings import (
     accumulate_all,
     add_recording_options,
@@ -75,13 +69,13 @@ def add_parser(subparsers: Subparsers) -> None:
     add_sessions_option(parser)
     add_adding_options(parser)
     add_worker_options(parser)
-    add_json_option(parser, "what was learned and left out")
+    output.add_json_option(parser, "what was learned and left out")
 
 
 def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
-    check_output("--output", args.output)
-    console = console_beside(args.json, {"--output": args.output})
+    output.check_output("--output", args.output)
+    console = output.console_beside(args.json, {"--output": args.output})
     settings = training_settings(args)
     wanted = n_components(args)
     check_adding(args)
@@ -101,12 +95,12 @@ def run(args: argparse.Namespace) -> int:
 
 def finish(args: argparse.Namespace, model: Model, report: TrainingReport, console: Console) -> int:
     """Print what was learned, add transitions, write the model."""
-    if args.json != PRINTED:
+    if args.json != output.PRINTED:
         print_library(console, model.library, report)
     print_mixed_frames(console, frames_of(model.library))
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
-    write_json(args.json, report_json(model, report) | {"output": str(args.output)})
+    output.write_json(args.json, report_json(model, report) | {"output": str(args.output)})
     console.print(f"wrote {args.output}")
     return 0
 

@@ -12,15 +12,9 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.options import Subparsers, add_command, number
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    check_json,
-    check_output,
-    write_json,
-)
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
@@ -91,13 +85,13 @@ def add_parser(subparsers: Subparsers) -> None:
         viewpoint=number(float),
         seed={"type": number(int, 0), "default": 0},
     )
-    add_json_option(parser, "the parameters")
+    output.add_json_option(parser, "the parameters")
 
 
 def run(args: argparse.Namespace) -> int:
     """Warp and print."""
-    check_json(args.json, {"--report": args.report})
-    check_output("--report", args.report)
+    output.check_json(args.json, {"--report": args.report})
+    output.check_output("--report", args.report)
     source = ObjectModel.learn(load_object(find_object(str(args.source))))
     viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
     target = load_target(args.target, args.points, args.scale, viewpoint, args.seed)
@@ -121,15 +115,15 @@ def run(args: argparse.Namespace) -> int:
             "closing": grasp.closing.tolist(),
             "width_m": grasp.width_m,
         }
-    write_json(args.json, content)
-    if args.json != PRINTED:
+    output.write_json(args.json, content)
+    if args.json != output.PRINTED:
         make_console().print(_table(args, warped, content, parameters, grasp, taken_s))
     if args.report:
         from intent_recognition.report import write_warp_report
 
         with busy(Console(stderr=True), "writing the report"):
             path = write_warp_report(args.report, source, warped, parameters, content)
-        if args.json != PRINTED:
+        if args.json != output.PRINTED:
             make_console().print(f"report: {path}")
     return 0
 
