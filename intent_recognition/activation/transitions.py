@@ -33,18 +33,8 @@ _ARRIVED_PHASE = 1.0 - 1e-6
 class Transitions:
     """Decides what follows on a state.
 
-    Args:
-        settings: how to act.
-        arm: the commands sent, and the joints measured.
-        motions: plans.
-        people: which task is active, and what is predicted.
-        pretrigger: which task the arm has gone ahead for.
-        waiting: takes the arm home and ahead.
-        correcting: whether a person moves the arm.
-        counts: gets why motions were stopped.
-
     Attributes:
-        settings: likewise.
+        settings: how to act.
         interacting: begins interactions, and plans them anew.
     """
 

@@ -26,14 +26,6 @@ from intent_recognition.activation.states import (
 class Waiting:
     """Takes the arm there and back.
 
-    Args:
-        settings: of the activation.
-        arm: the commands sent, and the joints measured.
-        motions: plans.
-        people: whether whom the arm attends to rests, and since when.
-        pretrigger: which task to go ahead for.
-        counts: gets how often the arm went ahead, and why it withdrew.
-
     Attributes:
         settings: of the activation.
         home: posture it returns to (n,) [rad]; None before the arm was seen.

@@ -123,12 +123,7 @@ class ActivationParameters:
         return np.array(self._values["home"], dtype=np.float64) if self._values["home"] else None
 
     def limits_in_force(self, names: tuple[str, ...], sources: Mapping[str, str]) -> str:
-        """The limits and guards a motion of these joints is held to, and where each comes from.
-
-        Args:
-            names: of the joints.
-            sources: parameter name to where it was set; see `parameter_sources`.
-        """
+        """The limits and guards a motion of these joints is held to, and where each comes from."""
         shown = [f"{name} {self._values[name]} ({sources.get(name, DEFAULT)})" for name in GUARDS]
         limits = self._limits_of(names)
         for name in ARM_LIMITS:
