@@ -65,7 +65,10 @@ def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movemen
     for axes, (phase, series) in zip(grid, panels.items(), strict=True):
         for name, (fractions, values) in series.items():
             label, colour, marker, line = RMSE_STYLES[name]
-            _line(axes, fractions, values, label, colour, marker, line)
+            percent = 100 * np.asarray(fractions, dtype=float)
+            style = {"linestyle": line, "markersize": 5.5, "markeredgecolor": "white"}
+            numbers = np.asarray(values, dtype=float)
+            axes.plot(percent, numbers, label=label, color=colour, marker=marker, **style)
         axes.set_title(PHASE_NAMES.get(phase, phase))
         axes.set_xlabel(_observed(segment))
         axes.margins(y=0.12)
@@ -151,27 +154,6 @@ def _phases(axes: "Axes", series: Series, segment: str) -> None:
 
 def _observed(segment: str) -> str:
     return f"share of the {segment} observed [%]"
-
-
-def _line(
-    axes: "Axes",
-    fractions: ScoreValues,
-    values: ScoreValues,
-    label: str,
-    colour: str,
-    marker: str,
-    line: "LineStyleType",
-) -> None:
-    axes.plot(
-        100 * np.asarray(fractions, dtype=float),
-        np.asarray(values, dtype=float),
-        label=label,
-        color=colour,
-        marker=marker,
-        linestyle=line,
-        markersize=5.5,
-        markeredgecolor="white",
-    )
 
 
 def _lowest(series: Series) -> float:
