@@ -52,10 +52,7 @@ NEGLIGIBLE_BELOW = 40.0
 Convention: e^-40 = 4e-18 is less than the rounding of a probability.
 """
 MAX_OBSERVATIONS = 2**14
-"""Observations of a movement kept for a change of library; beyond, every second one is dropped.
-
-Convention: it bounds the memory.
-"""
+"""Observations kept for a change of library, every second one of more. Convention."""
 UNLIKELY = 1e-3
 """Tasks so much less probable than the most probable one are left out of a mixture. Convention."""
 
@@ -234,10 +231,26 @@ class MovementFilter:
         return self.table.courses(task * self.grid.n_scales + np.arange(self.grid.n_scales))
 
     def prediction(self, task: int) -> TaskPrediction:
-        """What the observations so far say about the movement, if it is of a task (or none)."""
-        if task not in self._predictions:
-            self._predictions[task] = self._predict(task)
-        return self._predictions[task]
+        """What the observations so far say about the movement, if it is of a task (or none).
+
+        By the hypotheses of the onset, or by those born since if they are more probable.
+        """
+        if task in self._predictions:
+            return self._predictions[task]
+        births, n_scales, seen = self.births, self.grid.n_scales, self._measurements
+        elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
+        if births is not None and births.log_joint[task] > births.left(self.log_evidence)[task]:
+            hypotheses = births.of_task(task)
+            deviations, seen = self.table.deviations(0, 0), []
+        else:
+            weights, some = self.task(task), slice(task * n_scales, (task + 1) * n_scales)
+            share = self.grid.duration_weights(self.table.rows["log_evidence"])[task]
+            hypotheses = weights, self.grid.duration_s[some], share
+            deviations = self.table.deviations(some.start, some.stop)
+        positions = [one for one in seen if not one.derivative]
+        found = TaskPrediction(self.library, task, *hypotheses, deviations, elapsed_s, positions)
+        self._predictions[task] = found
+        return found
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
@@ -276,26 +289,6 @@ class MovementFilter:
         """Largest standard deviation of the end predicted for a task over the DOFs of each unit."""
         std = self.controlled(task, 1, start).std[-1]
         return largest_by_unit(std, self.library.controlled_units)
-
-    def _predict(self, task: int) -> TaskPrediction:
-        """From the hypotheses of the onset, or from those born since if they are more probable."""
-        library, births, measurements = self.library, self.births, self._measurements
-        elapsed_s = max((one.elapsed_s for one in measurements), default=0.0)
-        if births is not None and births.log_joint[task] > births.left(self.log_evidence)[task]:
-            found = births.of_task(task)
-            return TaskPrediction(library, task, *found, self.table.deviations(0, 0), elapsed_s)
-        weights, n_scales = self.task(task), self.grid.n_scales
-        some = slice(task * n_scales, (task + 1) * n_scales)
-        return TaskPrediction(
-            library,
-            task,
-            weights,
-            self.grid.duration_s[some],
-            self.grid.duration_weights(self.table.rows["log_evidence"])[task],
-            self.table.deviations(some.start, some.stop),
-            elapsed_s,
-            [one for one in measurements if not one.derivative],
-        )
 
 
 def _peak(measurement: Measurement) -> float:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Observation
 
@@ -79,7 +79,7 @@ class ObservationModel:
         if noise is None:
             cure = "Pass the sensor's: noise is learned for positions only."
             expected = "a covariance with measured velocities"
-            raise ArgumentError(describe("observation", expected, "none", cure))
+            raise ArgumentError.about("observation", expected, "none", cure)
         check_observation(dofs, observation.values, noise)
         kind = (observation.group, observation.dofs, derivative)
         if stamp_ns - self._used_ns.get(kind, -(2**63)) < self._spacing_ns:
@@ -111,7 +111,7 @@ def check_observation(
         expected = f"shapes ({m},) and ({m}, {m}) for {m} observed values"
         got = f"{np.shape(values)} and {np.shape(noise_covariance)}"
         cure = "Pass one value and one row and column of noise per entry of dofs."
-        raise ShapeError(describe("values, noise_covariance", expected, got, cure))
+        raise ShapeError.about("values, noise_covariance", expected, got, cure)
     if not isfinite(np.add.reduce(values)):
         raise ArgumentError.about(
             "values", "finite numbers", values, "Leave out what was not measured."

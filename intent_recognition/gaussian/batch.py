@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.linalg import (
     cholesky,
     half_log_det,
@@ -144,7 +144,7 @@ class GaussianBatch:
         if refused >= 0:
             expected, got = "a finite positive definite matrix", f"none for number {refused}"
             cure = "Leave out what is not finite, or raise the noise variance."
-            raise ArgumentError(describe("innovation covariance", expected, got, cure))
+            raise ArgumentError.about("innovation covariance", expected, got, cure)
         return found
 
 
@@ -199,7 +199,7 @@ def _checked(
         expected = f"rows ({n}, {n_deviations}, {n_basis}), values ({m},), noise ({m}, {m})"
         got = f"{rows.shape}, {values.shape} and {noise.shape}"
         cure = "Pass one value and one row and column of noise per entry of dofs."
-        raise ShapeError(describe("measurement", expected, got, cure))
+        raise ShapeError.about("measurement", expected, got, cure)
     return dofs, rows, values, noise, transition
 
 
@@ -252,7 +252,7 @@ def _condition(
         found, _ = whitened(row, noise + induced, expected.swapaxes(1, 2))
     if not np.all(np.isfinite(found)):
         cure = "Leave out what is not finite."
-        raise ArgumentError(describe("innovation covariance", "finite numbers", "others", cure))
+        raise ArgumentError.about("innovation covariance", "finite numbers", "others", cure)
     cross, innovation = found[:, :, :size], found[:, :, size:]
     batch.state[index, :size] += np.matmul(innovation.swapaxes(1, 2), cross)[:, 0]
     batch.state[index, size:] -= _packed(np.matmul(cross.swapaxes(1, 2), cross))

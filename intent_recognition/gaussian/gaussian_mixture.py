@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, one_hot
 from intent_recognition.gaussian.normal import Gaussian, condition, log_density
@@ -41,10 +41,10 @@ class GaussianMixture:
         if weights.shape != (len(self.components),):
             cure = "Give one weight per component."
             expected = f"shape ({len(self.components)},)"
-            raise ShapeError(describe("weights", expected, weights.shape, cure))
+            raise ShapeError.about("weights", expected, weights.shape, cure)
         if not (np.all(weights >= 0) and abs(float(weights.sum()) - 1.0) < 1e-6):
             cure = "Divide the weights by their sum."
-            raise ArgumentError(describe("weights", "probabilities that sum to one", weights, cure))
+            raise ArgumentError.about("weights", "probabilities that sum to one", weights, cure)
         weights.setflags(write=False)
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "components", tuple(self.components))
@@ -149,12 +149,12 @@ def fit_gaussian_mixture(
     points = _checked_points(points)
     if not 1 <= n_components <= len(points):
         expected = f"between 1 and {len(points)}, the number of points"
-        raise ArgumentError(describe("n_components", expected, n_components, "Lower it."))
+        raise ArgumentError.about("n_components", expected, n_components, "Lower it.")
     if variance_floor is None:
         variance_floor = RELATIVE_FLOOR * (float(np.mean(np.var(points, axis=0))) or 1.0)
     if not (np.isfinite(variance_floor) and variance_floor > 0):
         cure = "Pass None to derive it from the points."
-        raise ArgumentError(describe("variance_floor", "a positive number", variance_floor, cure))
+        raise ArgumentError.about("variance_floor", "a positive number", variance_floor, cure)
     centred = points - points.mean(axis=0)
     starts = np.unique(kmeans_starts(centred, n_components, n_starts, rng), axis=0)
     fits = fit_mixture(
@@ -178,8 +178,8 @@ def _checked_points(points: ArrayLike, n_dimensions: int | None = None) -> NDArr
     checked = np.asarray(points, dtype=np.float64)
     if checked.ndim != 2 or n_dimensions not in (None, checked.shape[1]):
         expected = f"shape (n, {'d' if n_dimensions is None else n_dimensions})"
-        raise ShapeError(describe("points", expected, checked.shape, "Give one row per point."))
+        raise ShapeError.about("points", expected, checked.shape, "Give one row per point.")
     if not np.all(np.isfinite(checked)):
         cure = "Leave such points out."
-        raise ArgumentError(describe("points", "finite numbers", "NaN or infinity", cure))
+        raise ArgumentError.about("points", "finite numbers", "NaN or infinity", cure)
     return checked

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError
 
 RANK_TOLERANCE = 1e-10
 """Singular values below this part of the largest one count as zero. Convention: rounding."""
@@ -31,17 +31,15 @@ def cholesky(matrix: NDArray[np.float64], *, name: str = "covariance") -> NDArra
         factor = np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
         eigenvalues = np.linalg.eigvalsh(symmetrize(np.nan_to_num(matrix)))
-        raise ArgumentError(
-            describe(
-                name,
-                "a positive definite matrix",
-                f"smallest eigenvalue {np.min(eigenvalues):.3g}, largest {np.max(eigenvalues):.3g}",
-                "Regularise it, or raise the noise variance.",
-            )
+        raise ArgumentError.about(
+            name,
+            "a positive definite matrix",
+            f"smallest eigenvalue {np.min(eigenvalues):.3g}, largest {np.max(eigenvalues):.3g}",
+            "Regularise it, or raise the noise variance.",
         ) from None
     if not isfinite(np.add.reduce(factor, axis=None)):  # LAPACK lets NaN and infinity pass
-        raise ArgumentError(
-            describe(name, "finite numbers", "NaN or infinity", "Leave such measurements out.")
+        raise ArgumentError.about(
+            name, "finite numbers", "NaN or infinity", "Leave such measurements out."
         )
     return np.asarray(factor, dtype=np.float64)
 

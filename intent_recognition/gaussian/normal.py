@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ShapeError
 from intent_recognition.gaussian.linalg import (
     cholesky,
     half_log_det,
@@ -107,13 +107,11 @@ def condition(
         or np.shape(noise_covariance) != (m, m)
         or d != prior.mean.size
     ):
-        raise ShapeError(
-            describe(
-                "observation",
-                f"y ({m},), R ({m}, {m}) and {prior.mean.size} columns in H",
-                f"y {np.shape(observation)}, R {np.shape(noise_covariance)}, H ({m}, {d})",
-                "Give H one row per observed value and one column per weight.",
-            )
+        raise ShapeError.about(
+            "observation",
+            f"y ({m},), R ({m}, {m}) and {prior.mean.size} columns in H",
+            f"y {np.shape(observation)}, R {np.shape(noise_covariance)}, H ({m}, {d})",
+            "Give H one row per observed value and one column per weight.",
         )
     cross = observation_matrix @ prior.covariance
     cross, innovation, log_evidence = whiten_innovation(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type, describe
+from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Misfit, Observation, SignalPast, as_numbers, as_stamp_ns
 
@@ -38,25 +38,21 @@ def as_observation(
         ArgumentError: there is no such signal, no such DOF, or the stamp is not in seconds.
     """
     if not 0 <= signal < len(sizes):
-        raise ArgumentError(
-            describe(
-                "signal",
-                f"0 to {len(sizes) - 1}",
-                signal,
-                "The library's observed_groups lists its signals.",
-            )
+        raise ArgumentError.about(
+            "signal",
+            f"0 to {len(sizes) - 1}",
+            signal,
+            "The library's observed_groups lists its signals.",
         )
     n_dofs = sizes[signal]
     if dofs is not None and not (
         dofs and len(set(dofs)) == len(dofs) and all(k in range(n_dofs) for k in dofs)
     ):
-        raise ArgumentError(
-            describe(
-                "dofs",
-                f"different numbers from 0 to {n_dofs - 1}",
-                list(dofs),
-                "Leave out the DOFs that were not measured.",
-            )
+        raise ArgumentError.about(
+            "dofs",
+            f"different numbers from 0 to {n_dofs - 1}",
+            list(dofs),
+            "Leave out the DOFs that were not measured.",
         )
     return Observation(
         as_stamp_ns("stamp_s", stamp_s),
@@ -97,7 +93,7 @@ def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int
     if position.ndim != 1 or len(position) > n_controlled:
         cure = "Pass the positions of one controlled signal."
         expected = f"a vector of at most {n_controlled} numbers"
-        raise ShapeError(describe("values", expected, position.shape, cure))
+        raise ShapeError.about("values", expected, position.shape, cure)
     return Observation(as_stamp_ns("stamp_s", stamp_s), signal, position)
 
 
@@ -111,17 +107,17 @@ def observation_error(
     if reason == "wrong_size":
         cure = "Pass every DOF of the signal, or name those that were measured as `dofs`."
         shape = np.shape(observation.values)
-        return ShapeError(describe("values", f"shape ({m},)", shape, cure))
+        return ShapeError.about("values", f"shape ({m},)", shape, cure)
     if reason == "not_finite":
         cure = "Set what was not measured to NaN, or leave the sample out."
-        return ArgumentError(describe("values", "finite numbers or NaN", observation.values, cure))
+        return ArgumentError.about("values", "finite numbers or NaN", observation.values, cure)
     if reason == "stamp_not_increasing":
         cure = "Pass measurements in the order of their stamps; `reset` to start anew."
         got = f"{observation.stamp_ns * 1e-9:.9g}"
-        return ArgumentError(describe("stamp_s", "a stamp later than the last", got, cure))
+        return ArgumentError.about("stamp_s", "a stamp later than the last", got, cure)
     cure = "Pass one row and one column per value."
     expected = f"a positive semidefinite matrix of shape ({m}, {m})"
-    return ArgumentError(describe("covariance", expected, observation.covariance, cure))
+    return ArgumentError.about("covariance", expected, observation.covariance, cure)
 
 
 def as_times(times_s: ArrayLike) -> NDArray[np.float64]:
@@ -177,4 +173,4 @@ def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
         ours, theirs = getattr(known, name), getattr(other, name)
         if ours != theirs:
             cure = "Train on the same DOFs."
-            raise DofError(describe(f"library {name}", str(ours), str(theirs), cure))
+            raise DofError.about(f"library {name}", str(ours), str(theirs), cure)

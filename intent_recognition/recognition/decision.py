@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import (
     NONE,
     USUAL_END_STD,
@@ -329,7 +329,7 @@ def _checked(labels: Sequence[str], probabilities: NDArray[np.float64]) -> NDArr
     p = np.asarray(probabilities, dtype=np.float64)
     if p.shape != (len(labels),):
         cure = "Give one probability per label."
-        raise ShapeError(describe("probabilities", f"shape ({len(labels)},)", p.shape, cure))
+        raise ShapeError.about("probabilities", f"shape ({len(labels)},)", p.shape, cure)
     if NONE not in labels:
         _refuse("labels", f"'{NONE}' among the labels", list(labels))
     if not np.all((p >= -1e-9) & (p <= 1.0 + 1e-9)) or abs(float(p.sum()) - 1.0) > 1e-6:
@@ -338,4 +338,4 @@ def _checked(labels: Sequence[str], probabilities: NDArray[np.float64]) -> NDArr
 
 
 def _refuse(argument: str, expected: str, got: object) -> None:
-    raise ArgumentError(describe(argument, expected, got, "Check the sender and its settings."))
+    raise ArgumentError.about(argument, expected, got, "Check the sender and its settings.")

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, check_type, describe
+from intent_recognition.errors import ArgumentError, ShapeError, check_type
 from intent_recognition.filtering import (
     MovementFilter,
     PriorGrid,
@@ -88,7 +88,7 @@ def predict_controlled(
         return run.controlled(int(np.argmax(known)), n_points)
     if task not in library.labels:
         cure = "Learn it first, or pass None for the most probable task."
-        raise ArgumentError(describe("task", f"one of {library.labels}", task, cure))
+        raise ArgumentError.about("task", f"one of {library.labels}", task, cure)
     return run.controlled(library.labels.index(task), n_points)
 
 
@@ -103,7 +103,7 @@ def _hypotheses(library: TaskLibrary, duration_s: float | None) -> PriorGrid:
         positive = False
     if not positive:
         cure = "Pass None when it is not known."
-        raise ArgumentError(describe("duration_s", "a positive number", duration_s, cure))
+        raise ArgumentError.about("duration_s", "a positive number", duration_s, cure)
     return fixed_prior_grid(library, duration_s)
 
 
@@ -123,7 +123,7 @@ def _filtered(
             run.observe(turns.bring(observation))
     if not run.observations:
         cure = "Pass at least one measured sample of the movement."
-        raise ArgumentError(describe("human", "a sample at or after onset", "none", cure))
+        raise ArgumentError.about("human", "a sample at or after onset", "none", cure)
     return run
 
 
@@ -138,9 +138,9 @@ def _checked(
             f"{times.shape} and {values.shape}",
             "Pass one row per time, one column per DOF.",
         )
-        raise ShapeError(describe("times_s, human", expected, got, cure))
+        raise ShapeError.about("times_s, human", expected, got, cure)
     check_times("times_s", times)
     if np.any(np.isinf(values)):
         cure = "Set what was not measured to NaN."
-        raise ArgumentError(describe("human", "finite numbers or NaN", "infinity", cure))
+        raise ArgumentError.about("human", "finite numbers or NaN", "infinity", cure)
     return np.round(times * 1e9).astype(np.int64), values

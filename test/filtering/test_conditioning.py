@@ -121,28 +121,6 @@ def test_a_step_is_what_its_formulas_say(seed, freedom, exponent):
         np.testing.assert_allclose(found[1], covariance, atol=1e-8)
 
 
-@settings(max_examples=10)
-@given(seeds)
-def test_hypotheses_are_conditioned_apart_each_with_its_values(seed):
-    rng = np.random.default_rng(seed)
-    prior, deviation = random_gaussians(rng, 4), rng.dirichlet(np.ones(5), size=4)
-    step = a_step(rng, 4, 5, 4.0, 0.5)
-    step = step._replace(values=rng.normal(size=(4, len(step.dofs))))
-    together, believed = batch_of(*prior), deviation.copy()
-    evidence, likelihood = together.condition(step, believed)
-    for b in range(4):
-        own = slice(b, b + 1)
-        alone, single = batch_of(prior[0][own], prior[1][own]), deviation[own].copy()
-        part = step._replace(
-            rows=step.rows[own], values=step.values[b], transition=step.transition[own]
-        )
-        added, weighed = alone.condition(part, single)
-        assert added[0] == pytest.approx(evidence[b], rel=1e-10)
-        np.testing.assert_allclose(single[0], believed[b], rtol=1e-10)
-        np.testing.assert_allclose(weighed[0], likelihood[b], rtol=1e-10)
-        np.testing.assert_allclose(alone.state[0], together.state[b], atol=1e-12)
-
-
 @pytest.mark.parametrize("late_s", [0.0, 0.06])
 @pytest.mark.parametrize("freedom", [np.inf, 4.0])
 @pytest.mark.parametrize("exponent", [1.0, 0.4])

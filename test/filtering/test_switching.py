@@ -284,18 +284,6 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     assert run.births.n_hypotheses <= births.MAX_HYPOTHESES + births.SETTLING * born
 
 
-def test_the_mixture_of_born_hypotheses_is_that_of_their_courses(library, rng):
-    times_s = np.arange(0.0, 1.5, 0.05)
-    run = filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s))
-    courses, _, weight = run.births.of_task(1)
-    means, covariances = courses.moments()
-    mean = weight @ means
-    np.testing.assert_allclose(courses.mixture(weight).mean, mean, atol=1e-12)
-    square = np.einsum("n,npq->pq", weight, covariances)
-    square += np.einsum("n,np,nq->pq", weight, means, means) - np.outer(mean, mean)
-    np.testing.assert_allclose(courses.mixture(weight).covariance, square, atol=1e-10)
-
-
 def test_velocities_are_those_of_the_positions(library, rng):
     # Very sure velocities instead of positions after birth: the belief stays a distribution, and
     # the task whose course has these velocities gains.
