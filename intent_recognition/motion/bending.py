@@ -17,6 +17,7 @@ optimization and convex collision checking"). The norm of z counts standard devi
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,26 +156,35 @@ def least_change(
     return np.asarray(-residual[:-1] / residual[-1])
 
 
-def bend(
-    bodies: Bodies,
-    positions: NDArray[np.float64],
-    moves: NDArray[np.float64],
-    contacts: Sequence[Contact],
-    limits: JointLimits,
-    largest: float = np.inf,
-    start: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64] | None:
-    """How to move a path so that it is clear of all contacts, z (m,); None if nothing was found.
+class TouchingPath(NamedTuple):
+    """A path that comes too near to something, and how it may move.
 
-    Args:
+    Attributes:
         bodies: the arm among boxes.
         positions: samples of the path (T, n) [rad].
         moves: joints by z at the samples (T, n, m).
         contacts: of the path.
         limits: of positions, which the path is to keep.
+    """
+
+    bodies: Bodies
+    positions: NDArray[np.float64]
+    moves: NDArray[np.float64]
+    contacts: Sequence[Contact]
+    limits: JointLimits
+
+
+def bend(
+    path: TouchingPath, largest: float = np.inf, start: NDArray[np.float64] | None = None
+) -> NDArray[np.float64] | None:
+    """How to move a path so that it is clear of all contacts, z (m,); None if nothing was found.
+
+    Args:
+        path: what touches.
         largest: standard deviations that the path may be moved at most.
         start: z from which the search begins; None: from the path itself.
     """
+    bodies, positions, moves, contacts, limits = path
     z = np.zeros(moves.shape[2]) if start is None else start
     watched = {(one.sample, one.pair) for one in _thinned(contacts, _N_ROWS)}
     for k in range(_N_ROUNDS):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import Bodies, Contact, JointLimits
-from intent_recognition.motion.bending import Spread, bend
+from intent_recognition.motion.bending import Spread, TouchingPath, bend
 from intent_recognition.motion.path import JointPath
 from intent_recognition.motion.plan import JointPlan
 from intent_recognition.motion.replanning import detours, replan
@@ -143,7 +143,8 @@ class Clearance:
         spread, moves = self._spreads.get(label), np.empty((*positions.shape, 0))
         if spread is not None:
             moves = spread.moves(phases, positions)
-            z = bend(self.bodies, positions[first:], moves[first:], found, limits, self._largest)
+            own = TouchingPath(self.bodies, positions[first:], moves[first:], found, limits)
+            z = bend(own, self._largest)
             if z is not None:
                 away = moves @ z
                 return ClearPath(path.shifted(phases, away, limits), away, "bent")
@@ -152,15 +153,8 @@ class Clearance:
             until_s = self._clock() + self.replan_budget_s
             waves = detours(phases, positions.shape[1], float(phases[first]))
             moves = np.concatenate([moves, waves], axis=2)
-            z, searched = replan(
-                self.bodies,
-                base[first:],
-                moves[first:],
-                touching,
-                limits,
-                tries,
-                lambda: self._clock() > until_s,
-            )
+            own = TouchingPath(self.bodies, base[first:], moves[first:], touching, limits)
+            z, searched = replan(own, tries, lambda: self._clock() > until_s)
         if z is None:
             return self._named(found[0], f"at phase {phases[first + found[0].sample]:.2f}")
         away = base - positions + moves @ z

@@ -9,13 +9,12 @@ what is in the way with the least depth. Its steps are counted, so the same path
 same plan.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.kinematics import Bodies, Contact, JointLimits
-from intent_recognition.motion.bending import bend
+from intent_recognition.motion.bending import TouchingPath, bend
 
 _DETOUR_RAD = 0.15
 """Amplitude of the slowest detour [rad], one standard deviation. Convention: some 10 cm at the
@@ -49,52 +48,38 @@ def detours(phases: NDArray[np.float64], n_joints: int, first: float) -> NDArray
 
 
 def replan(
-    bodies: Bodies,
-    positions: NDArray[np.float64],
-    moves: NDArray[np.float64],
-    contacts: Sequence[Contact],
-    limits: JointLimits,
-    tries: int | None,
-    out_of_time: Callable[[], bool],
+    path: TouchingPath, tries: int | None, out_of_time: Callable[[], bool]
 ) -> tuple[NDArray[np.float64] | None, bool]:
     """How to move a path so that it is clear of all contacts, z (m,), and whether detours were
     drawn for it; None if nothing was found.
 
     Args:
-        bodies: the arm among boxes.
-        positions: samples of the path (T, n) [rad].
-        moves: joints by z at the samples (T, n, m).
-        contacts: of the path.
-        limits: of positions, which the path is to keep.
+        path: what touches; it may move by the spread of its task, if any, and by `detours`.
         tries: number of searches before, which drew other detours; None: none are drawn.
         out_of_time: whether no further descent may begin.
     """
-    if contacts[-1].sample == len(positions) - 1:
+    if path.contacts[-1].sample == len(path.positions) - 1:
         return None, False  # its end touches
-    found = bend(bodies, positions, moves, contacts, limits)
+    found = bend(path)
     if found is not None or tries is None:
         return found, False
-    draws = np.random.default_rng([_SEED, tries]).normal(size=(_N_DRAWS, moves.shape[2]))
-    depths = [_depth(bodies, positions, moves, contacts, z) for z in draws]
+    draws = np.random.default_rng([_SEED, tries]).normal(size=(_N_DRAWS, path.moves.shape[2]))
+    depths = [_depth(path, z) for z in draws]
     for k in np.argsort(depths, kind="stable")[:_N_DESCENTS]:
         if out_of_time():
             break
-        found = bend(bodies, positions, moves, contacts, limits, start=draws[k])
+        found = bend(path, start=draws[k])
         if found is not None:
             return found, True
     return None, True
 
 
-def _depth(
-    bodies: Bodies,
-    positions: NDArray[np.float64],
-    moves: NDArray[np.float64],
-    contacts: Sequence[Contact],
-    z: NDArray[np.float64],
-) -> float:
+def _depth(path: TouchingPath, z: NDArray[np.float64]) -> float:
     """By how much a moved path is too near where the path itself is nearest to each thing [m]."""
     depth = 0.0
-    for one in {c.pair: c for c in sorted(contacts, key=lambda c: -c.distance_m)}.values():
-        moved = positions[one.sample] + moves[one.sample] @ z
-        depth += max(0.0, bodies.clearance_m - bodies.distance_m(moved, one.pair))
+    nearest = {c.pair: c for c in sorted(path.contacts, key=lambda c: -c.distance_m)}
+    for one in nearest.values():
+        moved = path.positions[one.sample] + path.moves[one.sample] @ z
+        gap = path.bodies.distance_m(moved, one.pair)
+        depth += max(0.0, path.bodies.clearance_m - gap)
     return depth

@@ -113,13 +113,12 @@ def test_descents_are_counted_and_end_with_the_budget(monkeypatch, n_in_time, tr
     monkeypatch.setattr(replanning, "bend", finds_nothing)
     bodies, phases = bodies_among(box_beside(0.03)), np.linspace(0.0, 1.0, 61)
     q, moves = PATH.spline(phases), replanning.detours(phases, 7, 0.0)
+    path = replanning.TouchingPath(bodies, q, moves, bodies.contacts(q), LIMITS)
     drawn = []
     for search in (tries, tries, 5):
         starts.clear()
         answers = iter([False] * n_in_time + [True] * 9)
-        found = replanning.replan(
-            bodies, q, moves, bodies.contacts(q), LIMITS, search, answers.__next__
-        )
+        found = replanning.replan(path, search, answers.__next__)
         assert found == (None, search is not None)
         assert starts[0] is None
         assert len(starts) == 1 + (0 if search is None else min(n_in_time, 4))
