@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 
 class Links(NamedTuple):
@@ -88,7 +89,10 @@ class Links(NamedTuple):
             if k < len(self.axes):
                 along, rate = turn @ self.axes[k], rates[:, k, None]
                 if self.turns[k]:
-                    turn, spin = turn @ _rotations(self.axes[k], q[:, k]), spin + along * rate
+                    turn, spin = (
+                        turn @ Rotation.from_rotvec(np.outer(q[:, k], self.axes[k])).as_matrix(),
+                        spin + along * rate,
+                    )
                 else:
                     step = along * q[:, k, None]
                     place, speed = place + step, speed + along * rate + np.cross(spin, step)
@@ -96,10 +100,3 @@ class Links(NamedTuple):
         points = np.stack([place for _, place, _, _ in frames[1:]], axis=1)
         speeds = [np.linalg.norm(speed, axis=1) for *_, speed in frames[1:]]
         return points, np.max(speeds, axis=0)
-
-
-def _rotations(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations (T, 3, 3) about a unit axis (3,) by angles (T,) [rad], by Rodrigues' formula."""
-    cross = np.cross(axis, np.eye(3)).T
-    angle = angle[:, None, None]
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))

@@ -20,6 +20,7 @@ from intent_recognition.signals.onset import (
 )
 from intent_recognition.signals.orientation import (
     LARGEST_ANGLE_RAD,
+    LEAST_QUATERNION,
     from_tangent,
     mean_orientation,
     quaternion_rates,

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError
+from intent_recognition.signals import LEAST_QUATERNION
 from intent_recognition.tracking.ingest import FARTHEST_M, IngestState, TrackedPose, ingest_pose
 from intent_recognition.tracking.settings import IngestSettings, frame_name
-from intent_recognition.tracking.transforms import LEAST_QUATERNION, multiply_quaternions
+from intent_recognition.tracking.transforms import multiply_quaternions
 
 GATE_SHARE = 1.0 - 1e-9
 """Steps closer to the gate than this share of it are checked one by one. Convention: above the

@@ -8,11 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.signals import rotation_matrix
-
-LEAST_QUATERNION = 1e-6
-"""Largest component of a quaternion below which it counts as zero. Convention: unit quaternions are
-expected, trackers send zeros for "not measured"."""
+from intent_recognition.signals import LEAST_QUATERNION, rotation_matrix
 
 
 def normalise_quaternion(quaternion: ArrayLike) -> NDArray[np.float64] | None:
