@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent train --jobs` and `--scheduler`: wherever bags are read, the model is the same."""
 
+import gc
 import os
 import signal
 import sys
@@ -24,6 +25,13 @@ from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.model import from_bags as accumulate
 from intent_recognition.model.file import load_model
 from intent_recognition.model.from_bags import accumulate_bags, split_evenly
+
+
+@pytest.fixture(autouse=True)
+def no_client_is_left():
+    """One of dask that is collected while the next one starts waits for itself, for ever."""
+    yield
+    gc.collect()
 
 
 @pytest.fixture(scope="module")
