@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the options of several commands share: numbers within limits, and those of a node."""
+"""How a command says what it takes: its help as text, types of arguments, and a node's options."""
 
 import argparse
 import json
@@ -21,8 +21,9 @@ PART = r"[A-Za-z_{][\w{}]*"
 NAME = rf"(?:~/|/)?{PART}(?:/{PART})*"
 """A name of ROS 2: relative, absolute or private; parts of it may be substitutions in braces."""
 
-PATHS = {"BAG", "BAGS", "BAGS|FILE", "BAG|MODEL|TASKS", "DIR", "F", "FILE", "FOLDER", "SESSION"} | {
-    *("SESSIONS", "SOURCE", "TARGET", "URDF", "M.npz", "MAP.yaml", "OUT.html", "PLAN.yaml")
+PATHS = {
+    *("BAG", "BAGS", "BAGS|FILE", "BAG|MODEL|TASKS", "DIR", "F", "FILE", "FOLDER", "M.npz"),
+    *("MAP.yaml", "OUT.html", "PLAN.yaml", "SESSION", "SESSIONS", "SOURCE", "TARGET", "URDF"),
 }
 """Metavars of arguments that are paths."""
 

@@ -14,10 +14,7 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import hand_position, parse_boxes
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    to_pose,
-    trajectory_arrays,
-)
+from intent_recognition.nodes.conversions import to_pose, trajectory_arrays
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.share import share_path
 

@@ -19,11 +19,7 @@ from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import PostureInput
-from intent_recognition.nodes.conversions import (
-    stamp_ns,
-    to_joint_state,
-    trajectory_arrays,
-)
+from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.recognition.start_posture import start_mean
 from intent_recognition.share import share_path

@@ -3,19 +3,12 @@
 
 import numpy as np
 import pytest
-from estimator_graph import (
-    DOFS,
-    Folder,
-    Graph,
-)
+from estimator_graph import DOFS, Folder, Graph
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    stamp_ns,
-    trajectory_arrays,
-)
+from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.markers import MarkerBuilder, colour
 from intent_recognition.report.drawing import task_colours
 

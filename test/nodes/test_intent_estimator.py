@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from estimator_graph import (
-    DOFS,
-    MIXED,
-    Folder,
-    Graph,
-    check_tasks,
-    expected,
-    message_for,
-    shifted,
-)
+from estimator_graph import DOFS, MIXED, Folder, Graph, check_tasks, expected, message_for, shifted
 from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -32,11 +23,7 @@ from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    stamp_ns,
-    to_stamp,
-    trajectory_arrays,
-)
+from intent_recognition.nodes.conversions import stamp_ns, to_stamp, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
 
