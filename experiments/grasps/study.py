@@ -16,7 +16,7 @@ from intent_recognition.warping import (
     Grasp,
     ObjectCloud,
     ObjectModel,
-    carried_grasp,
+    WarpedObject,
     warp_grasp,
     warp_object,
 )
@@ -25,10 +25,22 @@ from sim_bridge.containers import CONTAINER_NAMES, make_container, scan
 SOURCE = "mug"
 MADE, SCANNED = "made", "scanned"
 WARPED, CARRIED = MANNERS = "warped", "not warped"
-CARRIERS = {WARPED: warp_grasp, CARRIED: carried_grasp}
 VIEWS = (1, 2, 3)
 """From so many sides a camera sees them: made ones another number for each draw of their sizes,
 scanned ones each."""
+
+
+def moved_rigidly(source: ObjectModel, warped: WarpedObject) -> Grasp:
+    """The annotated grasp moved with the object's frame: what there is without a warp."""
+    grasp, own, frame = source.annotated.grasp, source.frame, warped.frame
+    assert grasp is not None  # the mug's
+    pose = np.eye(4)
+    pose[:3, :3] = frame.axes.T @ own.axes @ grasp.pose[:3, :3]
+    pose[:3, 3] = frame.origin + own.axes @ (grasp.centre - own.origin) @ frame.axes
+    return Grasp(pose, grasp.width_m)
+
+
+CARRIERS = {WARPED: warp_grasp, CARRIED: moved_rigidly}
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from intent_recognition.warping.constraints import (
     spill_risk,
 )
 from intent_recognition.warping.grasp import Grasp
-from intent_recognition.warping.grasp_warp import carried_grasp, warp_grasp
+from intent_recognition.warping.grasp_warp import warp_grasp
 from intent_recognition.warping.logistic import fit_logistic
 from intent_recognition.warping.object_model import (
     AnnotatedObject,

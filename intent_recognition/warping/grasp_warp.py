@@ -99,7 +99,10 @@ def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
         ArgumentError: the source has no grasp, it holds a handle and the target has none, or the
             fingers would have to come through the wall.
     """
-    grasp = _annotated(source)
+    grasp = source.annotated.grasp
+    if grasp is None:
+        cure = "Annotate one; docs/warping.md says how."
+        raise ArgumentError.about("grasp", "an annotated one", "none in the source", cure)
     frame, own = warped.frame, source.frame
     aligned, aligned_normals, kept = aligned_source(source, frame)
     seen, seen_normals = frame.to_local(warped.points), warped.normals @ frame.axes.T
@@ -134,31 +137,6 @@ def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
     pose[:3, 3] = frame.origin + (after.middle + turn @ offset) @ frame.axes
     width = max(after.width_m / before.width_m, LEAST_WIDTH * wide) * grasp.width_m
     return Grasp(pose, width)
-
-
-def carried_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
-    """The annotated grasp moved rigidly with the object's frame: what there is without a warp.
-
-    Args:
-        source: the annotated object, with a grasp.
-        warped: of `warp_object`; its frame is used, and nothing else.
-
-    Raises:
-        ArgumentError: the source has no grasp.
-    """
-    grasp, own, frame = _annotated(source), source.frame, warped.frame
-    pose = np.eye(4)
-    pose[:3, :3] = frame.axes.T @ own.axes @ grasp.pose[:3, :3]
-    pose[:3, 3] = frame.origin + own.axes @ (grasp.centre - own.origin) @ frame.axes
-    return Grasp(pose, grasp.width_m)
-
-
-def _annotated(source: ObjectModel) -> Grasp:
-    grasp = source.annotated.grasp
-    if grasp is None:
-        cure = "Annotate one; docs/warping.md says how."
-        raise ArgumentError.about("grasp", "an annotated one", "none in the source", cure)
-    return grasp
 
 
 def _moved(
