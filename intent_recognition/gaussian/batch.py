@@ -133,14 +133,11 @@ class GaussianBatch:
         if deviation is None:
             deviation = np.ones((len(self.state), 1))
         n, n_deviations = len(self.state) if index is None else len(index), deviation.shape[1]
-        given = _checked(measurement, n, n_deviations, self._shape[1])
+        one = _checked(measurement, n, n_deviations, self._shape[1])
         if KERNEL != "c":
-            some = np.arange(n) if index is None else index
-            return _condition(self, deviation, some, *given, *measurement[5:])
+            return _condition(self, one, deviation, np.arange(n) if index is None else index)
         found = np.empty(n), np.empty((n, n_deviations))
-        refused = _compiled(
-            self.state, index, deviation, *given, *found, *self._shape, *measurement[5:]
-        )
+        refused = _compiled(self.state, index, deviation, *one[:5], *found, *self._shape, *one[5:])
         if refused >= 0:
             expected, got = "a finite positive definite matrix", f"none for number {refused}"
             cure = "Leave out what is not finite, or raise the noise variance."
@@ -180,14 +177,13 @@ def state_width(size: int) -> int:
 
 def _checked(
     measurement: LinearMeasurement, n: int, n_deviations: int, n_basis: int
-) -> tuple[NDArray[np.int64], NDArray, NDArray, NDArray, NDArray | None]:
-    """The arrays as the update reads them: the border of all that follows."""
-    m = len(measurement.dofs)
+) -> LinearMeasurement:
+    """The measurement as the update reads it: the border of all that follows."""
+    m, transition = len(measurement.dofs), measurement.transition
     dofs = np.ascontiguousarray(measurement.dofs, dtype=np.int64)
     rows, values, noise = (
         np.ascontiguousarray(array, dtype=np.float64) for array in measurement[1:4]
     )
-    transition = measurement.transition
     if transition is not None:
         transition = np.ascontiguousarray(transition, dtype=np.float64)
     if not (
@@ -200,22 +196,17 @@ def _checked(
         got = f"{rows.shape}, {values.shape} and {noise.shape}"
         cure = "Pass one value and one row and column of noise per entry of dofs."
         raise ShapeError.about("measurement", expected, got, cure)
-    return dofs, rows, values, noise, transition
+    return LinearMeasurement(dofs, rows, values, noise, transition, *measurement[5:])
 
 
 def _condition(
     batch: GaussianBatch,
+    measurement: LinearMeasurement,
     deviation: NDArray[np.float64],
     index: NDArray[np.int64],
-    dofs: NDArray[np.int64],
-    rows: NDArray[np.float64],
-    values: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    transition: NDArray[np.float64] | None,
-    exponent: float,
-    freedom: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What `_kernel.c` does, without it."""
+    dofs, rows, values, noise, transition, exponent, freedom = measurement
     mean, covariance = batch.moments(index)
     n, size, n_basis = *mean.shape, rows.shape[2]
     n_dofs = size // n_basis

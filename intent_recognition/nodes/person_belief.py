@@ -200,4 +200,4 @@ class PersonBelief:
                 self._say(*WAITING)
             else:
                 topic = self._model.dofs.observed[sparse.group].topic
-                self._say(Level.WARN, sparse.told(topic))
+                self._say(Level.WARN, sparse.warning(topic))

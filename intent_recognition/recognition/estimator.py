@@ -33,7 +33,7 @@ from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movements
 from intent_recognition.recognition.observed_turns import ObservedTurns
-from intent_recognition.recognition.predicting import Predictor, at_rest, predict_observed
+from intent_recognition.recognition.predicting import Predictor, expected_at_rest, predict_observed
 from intent_recognition.recognition.start_posture import OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
 from intent_recognition.signals import Observation
@@ -327,7 +327,7 @@ class IntentEstimator:
         """
         times = as_times(times_s)
         if self._run is None or self._posterior is None:
-            return at_rest(self.library, self.expectation.prior, times)
+            return expected_at_rest(self.library, self.expectation.prior, times)
         known = self._posterior.probabilities[:-1]
         return self._predictor.controlled_at(self.taught, self._run, known, times)
 

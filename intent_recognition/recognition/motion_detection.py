@@ -50,7 +50,7 @@ class SparseSignal(NamedTuple):
     rate_hz: float
     least_hz: float
 
-    def told(self, topic: str) -> str:
+    def warning(self, topic: str) -> str:
         """What is wrong with the signal on a topic, and the cure."""
         return (
             f"{topic} comes at {self.rate_hz:.2g} Hz, and no movement is found below"

@@ -38,7 +38,7 @@ class Predictor:
             n_points: T.
         """
         library = run.library
-        start, used, turns = self._posture.given(taught, task, run.onset_ns)
+        start, used, turns = self._posture.at_onset(taught, task, run.onset_ns)
         along = run.controlled(task, n_points, start)
         if self._last is None or self._last[0] is not along or self._last[1].start != used:
             turned = along._replace(positions=along.positions + turns)
@@ -64,7 +64,7 @@ class Predictor:
             times_s: on the clock of the observations, (T,).
         """
         known = np.maximum(known, SMALLEST_SHARE)
-        given = [self._posture.given(taught, task, run.onset_ns) for task in range(len(known))]
+        given = [self._posture.at_onset(taught, task, run.onset_ns) for task in range(len(known))]
         since_s = np.maximum(times_s - run.onset_ns * 1e-9, 0.0)
         around_s = np.concatenate([since_s, since_s + HALF_STEP_S, since_s - HALF_STEP_S])
         mean, std = run.mixture_at(around_s, known, [start for start, _, _ in given])
@@ -74,7 +74,7 @@ class Predictor:
         return Trajectory(times_s, mean + turns, velocities, std[: len(times_s)])
 
 
-def at_rest(
+def expected_at_rest(
     library: TaskLibrary, task_prior: NDArray[np.float64], times_s: NDArray[np.float64]
 ) -> Trajectory:
     """Where the controlled agent is expected before the next movement, whatever the time (T,).

@@ -123,7 +123,7 @@ class OnsetPosture:
         """Another library has other starts."""
         self._known.clear()
 
-    def given(
+    def at_onset(
         self, library: TaskLibrary, task: int, onset_ns: int
     ) -> tuple[StartPosture | None, str, NDArray[np.float64]]:
         """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.

@@ -87,7 +87,7 @@ def test_a_part_of_a_signal_is_conditioned_on_alone(library):
 
 
 def test_each_dof_minds_when_it_was_last_seen(library):
-    """A DOF that was hidden is no crowded witness when it comes back."""
+    """A DOF that was hidden is not crowded when it comes back."""
     run = start(library)
     run.observe(observation(0.2, 1, [0.3], dofs=(0,)))
     crowded, fresh = start(library), start(library)

@@ -171,7 +171,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     )
 
 
-def test_who_is_held_up_goes_on_with_all_that_was_seen(library, rng, monkeypatch):
+def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch):
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "DELAYS", (0.12,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)

@@ -72,7 +72,7 @@ def test_a_signal_that_has_an_onset_is_not_called_sparse(trained_hz, rng):
         if rate < LEAST_RATE_HZ or (rate < 10.0 and trained_hz == 100.0):
             assert sparse is not None and not found
             assert sparse.rate_hz == pytest.approx(rate) and sparse.least_hz > rate
-            assert "wrist/pose" in sparse.told("wrist/pose")
+            assert "wrist/pose" in sparse.warning("wrist/pose")
 
 
 def test_nothing_is_sparse_before_there_are_two_samples():
