@@ -3,11 +3,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
 
 from intent_recognition.tables.table import without_subjects
 
 OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; of those in one file the first of these is read."""
+QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
+"""By the ends of names."""
 Rows = Sequence[Sequence[str]]
 
 
@@ -18,21 +22,13 @@ class Header:
     Attributes:
         names: of the columns.
         skip: rows before the numbers.
-        aliases: numbers of columns by further names.
-        unit: of all columns, "" where the file does not say.
-        units: of single columns, by number.
-        must_say: whether a unit that is not said must be asked for.
-        defaults: what the file says of itself, under the keys of a map.
+        about: further attributes of the `Table`.
         ends_blank: whether a blank line ends the table.
     """
 
     names: tuple[str, ...]
     skip: int
-    aliases: Mapping[str, int] = field(default_factory=dict)
-    unit: str = ""
-    units: Mapping[int, str] = field(default_factory=dict)
-    must_say: bool = False
-    defaults: Mapping[str, object] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict)
     ends_blank: bool = False
 
 
@@ -68,10 +64,9 @@ def motive(rows: Rows) -> Header | None:
         angles = kind == "Rotation" and said.get("Rotation Type", "").strip() != "Quaternion"
         if kind.startswith("Position") or angles:
             units[k] = "deg" if angles else said.get("Length Units", "").strip()
-    return Header(
-        tuple(names), at + 1, aliases, units=units, must_say=not all(units.values()),
-        defaults={"time": {"column": axes[1]}},
-    )  # fmt: skip
+    time = {"time": {"column": axes[1]}}
+    about = {"aliases": aliases, "units": units, "defaults": time}
+    return Header(tuple(names), at + 1, {**about, "must_say": not all(units.values())})
 
 
 def nexus(rows: Rows) -> Header | None:
@@ -85,11 +80,8 @@ def nexus(rows: Rows) -> Header | None:
         owner = (rows[at - 1][k].strip() if k < len(rows[at - 1]) else "") or owner
         names.append(f"{owner}.{rows[at][k].strip()}")
     units = {k: unit.strip() for k, unit in enumerate(rows[at + 1]) if unit.strip()}
-    time = {"time": {"column": "Frame", "unit": "samples", "rate": float(rows[title + 1][0])}}
-    return Header(
-        tuple(names), at + 2, without_subjects(names), units=units, must_say=True, defaults=time,
-        ends_blank=True,
-    )  # fmt: skip
+    time = {"column": "Frame", "unit": "samples", "rate": float(rows[title + 1][0])}
+    return _of_markers(names, at + 2, units, time, ends_blank=True)
 
 
 def trc(rows: Rows) -> Header | None:
@@ -101,16 +93,12 @@ def trc(rows: Rows) -> Header | None:
     names = [name.strip() for name in rows[at][:2]]
     for label in filter(None, (cell.strip() for cell in rows[at][2:])):
         names += [f"{label}.{axis}" for axis in "xyz"]
-    time: dict[str, object] = {"column": names[1]}
     numbered = {cell.strip(): k for k, cell in enumerate(rows[at + 1])}  # X1, Y1, Z1, X2, ...
     skip = at + 2
     while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
         skip += 1
     units = dict.fromkeys(range(2, len(names)), said.get("Units", "").strip())
-    return Header(
-        tuple(names), skip, numbered | without_subjects(names), units=units, must_say=True,
-        defaults={"time": time},
-    )  # fmt: skip
+    return _of_markers(names, skip, units, {"column": names[1]}, numbered)
 
 
 def qtm(rows: Rows) -> Header | None:
@@ -119,37 +107,31 @@ def qtm(rows: Rows) -> Header | None:
         return None
     said = {row[0].strip(): row for row in rows if row}
     if "BODY_NAMES" in said:
-        return _qtm_bodies(rows, rows.index(said["BODY_NAMES"]), said)
-    at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "MARKER_NAMES")
-    labels = [
-        f"{label.strip()}.{axis}" for label in rows[at][1:] if label.strip() for axis in "xyz"
-    ]
-    skip = at + 1 + (rows[at + 1][0].strip() == "TRAJECTORY_TYPES")
-    first = [cell.strip() for cell in rows[skip]]
-    if first[0] == "Frame" or first[-1].endswith((" X", " Y", " Z")):
-        skip += 1
-    before = ["Frame", "Time"] if len(rows[skip]) >= len(labels) + 2 else []
-    return _of_qtm((*before, *labels), skip, said)
+        skip = rows.index(said["BODY_NAMES"]) + 2
+        names = _qtm_bodies(rows[skip - 1])
+    else:
+        labels = [label.strip() for label in said["MARKER_NAMES"][1:] if label.strip()]
+        names = [f"{label}.{axis}" for label in labels for axis in "xyz"]
+        skip = rows.index(said.get("TRAJECTORY_TYPES", said["MARKER_NAMES"])) + 1
+        first = [cell.strip() for cell in rows[skip]]
+        if first[0] == "Frame" or first[-1].endswith((" X", " Y", " Z")):
+            skip += 1
+        if len(rows[skip]) >= len(names) + 2:
+            names = ["Frame", "Time", *names]
+    units = {k: QTM_UNITS.get(name.rpartition(".")[2], "") for k, name in enumerate(names)}
+    time = {"rate": float(said["FREQUENCY"][1])}
+    return _of_markers(names, skip, {k: unit for k, unit in units.items() if unit}, time)
 
 
-def _qtm_bodies(rows: Rows, at: int, said: Mapping[str, Sequence[str]]) -> Header:
-    """Columns of bodies: `BODY.x`, then `BODY.Roll`, ..., `BODY.Residual`, `BODY.Rot[0]`, ..."""
+def _qtm_bodies(cells: Sequence[str]) -> list[str]:
+    """Columns of bodies: `BODY.x`, ..., `BODY.Roll`, ..., `BODY.Residual`, `BODY.Rot[0]`, ..."""
     body, names = "", []
-    for cell in (cell.strip() for cell in rows[at + 1]):
+    for cell in (cell.strip() for cell in cells):
         owner, blank, axis = cell.rpartition(" ")
         body = owner if blank and axis == "X" else body
         name = axis.lower() if axis in ("X", "Y", "Z") else cell
         names.append(f"{body}.{name}" if body and cell else cell)
-    return _of_qtm(names, at + 2, said)
-
-
-def _of_qtm(names: Sequence[str], skip: int, said: Mapping[str, Sequence[str]]) -> Header:
-    rate = {"time": {"rate": float(said["FREQUENCY"][1])}}
-    ends = {".x": "mm", ".y": "mm", ".z": "mm", ".Roll": "deg", ".Pitch": "deg", ".Yaw": "deg"}
-    found = (
-        (k, unit) for k, n in enumerate(names) for end, unit in ends.items() if n.endswith(end)
-    )
-    return Header(tuple(names), skip, units=dict(found), must_say=True, defaults=rate)
+    return names
 
 
 def opensim(rows: Rows) -> Header | None:
@@ -167,7 +149,20 @@ def opensim(rows: Rows) -> Header | None:
         if "indegrees" in said and name != "time" and (not slash or last in ("value", "speed")):
             unit = "m" if coordinate.endswith(("_tx", "_ty", "_tz")) else angle
             units[k] = f"{unit}/s" if last == "speed" else unit
-    return Header(names, at + 2, units=units, defaults={"time": {"column": "time"}})
+    return Header(names, at + 2, {"units": units, "defaults": {"time": {"column": "time"}}})
+
+
+def _of_markers(
+    names: Sequence[str],
+    skip: int,
+    units: Mapping[int, str],
+    time: Mapping[str, object],
+    aliases: Mapping[str, int] = MappingProxyType({}),
+    ends_blank: bool = False,
+) -> Header:
+    """A header whose units must be known, and whose names need no subject."""
+    about = {"aliases": {**aliases, **without_subjects(names)}, "defaults": {"time": time}}
+    return Header(tuple(names), skip, {**about, "units": units, "must_say": True}, ends_blank)
 
 
 READERS: tuple[Callable[[Rows], Header | None], ...] = (motive, nexus, trc, qtm, opensim)

@@ -96,7 +96,9 @@ def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported
             for found in parts:
                 if not isinstance(found, Rejection):
                     if found.name in taken:
-                        raise _doubled(found.name)
+                        cure = "Name each demonstration once, in the segments or by its file."
+                        got = f"{found.name} twice"
+                        raise BagError.about("recording", "names that differ", got, cure)
                     taken.add(found.name)
                 yield found
         except (BagError, MissingPackageError) as error:
@@ -348,8 +350,3 @@ def _check_name(name: str) -> None:
     if not sound or len(name) > LONGEST_NAME:
         expected = f"a name for a folder, of 1 to {LONGEST_NAME} characters"
         raise BagError.about("recording", expected, repr(name), "Rename it.")
-
-
-def _doubled(name: str) -> BagError:
-    cure = "Name each demonstration once, in the segments or by its file."
-    return BagError.about("recording", "names that differ", f"{name} twice", cure)

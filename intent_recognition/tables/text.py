@@ -85,17 +85,8 @@ def open_text(path: Path, skip_rows: int) -> Table:
                 column.append(row[place])
         return [np.array(column, object) for column in cells]
 
-    return Table(
-        path,
-        header.names,
-        read,
-        aliases=header.aliases,
-        unit=header.unit,
-        units=header.units,
-        must_say=header.must_say,
-        defaults=header.defaults,
-        notes=(f"only {head[0][0].strip()} are read, not {', '.join(others)}",) if others else (),
-    )
+    notes = (f"only {head[0][0].strip()} are read, not {', '.join(others)}",) if others else ()
+    return Table(path, header.names, read, notes=notes, **header.about)
 
 
 def _comments(path: Path, encoding: str) -> int:
@@ -149,8 +140,8 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     units = {k: found[1] for k, name in enumerate(names) if (found := UNIT_IN_NAME.search(name))}
     below = [cell.strip().strip("[]()") for cell in head[1]] if len(head) > 1 else []
     if all(spelled(cell) in UNITS for cell in below[1:]) and len(below) > 1:
-        return Header(names, 2, units=dict(enumerate(below[1:], 1)))
-    return Header(names, 1, units={k: u for k, u in units.items() if spelled(u) in UNITS})
+        return Header(names, 2, {"units": dict(enumerate(below[1:], 1))})
+    return Header(names, 1, {"units": {k: u for k, u in units.items() if spelled(u) in UNITS}})
 
 
 def _is_row(first: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:

@@ -297,13 +297,16 @@ LEFT_OUT = "# Suggested", "# Delete", "# They"
 """Lines of a suggestion that say the same of every file, or nothing of its format."""
 
 
-def section(kind: str) -> str:
-    """The section of a format: the map that is suggested of its file."""
-    with TemporaryDirectory() as folder:
-        text = suggest_map(EXAMPLES[kind][0](Path(folder)))
+def section(kind: str, folder: Path) -> str:
+    """The section of a format: the map that is suggested of its file, which is made in a folder."""
+    text = suggest_map(EXAMPLES[kind][0](folder))
     lines = [line for line in text.splitlines() if not line.startswith(LEFT_OUT)]
     return "\n".join([f"## {kind}", "", "```yaml", *lines, "```", ""])
 
 
 if __name__ == "__main__":
-    PAGE.write_text("\n".join([PREFACE, *map(section, EXAMPLES)]), encoding="utf-8")
+    sections = [PREFACE]
+    for name in EXAMPLES:
+        with TemporaryDirectory() as made:
+            sections.append(section(name, Path(made)))
+    PAGE.write_text("\n".join(sections), encoding="utf-8")

@@ -31,7 +31,7 @@ from tables.exported_files import (
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
-from intent_recognition.tables import ImportedDemonstration, import_demonstrations, suggest_map
+from intent_recognition.tables import ImportedDemonstration, import_demonstrations
 from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
@@ -63,23 +63,17 @@ def test_the_page_lists_them(repository):
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)
-def test_the_section_of_a_format_is_what_is_suggested(kind):
-    page = PAGE.read_text(encoding="utf-8")
-    assert exported_files.section(kind) in page, "run python -m tables.exported_files in test/"
+def test_the_section_of_a_format_is_what_is_suggested_and_imports_it(kind, tmp_path):
+    page, section = PAGE.read_text(encoding="utf-8"), exported_files.section(kind, tmp_path)
     assert page.startswith(PREFACE)
-
-
-@pytest.mark.parametrize("kind", EXAMPLES)
-def test_a_suggested_map_imports_the_file(kind, tmp_path):
-    make, _, more = EXAMPLES[kind]
-    path = make(tmp_path)
-    text = suggest_map(path)
-    content = yaml.safe_load(text)
+    assert section in page, "run python -m tables.exported_files in test/"
+    content = yaml.safe_load(section.partition("```yaml")[2].removesuffix("```\n"))
     if kind in ("ALOHA, HDF5", "OpenPose, JSON"):
-        assert "give the rate in Hz" in text
-        content["time"] = more["time"]
+        assert "give the rate in Hz" in section
+        content["time"] = EXAMPLES[kind][2]["time"]
     is_place = kind not in ("ALOHA, HDF5", "CSV without names")
     assert ("PoseStamped" if is_place else "JointState") in content["observed"][0]["type"]
+    (path,) = tmp_path.iterdir()
     found, *_ = import_demonstrations(path, ImportMap.from_dict({**content, "task": "t"}))
     values = found.samples[0].values
     if is_place and kind != "BVH":  # which has the hips first
