@@ -2,15 +2,19 @@
 """Figures of the experiment on time alignment: one warp in detail, and recordings warped."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import DASHED, INK, PALETTE, fill_two_sigma, new_figure, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from intent_recognition.report import (
+    DASHED,
+    INK,
+    PALETTE,
+    Drawing,
+    fill_two_sigma,
+    new_figure,
+    styled,
+)
 
 
 @styled
@@ -18,7 +22,7 @@ def warp_figure(
     phase: NDArray[np.float64],
     errors: Mapping[str, NDArray[np.float64]],
     velocities: Mapping[str, NDArray[np.float64]],
-) -> "Figure":
+) -> Drawing:
     """One demonstration: how wrong its warps are, and its velocity when warped.
 
     Args:
@@ -52,7 +56,7 @@ def warp_figure(
 @styled
 def recordings_figure(
     phase: NDArray[np.float64], panels: Mapping[str, NDArray[np.float64]], quantity: str
-) -> "Figure":
+) -> Drawing:
     """Recordings of one task as recorded and warped: each a line, mean +- two standard deviations.
 
     Args:

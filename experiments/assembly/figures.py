@@ -11,6 +11,7 @@ from intent_recognition.report import (
     DASHED,
     INK,
     SOFT,
+    Drawing,
     new_figure,
     readable,
     shared_legend,
@@ -21,7 +22,6 @@ from intent_recognition.report import (
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WORKER_COLOUR, ASSISTANT_COLOUR = "#0072b2", "#d55e00"
 VIEWS = (((0, 1), "from above"), ((0, 2), "from the side"))
@@ -39,7 +39,7 @@ class Tube(NamedTuple):
 
 
 @styled
-def workspace_figure(paths: Mapping[str, NDArray[np.float64]]) -> "Figure":
+def workspace_figure(paths: Mapping[str, NDArray[np.float64]]) -> Drawing:
     """Both wrists of the aligned demonstrations with 2 sigma ellipses along them (Fig. 7).
 
     Args:
@@ -68,7 +68,7 @@ def workspace_figure(paths: Mapping[str, NDArray[np.float64]]) -> "Figure":
 @styled
 def overlap_figure(
     tubes: Mapping[str, Tube], observations_m: NDArray[np.float64], true: str, n_circled: int
-) -> "Figure":
+) -> Drawing:
     """Observations of one demonstration over the tubes of two tasks (Fig. 8).
 
     Args:
@@ -111,7 +111,7 @@ def overlap_figure(
 @styled
 def certainty_figure(
     labels: Sequence[str], rows: Mapping[str, Mapping[str, NDArray[np.float64]]], certain_after: int
-) -> "Figure":
+) -> Drawing:
     """Task probabilities over the number of observations, one panel a true task (Fig. 9).
 
     Args:
@@ -146,7 +146,7 @@ def certainty_figure(
 @styled
 def ambiguity_figure(
     labels: Sequence[str], ways: Mapping[str, NDArray[np.float64]], true: str
-) -> "Figure":
+) -> Drawing:
     """Task probabilities from single observations and from all so far, for the ambiguous task.
 
     Args:
@@ -169,7 +169,7 @@ def ambiguity_figure(
 @styled
 def spread_figure(
     before_cm: Mapping[str, NDArray[np.float64]], after_cm: Mapping[str, NDArray[np.float64]]
-) -> "Figure":
+) -> Drawing:
     """How far demonstrations are from their mean over phase, before and after alignment."""
     colours = task_colours(before_cm)
     figure = new_figure(11.2, 3.1)
@@ -238,7 +238,7 @@ def _bands(
     axes.set_xlim(at[0], at[-1])
 
 
-def _task_legend(figure: "Figure", labels: Sequence[str], colours: Mapping[str, str]) -> None:
+def _task_legend(figure: Drawing, labels: Sequence[str], colours: Mapping[str, str]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -250,7 +250,7 @@ def _task_legend(figure: "Figure", labels: Sequence[str], colours: Mapping[str, 
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
-def _agents_legend(figure: "Figure") -> None:
+def _agents_legend(figure: Drawing) -> None:
     from matplotlib.lines import Line2D
 
     handles = [

@@ -11,6 +11,7 @@ from intent_recognition.report import (
     DASHED,
     INK,
     SOFT,
+    Drawing,
     fill_two_sigma,
     new_axes,
     new_figure,
@@ -22,7 +23,6 @@ from intent_recognition.report import (
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
-    from matplotlib.figure import Figure
     from matplotlib.typing import LineStyleType
 
 PREDICTED_LINE: "LineStyleType" = (0, (4, 1.6))
@@ -56,7 +56,7 @@ def prediction_error_figure(
     unknown_cm: Mapping[str, NDArray[np.float64]],
     mean_cm: Mapping[str, float],
     quantity: str,
-) -> "Figure":
+) -> Drawing:
     """Mean error over the number of observations, per task, beside that of the task's mean.
 
     Args:
@@ -91,7 +91,7 @@ def prediction_error_figure(
 
 
 @styled
-def prediction_figure(examples: Mapping[str, WristPrediction], n_observations: int) -> "Figure":
+def prediction_figure(examples: Mapping[str, WristPrediction], n_observations: int) -> Drawing:
     """The assistant's wrist as predicted after some observations, with +-2 sigma; a row a task."""
     colours = task_colours(examples)
     figure = new_figure(11.2, 2.1 * len(examples) + 0.5)
@@ -112,7 +112,7 @@ def prediction_figure(examples: Mapping[str, WristPrediction], n_observations: i
 
 
 @styled
-def hand_figure(examples: Mapping[str, Hand]) -> "Figure":
+def hand_figure(examples: Mapping[str, Hand]) -> Drawing:
     """The arm's hand beside the assistant's wrist it stands in for; a row a task."""
     colours = task_colours(examples)
     figure = new_figure(11.2, 2.1 * len(examples) + 0.5)
@@ -134,7 +134,7 @@ def hand_figure(examples: Mapping[str, Hand]) -> "Figure":
 @styled
 def arrival_figure(
     end_cm: Mapping[str, NDArray[np.float64]], late_s: Mapping[str, NDArray[np.float64]]
-) -> "Figure":
+) -> Drawing:
     """Where and when the hand arrived, compared with the assistant's wrist; a dot a recording."""
     colours, markers = task_colours(end_cm), task_markers(end_cm)
     figure, axes = new_axes(5.6, 3.9)
@@ -158,7 +158,7 @@ def arrival_figure(
 
 
 def _legend(
-    figure: "Figure",
+    figure: Drawing,
     truth: str,
     ours: str,
     *,

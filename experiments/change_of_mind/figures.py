@@ -2,7 +2,6 @@
 """Figures of changes of mind: the hand's courses, what became of them, and how soon."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,12 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    Drawing,
     new_axes,
     new_figure,
     shared_legend,
     styled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 NEW, OLD = PALETTE[2], PALETTE[1]
 
@@ -27,7 +24,7 @@ NEW, OLD = PALETTE[2], PALETTE[1]
 @styled
 def courses_figure(
     courses: Mapping[str, NDArray[np.float64]], references: Mapping[str, NDArray[np.float64]]
-) -> "Figure":
+) -> Drawing:
     """Planned courses of the wrist, from above and from the side.
 
     Args:
@@ -52,7 +49,7 @@ def courses_figure(
 @styled
 def outcome_figure(
     panels: Mapping[str, Mapping[float, tuple[float, float]]], wanted: Mapping[float, float]
-) -> "Figure":
+) -> Drawing:
     """What was active at the end, over the moment of the change, one panel per kind of change.
 
     Args:
@@ -80,7 +77,7 @@ def outcome_figure(
 
 
 @styled
-def delay_figure(delays_s: Mapping[str, Sequence[float]], counts: Mapping[str, int]) -> "Figure":
+def delay_figure(delays_s: Mapping[str, Sequence[float]], counts: Mapping[str, int]) -> Drawing:
     """Share of reaches with the new task active, over the time since the change.
 
     Args:

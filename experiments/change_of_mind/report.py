@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Report of the changes of mind: what is wanted beside what is measured, figures, the table."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +14,7 @@ from experiments.change_of_mind.study import (
     GoalChange,
 )
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
+from intent_recognition.report import Block, Column, Drawing, Figure, TableBlock, to_svg
 from sim_bridge.coworker import (
     TASKS,
     USUAL_BLEND,
@@ -26,9 +24,6 @@ from sim_bridge.coworker import (
     draw_reach,
     draw_rest,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
 
 NEW_WANTED = {0.15: 0.85, 0.25: 0.85, 0.4: 0.70}
 """Least share of changed reaches with the new task active at the end, by moment of the change."""
@@ -196,7 +191,7 @@ def blocks(study: ChangeStudy, seed: int) -> tuple[Block, ...]:
     )
 
 
-def _courses(seed: int) -> "Drawing":
+def _courses(seed: int) -> Drawing:
     """One reach, changed in each way; every generator draws the same two reaches."""
 
     def draw(blend: float | None) -> ChangedReach:

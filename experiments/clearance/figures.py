@@ -14,6 +14,7 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    Drawing,
     new_axes,
     new_figure,
     shared_legend,
@@ -22,7 +23,6 @@ from intent_recognition.report import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 COLOURS = {
     "as before": NONE_COLOUR,
@@ -34,7 +34,7 @@ COLOURS = {
 
 
 @styled
-def nearest_figure(runs: Sequence[ClearanceRun], clearance_m: float) -> "Figure":
+def nearest_figure(runs: Sequence[ClearanceRun], clearance_m: float) -> Drawing:
     """Least distance from a box in each run: of the guarded arm over that without boxes."""
     figure, axes = new_axes(6.4, 4.6)
     for outcome, colour in COLOURS.items():
@@ -53,7 +53,7 @@ def nearest_figure(runs: Sequence[ClearanceRun], clearance_m: float) -> "Figure"
 
 
 @styled
-def courses_figure(runs: Sequence[ClearanceRun]) -> "Figure":
+def courses_figure(runs: Sequence[ClearanceRun]) -> Drawing:
     """The hand's way to the handover without boxes and with the guard, among them, from above and
     from the side; one row for each of some runs.
     """

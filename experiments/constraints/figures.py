@@ -2,16 +2,13 @@
 """Figure of the task constraints: ROC curves on the training object and on novel ones."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.constraints.roc import GRID
-from intent_recognition.report import NONE_COLOUR, PALETTE, new_figure, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from intent_recognition.report import NONE_COLOUR, PALETTE, Drawing, new_figure, styled
 
 LINE_STYLES = (("-", 3.2), ((0, (4, 1.5)), 1.4), ((0, (1, 1)), 1.8))
 """Dashes and width: the first two often coincide."""
@@ -42,7 +39,7 @@ class RocPanel(NamedTuple):
 
 
 @styled
-def roc_figure(rows: Sequence[Sequence[RocPanel]]) -> "Figure":
+def roc_figure(rows: Sequence[Sequence[RocPanel]]) -> Drawing:
     """Panels of ROC curves: mean and quartiles over training sets, areas in the legends.
 
     Args:

@@ -2,7 +2,6 @@
 """Figures of the moved box: where everybody goes, and what knowing its place brings."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,12 @@ from intent_recognition.report import (
     INK,
     NONE_COLOUR,
     PALETTE,
+    Drawing,
     new_axes,
     new_figure,
     shared_legend,
     styled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 STYLES = ((NONE_COLOUR, "-"), (PALETTE[1], "-"), (PALETTE[2], DASHED), (PALETTE[0], "-"))
 """Colour and line of each condition."""
@@ -29,7 +26,7 @@ STYLES = ((NONE_COLOUR, "-"), (PALETTE[1], "-"), (PALETTE[2], DASHED), (PALETTE[
 def scene_figure(
     courses: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]],
     turns_at: int,
-) -> "Figure":
+) -> Drawing:
     """Wrist and hand from above, at some places of the box.
 
     Args:
@@ -57,7 +54,7 @@ def outcome_figure(
     errors_m: Mapping[str, NDArray[np.float64]],
     decided: Mapping[str, NDArray[np.float64]],
     turns_at: float,
-) -> "Figure":
+) -> Drawing:
     """Error of the predicted end over the share seen, and when the task was acted on.
 
     Args:

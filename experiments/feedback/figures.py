@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.feedback.controller import FeedbackPolicy
-from intent_recognition.report import PALETTE, SOFT, fill_two_sigma, new_figure, styled
+from intent_recognition.report import PALETTE, SOFT, Drawing, fill_two_sigma, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PRIMITIVE, STOCHASTIC, LOW_GAIN = PALETTE[0], PALETTE[1], PALETTE[2]
 NAMES = ("stochastic feedback", "low gain")
@@ -31,7 +30,7 @@ def distribution_figure(
     wanted: Wanted,
     times_s: NDArray[np.float64],
     moments: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
-) -> "Figure":
+) -> Drawing:
     """Mean and 2 sigma of each joint: of the primitive, and of the arm by either controller.
 
     Args:
@@ -65,7 +64,7 @@ def spread_figure(
     times_s: NDArray[np.float64],
     moments: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
     chance: NDArray[np.float64],
-) -> "Figure":
+) -> Drawing:
     """Standard deviation of each joint over time.
 
     Args:
@@ -90,7 +89,7 @@ def spread_figure(
 
 
 @styled
-def stiffness_figure(policy: FeedbackPolicy, demonstrated: NDArray[np.float64]) -> "Figure":
+def stiffness_figure(policy: FeedbackPolicy, demonstrated: NDArray[np.float64]) -> Drawing:
     """Spread of the demonstrations and stiffness of the controller over time, per joint.
 
     Args:
@@ -115,7 +114,7 @@ def stiffness_figure(policy: FeedbackPolicy, demonstrated: NDArray[np.float64]) 
 @styled
 def push_figure(
     start_s: NDArray[np.float64], spread_m: NDArray[np.float64], deflection_m: NDArray[np.float64]
-) -> "Figure":
+) -> Drawing:
     """Largest deflection of the hand for pushes at several times, above the hand's spread there.
 
     Args:
@@ -141,7 +140,7 @@ def push_figure(
     return figure
 
 
-def _joint_panels(n_joints: int, height_in: float) -> tuple["Figure", list["Axes"], "Axes"]:
+def _joint_panels(n_joints: int, height_in: float) -> tuple[Drawing, list["Axes"], "Axes"]:
     """A figure with one panel per joint, and the first free panel for the legend."""
     n_rows = -(-(n_joints + 1) // N_COLUMNS)
     figure = new_figure(9.8, height_in)

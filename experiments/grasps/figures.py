@@ -9,12 +9,19 @@ from numpy.typing import NDArray
 
 from experiments.grasps.gripper import CLEARANCE_M, FINGER_M, PAD_M
 from experiments.grasps.study import CARRIED, MANNERS, WARPED, Trial
-from intent_recognition.report import INK, PALETTE, new_axes, new_figure, shared_legend, styled
+from intent_recognition.report import (
+    INK,
+    PALETTE,
+    Drawing,
+    new_axes,
+    new_figure,
+    shared_legend,
+    styled,
+)
 from intent_recognition.warping import Grasp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 COLOURS = {WARPED: PALETTE[2], CARRIED: PALETTE[1]}
 N_COLUMNS = 4
@@ -24,7 +31,7 @@ MM = 1e3
 
 
 @styled
-def cuts_figure(trials: Sequence[Trial]) -> "Figure":
+def cuts_figure(trials: Sequence[Trial]) -> Drawing:
     """Each container cut where the warped grasp is, with the fingers before they close.
 
     Args:
@@ -48,7 +55,7 @@ def cuts_figure(trials: Sequence[Trial]) -> "Figure":
 
 
 @styled
-def held_figure(shares: Mapping[str, Mapping[str, float]], wanted: float) -> "Figure":
+def held_figure(shares: Mapping[str, Mapping[str, float]], wanted: float) -> Drawing:
     """Bars of the shares held, by kind of container and manner."""
     figure, axes = new_axes(5.4, 3.2)
     places, width = np.arange(len(shares)), 0.8 / len(MANNERS)

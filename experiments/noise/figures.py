@@ -2,15 +2,11 @@
 """Figures of the experiment on noise: errors over observed samples and over the noise."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import DASHED, PALETTE, SOFT, new_figure, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from intent_recognition.report import DASHED, PALETTE, SOFT, Drawing, new_figure, styled
 
 BAND = 2.0
 """Standard errors on both sides of a mean."""
@@ -23,7 +19,7 @@ def noise_figure(
     panels: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
     levels: Sequence[float],
     counts: Sequence[int],
-) -> "Figure":
+) -> Drawing:
     """Bars of the error over the number of observed samples, one colour per level of noise.
 
     Args:
@@ -62,7 +58,7 @@ def growth_figure(
     panels: Mapping[str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]],
     levels: Sequence[float],
     styles: Mapping[str, tuple[int, bool, str]],
-) -> "Figure":
+) -> Drawing:
     """Error over the noise variance, a line per method, +- two standard errors.
 
     The axis of the errors is logarithmic; a band that would reach below half its line ends there.

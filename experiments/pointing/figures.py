@@ -2,7 +2,7 @@
 """Figures of the pointing experiment: the table from above, errors, conditioned trajectories."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,12 @@ from intent_recognition.report import (
     PALETTE,
     PAPER_COLOUR,
     SOFT,
+    Drawing,
     fill_two_sigma,
     new_axes,
     new_figure,
     styled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TRAINED, POINTED, POSTERIOR, PRIOR = PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[0]
 WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
@@ -53,7 +51,7 @@ def table_figure(
     spots: Sequence[PointedSpot],
     centre_m: NDArray[np.float64],
     diameter_m: float,
-) -> "Figure":
+) -> Drawing:
     """The table from above: x away from the robot upward, y to the left.
 
     Args:
@@ -115,7 +113,7 @@ def errors_figure(
     errors_m: NDArray[np.float64],
     nearest_m: NDArray[np.float64],
     paper_m: float,
-) -> "Figure":
+) -> Drawing:
     """Error of each test spot, with that of the nearest demonstration and the paper's largest."""
     figure, axes = new_axes(5.4, 3.4)
     at = np.arange(len(numbers))
@@ -150,7 +148,7 @@ def conditioned_figure(
     seen: tuple[NDArray[np.float64], NDArray[np.float64]],
     observation: NDArray[np.float64],
     done: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> "Figure":
+) -> Drawing:
     """Prior and posterior of the wrist (above) and of the first joints (below), +-2 sigma.
 
     Args:

@@ -2,7 +2,7 @@
 """Figures of the pole: paths from above, error over the number of components, distance kept."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +13,13 @@ from intent_recognition.report import (
     PALETTE,
     PAPER_COLOUR,
     SOFT,
+    Drawing,
     fill_two_sigma,
     new_axes,
     new_figure,
     shared_legend,
     styled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 WAY_COLOURS = {"left": PALETTE[0], "right": PALETTE[1]}
 HIT_COLOUR = "#c2185b"
@@ -51,7 +49,7 @@ def paths_figure(
     both_ways: NDArray[np.bool_],
     pole_m: NDArray[np.float64],
     pole_radius_m: float,
-) -> "Figure":
+) -> Drawing:
     """The table from above, the robot below: fingertip paths around the pole, panel by panel.
 
     Args:
@@ -109,7 +107,7 @@ def components_figure(
     errors: Mapping[str, NDArray[np.float64]],
     chosen: int,
     paper: Mapping[str, float] | None = None,
-) -> "Figure":
+) -> Drawing:
     """Left-out error over the number of components, one panel per unit.
 
     Args:
@@ -154,7 +152,7 @@ def components_figure(
 @styled
 def clearance_figure(
     motions: Mapping[str, tuple[NDArray[np.float64], NDArray[np.bool_]]],
-) -> "Figure":
+) -> Drawing:
     """Least distance from the pole of every motion, one row of dots per kind of motion.
 
     Args:
@@ -189,7 +187,7 @@ def two_answers_figure(
     answers: Sequence[tuple[str, NDArray[np.float64], NDArray[np.float64]]],
     truths: Mapping[str, NDArray[np.float64]],
     names: Sequence[str],
-) -> "Figure":
+) -> Drawing:
     """Joints over phase: what each component and a single Gaussian predict, with ±2 sigma.
 
     Args:
@@ -216,7 +214,7 @@ def two_answers_figure(
 
 
 @styled
-def scene_figure(images: Sequence[tuple[str, NDArray[np.uint8]]]) -> "Figure":
+def scene_figure(images: Sequence[tuple[str, NDArray[np.uint8]]]) -> Drawing:
     """Pictures side by side, each (title, RGB image (H, W, 3))."""
     figure = new_figure(4.4 * len(images), 3.7)
     for axes, (title, image) in zip(

@@ -11,6 +11,7 @@ from intent_recognition.report import (
     NONE_COLOUR,
     PALETTE,
     SOFT,
+    Drawing,
     fill_two_sigma,
     new_axes,
     new_figure,
@@ -19,7 +20,6 @@ from intent_recognition.report import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from matplotlib.typing import LineStyleType
 
 WARPED_TITLES = (
@@ -59,7 +59,7 @@ def paths_figure(
     warped: Band,
     demonstrations: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
     real: Sequence[Real],
-) -> "Figure":
+) -> Drawing:
     """Above the primitive in the warped space, below what it becomes for some pairs.
 
     Args:
@@ -107,7 +107,7 @@ def _band(
 @styled
 def spilled_figure(
     pairs: Sequence[str], spilled: Mapping[str, Sequence[int]], n_balls: int
-) -> "Figure":
+) -> Drawing:
     """Bars of spilled balls per pair, one colour per way to pour.
 
     Args:

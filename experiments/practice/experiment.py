@@ -2,7 +2,6 @@
 """A pour that spills much gets better by practice, beside random search."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from intent_recognition.report import (
     NONE_COLOUR,
     PALETTE,
     Column,
+    Drawing,
     Figure,
     TableBlock,
     new_figure,
@@ -33,9 +33,6 @@ from intent_recognition.report import (
     to_svg,
 )
 from sim_bridge.scenarios.pouring import SHORT_STD_RADII
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
 
 N_SEEDS = 10
 WANTED_SHARE = 0.8
@@ -110,7 +107,7 @@ def findings(done: Sequence[Practised]) -> tuple[Finding, ...]:
 
 
 @styled
-def learning_figure(done: Sequence[Practised]) -> "Drawing":
+def learning_figure(done: Sequence[Practised]) -> Drawing:
     """Cheapest rollout so far with its spread, and the cost before and after of each seed."""
     figure = new_figure(8.6, 3.4)
     left, right = figure.subplots(1, 2)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows and figure of corrections by hand."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from experiments.results import Finding
@@ -17,6 +15,7 @@ from experiments.skills.correcting import (
 from experiments.skills.part import SkillPart
 from intent_recognition.report import (
     Column,
+    Drawing,
     Figure,
     TableBlock,
     new_axes,
@@ -25,9 +24,6 @@ from intent_recognition.report import (
     task_colours,
     to_svg,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 LEAST_FALL, UNCHANGED = 0.7, 1e-9
 """What is wanted of three kept corrections."""
@@ -129,7 +125,7 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | TableBlock, ...]:
 
 
 @styled
-def errors_figure(study: CorrectingStudy) -> "MatplotlibFigure":
+def errors_figure(study: CorrectingStudy) -> Drawing:
     """Error at the new place over kept corrections, a line for each task."""
     figure, axes = new_axes(6.0, 3.6)
     colours = task_colours(set(study.tasks))

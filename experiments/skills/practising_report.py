@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows and figure of practised tasks."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from experiments.practice.study import CMA, RANDOM, share_left
@@ -20,6 +18,7 @@ from experiments.skills.practising import (
 )
 from intent_recognition.report import (
     Column,
+    Drawing,
     Figure,
     TableBlock,
     new_figure,
@@ -28,9 +27,6 @@ from intent_recognition.report import (
     task_colours,
     to_svg,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 SHOWN = {DISTANCE: (100.0, "cm"), TIME: (1.0, "s")}
 """Factor and unit in which each cost is shown."""
@@ -106,7 +102,7 @@ _WHEN = ("before", "after", "after random search")
 
 
 @styled
-def curves_figure(study: PractisingStudy) -> "MatplotlibFigure":
+def curves_figure(study: PractisingStudy) -> Drawing:
     """Learning curves by both costs, a line for each task; dashed: random search."""
     figure = new_figure(8.6, 3.2)
     tasks = [one.task for one in study.waited]

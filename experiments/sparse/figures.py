@@ -13,6 +13,7 @@ from intent_recognition.report import (
     NONE_COLOUR,
     PALETTE,
     SOFT,
+    Drawing,
     fill_two_sigma,
     new_figure,
     shared_legend,
@@ -21,7 +22,6 @@ from intent_recognition.report import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PRIOR, POSTERIOR = PALETTE[0], PALETTE[2]
 LINES = (PALETTE[1], PALETTE[3], PALETTE[5])
@@ -55,7 +55,7 @@ class SketchExample(NamedTuple):
 
 
 @styled
-def example_figure(phase: NDArray[np.float64], examples: Sequence[SketchExample]) -> "Figure":
+def example_figure(phase: NDArray[np.float64], examples: Sequence[SketchExample]) -> Drawing:
     """Prior and posterior of both agents, +- two standard deviations; one column per example.
 
     Args:
@@ -113,7 +113,7 @@ def sparse_error_figure(
     rmse: Mapping[str, Line],
     at: NDArray[np.float64],
     accelerations: Mapping[str, NDArray[np.float64]],
-) -> "Figure":
+) -> Drawing:
     """Error over the number of observations, and what a spline makes of an acceleration.
 
     Args:

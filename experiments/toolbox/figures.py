@@ -2,7 +2,6 @@
 """Figures of the mixture of the toolbox: its components, and one of them conditioned."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from intent_recognition.report import (
     INK,
     PALETTE,
     SOFT,
+    Drawing,
     fill_two_sigma,
     new_figure,
     readable,
@@ -19,9 +19,6 @@ from intent_recognition.report import (
     styled,
     task_colours,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PRIOR_COLOUR = "#9aa5b1"
 POSTERIOR_COLOUR = "#c2185b"
@@ -35,7 +32,7 @@ def components_found_figure(
     labels: NDArray[np.integer],
     names: Sequence[str],
     tasks: Mapping[int, str],
-) -> "Figure":
+) -> Drawing:
     """Mean and +-2 sigma of the members of each component, one panel per DOF.
 
     Args:
@@ -76,7 +73,7 @@ def conditioned_figure(
     mean: NDArray[np.float64],
     std: NDArray[np.float64],
     names: Sequence[str],
-) -> "Figure":
+) -> Drawing:
     """One test: the component, the observation, the predicted robot and the truth.
 
     Args:

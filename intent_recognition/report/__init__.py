@@ -10,6 +10,7 @@ from intent_recognition.report.drawing import (
     PALETTE,
     PAPER_COLOUR,
     SOFT,
+    Drawing,
     fill_two_sigma,
     new_axes,
     new_figure,

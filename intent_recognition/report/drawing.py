@@ -7,7 +7,7 @@ Figures are objects of their own and never registered anywhere: dropping one fre
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.typing import LineStyleType
+
+Drawing: TypeAlias = "Figure"
+"""A figure of matplotlib, which is loaded when one is drawn."""
 
 NONE_COLOUR = "#8792a0"
 INK = "#1d2733"
