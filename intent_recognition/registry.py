@@ -225,10 +225,7 @@ NODES: Mapping[str, RegisteredNode] = {
     "bag_player": RegisteredNode(
         "intent_recognition.nodes.bag_player",
         "Replays a bag on its topics in the recorded rhythm.",
-        publishes=(
-            SAMPLED,
-            *(topic for topic in RECORDED if not topic.startswith(OWN_TOPICS)),
-        ),
+        publishes=(SAMPLED, *(topic for topic in RECORDED if not topic.startswith(OWN_TOPICS))),
         offers=("~/pause", "~/resume"),
     ),
     "arm_sim": _ARM,

@@ -71,10 +71,7 @@ def make_job(rng: np.random.Generator, twice: bool = True) -> Job:
 
 
 def build(
-    rng: np.random.Generator,
-    job: Job,
-    slips: float = 0.02,
-    stay: float = 0.5,
+    rng: np.random.Generator, job: Job, slips: float = 0.02, stay: float = 0.5
 ) -> Iterator[Act]:
     """One assembly.
 

@@ -43,10 +43,7 @@ def start_bank(library: TaskLibrary, hypotheses: PriorGrid) -> Bank:
 
 
 def run_bank(
-    library: TaskLibrary,
-    hypotheses: PriorGrid,
-    observations: Iterable[Observation],
-    onset_ns: int,
+    library: TaskLibrary, hypotheses: PriorGrid, observations: Iterable[Observation], onset_ns: int
 ) -> Bank:
     """The bank after a stretch of observations that begins at onset."""
     run = MovementFilter(library, hypotheses, onset_ns)
@@ -56,11 +53,7 @@ def run_bank(
 
 
 def condition_bank(
-    bank: Bank,
-    dofs: np.ndarray,
-    rows: np.ndarray,
-    values: np.ndarray,
-    noise_covariance: np.ndarray,
+    bank: Bank, dofs: np.ndarray, rows: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray
 ) -> Bank:
     """Every hypothesis conditioned on one observation; the argument is not changed.
 

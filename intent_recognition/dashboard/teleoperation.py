@@ -43,13 +43,7 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 class Teleoperation:
     """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked."""
 
-    def __init__(
-        self,
-        node: Node,
-        state: CellState,
-        body: str = "wrist",
-        hand_link: str = "",
-    ):
+    def __init__(self, node: Node, state: CellState, body: str = "wrist", hand_link: str = ""):
         self._node, self._state, self._body = node, state, body
         self._finder = ArmFinder(hand_link)
         self._pose: Publisher | None = None

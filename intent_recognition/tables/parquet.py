@@ -10,11 +10,7 @@ import numpy as np
 from intent_recognition.errors import BagError, one_line, optional
 from intent_recognition.tables.cells import Values
 from intent_recognition.tables.table import Table, check_columns, unusable
-from intent_recognition.untrusted import (
-    MOST_ARRAYS,
-    UntrustedError,
-    check_regular,
-)
+from intent_recognition.untrusted import MOST_ARRAYS, UntrustedError, check_regular
 
 
 def open_parquet(path: Path) -> Table:

@@ -46,9 +46,7 @@ class LogisticModel:
 
 
 def fit_logistic(
-    features: NDArray[np.float64],
-    labels: NDArray[np.float64],
-    ridge: float = 1e-2,
+    features: NDArray[np.float64], labels: NDArray[np.float64], ridge: float = 1e-2
 ) -> LogisticModel:
     """Fit by Newton steps on the ridge-penalised likelihood, halved until it rises.
 

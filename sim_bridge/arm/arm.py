@@ -15,11 +15,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.kinematics import check_position
 from sim_bridge import GRAVITY_M_S2
-from sim_bridge.arm.controllers import (
-    guiding_torque,
-    impedance_torque,
-    limit_torque,
-)
+from sim_bridge.arm.controllers import guiding_torque, impedance_torque, limit_torque
 from sim_bridge.arm.robots import Robot, derived_gains, lwr
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
 from sim_bridge.arm.trajectory_follower import ArmReference
@@ -302,10 +298,7 @@ class SimulatedArm:
         if (self._torque != torque).any():
             self.saturated_steps += 1
         self.client.setJointMotorControlArray(
-            self.body,
-            self.joint_indices,
-            pybullet.TORQUE_CONTROL,
-            forces=self._torque.tolist(),
+            self.body, self.joint_indices, pybullet.TORQUE_CONTROL, forces=self._torque.tolist()
         )
 
     def _wanted_acceleration(self) -> NDArray[np.float64]:

@@ -120,11 +120,7 @@ NAMES = ("lwr", *PRESETS)
 
 
 def find_robot(
-    robot: str,
-    *,
-    base: str = "",
-    tip: str = "",
-    base_position_m: Sequence[float] | None = None,
+    robot: str, *, base: str = "", tip: str = "", base_position_m: Sequence[float] | None = None
 ) -> Robot:
     """An arm by its name, or from the path of a URDF or xacro file.
 

@@ -103,11 +103,7 @@ class TrajectoryFollower:
         limits: limits the blend is planned with.
     """
 
-    def __init__(
-        self,
-        position: NDArray[np.float64],
-        limits: JointLimits = LWR_LIMITS,
-    ) -> None:
+    def __init__(self, position: NDArray[np.float64], limits: JointLimits = LWR_LIMITS) -> None:
         self._limits = limits
         self._entries: list[_Entry] = []
         self.hold(position)
@@ -204,9 +200,7 @@ def _sample(entries: list[_Entry], time_s: float) -> ArmReference:
 
 
 def _within(
-    limit: NDArray[np.float64],
-    both: list[NDArray[np.float64]],
-    alone: list[NDArray[np.float64]],
+    limit: NDArray[np.float64], both: list[NDArray[np.float64]], alone: list[NDArray[np.float64]]
 ) -> bool:
     """Whether rates keep their limit (n,), or the trajectory's own where that is larger."""
     largest = np.maximum(limit, np.abs(alone).max(axis=0))

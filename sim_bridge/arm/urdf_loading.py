@@ -92,10 +92,7 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
         _try_meshes(urdf, path, flags)
         try:
             return client.loadURDF(
-                str(path),
-                basePosition=base_position_m,
-                useFixedBase=True,
-                flags=flags,
+                str(path), basePosition=base_position_m, useFixedBase=True, flags=flags
             )
         except pybullet.error as error:
             cure = "Check it with check_urdf, and that its meshes can be read."

@@ -98,10 +98,7 @@ def test_replay_equals_the_nodes_on_a_spoiled_recording(
             p, header = message.pose.position, message.header
             pose = {
                 "header": {"stamp": item.stamp_ns, "frame_id": header.frame_id},
-                "pose": {
-                    "position": {"x": p.x, "y": p.y, "z": p.z},
-                    "orientation": {"w": 1.0},
-                },
+                "pose": {"position": {"x": p.x, "y": p.y, "z": p.z}, "orientation": {"w": 1.0}},
             }
             if k % 10 == 5:
                 fault = ("not_finite", "zero_stamp", "jump", "unknown_frame")[k // 10 % 4]

@@ -5,12 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from tables.odd_files import (
-    PLACE,
-    ROWS,
-    TIMES_S,
-    imported,
-)
+from tables.odd_files import PLACE, ROWS, TIMES_S, imported
 
 from intent_recognition.tables import import_demonstrations
 from intent_recognition.tables.import_map import ImportMap
