@@ -86,7 +86,7 @@ def clean_topic(
     if is_raw_pose(topic, type_name):
         raw = _pose_columns(stamps_ns, log_times_ns, decoded)
         settings = _settings(raw, extrinsics)
-        accepted = _ingest(raw, settings)
+        accepted = ingest_poses(settings, raw)
         frames = _names([settings.world_frame])
         poses = accepted.rows, accepted.positions, accepted.orientations
         for row, position, orientation in zip(*poses, strict=True):
@@ -106,7 +106,7 @@ def clean_columns(
     frames = _names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
         settings = _settings(columns, extrinsics)
-        accepted = _ingest(columns, settings)
+        accepted = ingest_poses(settings, columns)
         frames = _names([settings.world_frame])
         positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
         positions[accepted.rows, :3] = accepted.positions
@@ -194,17 +194,6 @@ def _pose_columns(
         np.array(indices, np.int64),
         poses[:, :3],
         poses[:, 3:],
-    )
-
-
-def _ingest(columns: PoseColumns, settings: IngestSettings) -> AcceptedPoses:
-    return ingest_poses(
-        settings,
-        columns.stamps_ns,
-        columns.positions,
-        columns.orientations,
-        columns.frame_ids,
-        columns.frames,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.bags import PoseColumns
 from intent_recognition.errors import ShapeError
 from intent_recognition.signals import LEAST_QUATERNION
 from intent_recognition.tracking.ingest import FARTHEST_M, IngestState, TrackedPose, ingest_pose
@@ -35,14 +36,7 @@ class AcceptedPoses:
     rejected: Counter[str] = field(default_factory=Counter)
 
 
-def ingest_poses(
-    settings: IngestSettings,
-    stamps_ns: NDArray[np.int64],
-    positions: NDArray[np.float64],
-    orientations: NDArray[np.float64],
-    frame_ids: tuple[str, ...],
-    frames: NDArray[np.int64],
-) -> AcceptedPoses:
+def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
     """All samples of one body in order, from the initial state; equal to `ingest_pose` in a loop.
 
     Samples that `ingest_pose` surely accepts are accepted together. From a sample that it may
@@ -50,15 +44,13 @@ def ingest_poses(
 
     Args:
         settings: frames, gate and noise.
-        stamps_ns: times of measurement, int64 (T,).
-        positions: (T, 3) [m] in their frames.
-        orientations: (T, 4) xyzw in their frames.
-        frame_ids: names of the frames.
-        frames: index into `frame_ids` of each sample, int (T,).
+        raw: the samples, positions in metres.
 
     Raises:
         ShapeError: the arrays do not fit each other.
     """
+    stamps_ns, frames = raw.stamps_ns, raw.frames
+    positions, orientations = raw.positions, raw.orientations
     shapes = (positions.shape, orientations.shape, frames.shape)
     count = stamps_ns.size
     if shapes != ((count, 3), (count, 4), (count,)):
@@ -69,7 +61,7 @@ def ingest_poses(
     usable = (stamps_ns > 0) & np.all(np.isfinite(orientations), axis=1)
     usable &= np.all(np.abs(positions) <= FARTHEST_M, axis=1)  # False for NaN too
     world, turned = np.full((count, 3), np.nan), np.full((count, 4), np.nan)
-    for index, frame in enumerate(map(frame_name, frame_ids)):
+    for index, frame in enumerate(map(frame_name, raw.frame_ids)):
         if (transform := settings.frames.get(frame)) is not None:
             rows = usable & (frames == index)
             world[rows] = transform.apply(positions[rows])
@@ -84,7 +76,7 @@ def ingest_poses(
         recent = ((int(stamps_ns[at - 1]), world[at - 1]),) if at else ()
         state = IngestState(recent=recent)
         while at < count:
-            pose = positions[at], orientations[at], frame_ids[frames[at]]
+            pose = positions[at], orientations[at], raw.frame_ids[frames[at]]
             state, result = ingest_pose(settings, state, int(stamps_ns[at]), *pose)
             at += 1
             if isinstance(result, TrackedPose):

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from intent_recognition.bags import PoseColumns
 from intent_recognition.errors import ShapeError
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 from intent_recognition.tracking.ingest_many import ingest_poses
@@ -21,6 +22,10 @@ SETTINGS = (
     IngestSettings(extrinsics={"tracker": TRACKER}, reanchor_after=3, clock_reset_after=3),
     IngestSettings(extrinsics={"tracker": (-np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}),
 )
+
+
+def raw(stamps_ns, *parts):
+    return PoseColumns(stamps_ns, stamps_ns, *parts)
 
 
 def one_by_one(setting, stamps_ns, positions, orientations, frames):
@@ -40,7 +45,7 @@ def one_by_one(setting, stamps_ns, positions, orientations, frames):
 
 def check(setting, stamps_ns, positions, orientations, frames):
     rows, poses, rejected = one_by_one(setting, stamps_ns, positions, orientations, frames)
-    found = ingest_poses(setting, stamps_ns, positions, orientations, FRAMES, frames)
+    found = ingest_poses(setting, raw(stamps_ns, FRAMES, frames, positions, orientations))
     assert found.rows.tolist() == rows
     assert found.rejected == rejected
     expected = np.array([pose.position for pose in poses]).reshape(-1, 3)
@@ -90,8 +95,8 @@ def test_a_long_walk_with_steps_at_the_gate(setting):
 
 def test_no_samples_and_wrong_shapes():
     none = np.empty(0, np.int64)
-    found = ingest_poses(SETTINGS[0], none, np.empty((0, 3)), np.empty((0, 4)), (), none)
+    found = ingest_poses(SETTINGS[0], raw(none, (), none, np.empty((0, 3)), np.empty((0, 4))))
     assert found.rows.size == 0 and found.positions.shape == (0, 3)
     assert found.orientations.shape == (0, 4) and not found.rejected
     with pytest.raises(ShapeError, match="positions"):
-        ingest_poses(SETTINGS[0], none, np.empty((1, 3)), np.empty((0, 4)), (), none)
+        ingest_poses(SETTINGS[0], raw(none, (), none, np.empty((1, 3)), np.empty((0, 4))))
