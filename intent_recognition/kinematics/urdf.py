@@ -20,6 +20,9 @@ from intent_recognition.kinematics.urdf_tree import ASSUMED, end_of, parse_urdf,
 
 UNLIMITED_RAD = 1e6
 """Position limit of a continuous joint [rad], which has none. Convention."""
+LIKELY_DEGREES = 12.0 * np.pi, 720.0
+"""A limit of a revolute joint between these [rad] is in degrees. Convention: cables do not bear six
+turns, and two turns are usual."""
 _MOST_NAMES = 12
 """Names of links that an error lists. Convention."""
 
@@ -217,8 +220,13 @@ def _limits(joints: list[ET.Element], acceleration_rad_s2: float) -> JointLimits
     for joint in joints:
         limit = joint.find("limit")
         for name, bound in (("lower", -UNLIMITED_RAD), ("upper", UNLIMITED_RAD)):
-            free = joint.get("type") == "continuous"
-            values[name].append(bound if free else _number(joint, limit, name))
+            kind = joint.get("type")
+            value = bound if kind == "continuous" else _number(joint, limit, name)
+            if kind == "revolute" and LIKELY_DEGREES[0] < abs(value) <= LIKELY_DEGREES[1]:
+                cure = "Likely degrees: multiply it by pi / 180."
+                got = f"{value:g}"
+                raise ArgumentError.about(_names([joint])[0], f"{name} in radians", got, cure)
+            values[name].append(value)
         for name in ("velocity", "effort"):
             values[name].append(_number(joint, limit, name))
     lower, upper, velocity, effort = (np.array(column) for column in values.values())

@@ -67,6 +67,12 @@ def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp
     assert Bodies(text, robot.joint_names, clearance_m=0.02).pairs == ()
 
 
+def test_limits_in_degrees_are_refused():
+    limits = LIMITS | {"r": '<limit lower="-170" upper="170" velocity="2" effort="60"/>'}
+    with pytest.raises(ArgumentError, match="j1: expected lower in radians, got -170"):
+        Arm.from_urdf(urdf((row("base", "", 6),), limits))
+
+
 def test_a_xacro_file_is_expanded(tmp_path):
     text = urdf((row("base", "", 6),)).replace('velocity="2"', 'velocity="${2 * speed}"')
     head = '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro">'
