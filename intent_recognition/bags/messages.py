@@ -103,11 +103,7 @@ def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
 
 @lru_cache(maxsize=256)
 def _typestore(encoding: str, data: bytes, name: str) -> Typestore:
-    """Types of a definition in the form ros1msg or ros2idl.
-
-    Raises:
-        Exception: whatever the parser of definitions raises.
-    """
+    """Types of a definition in the form ros1msg or ros2idl."""
     text = data.decode()
     store = get_typestore(Stores.EMPTY)
     if encoding == "ros1msg":
@@ -172,12 +168,7 @@ def schema_decoder(schema: Schema) -> Decoder | None:
 
 
 def _check_fields(type_name: str, text: str) -> None:
-    """Make sure that a definition has all fields of Jazzy's; it may have more.
-
-    Raises:
-        ValueError: it lacks one, or has it with another type.
-        Exception: the parser of definitions raises what it meets.
-    """
+    """Make sure that a definition has all fields of Jazzy's; it may have more."""
     store, found = jazzy_types(), get_types_from_msg(text, type_name)
     for name in found.keys() & jazzy_names():
         has = dict(found[name][1])

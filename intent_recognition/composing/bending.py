@@ -160,11 +160,7 @@ def hand_columns(names: Sequence[str]) -> list[int]:
 
 
 def _tasks(library: TaskLibrary, point: ViaPoint) -> list[int]:
-    """Numbers of the tasks that a point is for.
-
-    Raises:
-        ArgumentError: the library has no such task.
-    """
+    """Numbers of the tasks that a point is for."""
     if not point.task:
         return list(range(library.n_tasks))
     if point.task not in library.labels:

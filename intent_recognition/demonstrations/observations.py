@@ -171,11 +171,7 @@ class ObservationReader:
     def _turned(
         self, noise: NDArray[np.float64] | None, values: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
-        """The noise of an orientation about the world's axes as that of its rotation vector.
-
-        Raises:
-            MessageError: the orientation was not measured.
-        """
+        """The noise of an orientation about the world's axes as that of its rotation vector."""
         unknown = noise is not None and np.any(np.diagonal(noise) >= UNKNOWN_VARIANCE)
         if unknown or np.any(np.isnan(values)):
             largest = f"{np.degrees(LARGEST_ANGLE_RAD):.0f} degrees"

@@ -129,12 +129,7 @@ def unpack_statistics(
 
 
 def _hyperparameters(chosen: Mapping) -> Hyperparameters:
-    """Those of the header.
-
-    Raises:
-        KeyError: one is missing.
-        TypeError: one is of another type, or too many.
-    """
+    """Those of the header."""
     chosen = dict(chosen)
     if "aligned" in chosen:  # of a model that was written before there were four paces
         chosen["pace"] = "aligned" if chosen.pop("aligned") else "own"

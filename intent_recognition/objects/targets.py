@@ -161,11 +161,7 @@ def mesh_target(
 
 
 def _wind(solid: "trimesh.Trimesh") -> None:
-    """Turn the triangles of a mesh outward.
-
-    Raises:
-        ArgumentError: they cannot be, since its surface has one side only.
-    """
+    """Turn the triangles of a mesh outward."""
     trimesh = optional("trimesh")
 
     if not solid.is_winding_consistent:

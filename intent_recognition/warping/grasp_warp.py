@@ -170,11 +170,7 @@ def _contacts(
     normals: list[NDArray[np.float64]],
     approach: NDArray[np.float64],
 ) -> _Contacts:
-    """Frame and width of two touched surfaces, the one toward +y first.
-
-    Raises:
-        ArgumentError: the approach leads through the surface.
-    """
+    """Frame and width of two touched surfaces, the one toward +y first."""
     closing = normals[0].mean(0) - normals[1].mean(0)
     closing /= np.linalg.norm(closing)
     along = approach - (approach @ closing) * closing
