@@ -62,6 +62,8 @@ class TaskPrediction:
         self._seen = seen if coupled else ()
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
+        self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_DURATION)
+        self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
 
     @property
     def duration_s(self) -> float:
@@ -94,8 +96,8 @@ class TaskPrediction:
         The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and
         phase deviations), and the coupling of the residuals (`promp.coupling`).
         """
-        library, likely = self.library, np.flatnonzero(self.duration_weights > NEGLIGIBLE_DURATION)
-        mean, covariance = self._controlled_weights(likely, start)
+        library, likely, share = self.library, self._likely, self._share
+        mean, covariance = self._controlled_weights(start)
         design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         position = np.matmul(design, mean.swapaxes(1, 2))  # (S, G, Q)
         square = np.einsum("gk,sqkl,gl->sgq", design, covariance, design, optimize=True)
@@ -104,18 +106,17 @@ class TaskPrediction:
         expected = np.matmul(phases, position)
         variance = unexplained * (np.matmul(phases, square) - expected**2)
         expected += shift[likely]
-        share = self.duration_weights[likely] / self.duration_weights[likely].sum()
         return np.tensordot(share, expected, 1), np.tensordot(share, variance + expected**2, 1)
 
     def _controlled_weights(
-        self, some: NDArray[np.int64], start: StartPosture | None
+        self, start: StartPosture | None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """As `promp.controlled_weights`, of k hypotheses and within each controlled DOF alone.
+        """As `promp.controlled_weights`, of k likely durations, within each controlled DOF alone.
 
         Returns:
             Means (k, Q, N) and covariances (k, Q, N, N).
         """
-        library, (observed, spread) = self.library, self.weights.moments(some)
+        library, (observed, spread) = self.library, self.weights.moments(self._likely)
         matrix, offset, rest = library.regressions[self.task]
         q, n = library.n_controlled, library.basis.n_basis
         by_dof, rest = matrix.reshape(q, n, -1), rest.reshape(q, n, q, n)
@@ -225,25 +226,15 @@ class TaskPrediction:
             mean = np.clip(times_s / self.duration_s, 0.0, 1.0)
             variance = np.zeros_like(mean)
         else:
-            mean, variance = self._expected_phase(times_s)
+            share = self._share[:, None, None] * self.deviations_at(times_s)[self._likely]
+            phase = reference_phase(model, times_s / self.durations_s[self._likely, None])
+            mean = np.einsum("ste,ste->t", share, phase)
+            variance = np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
         if times_s[-1] <= times_s[0]:
             return np.ones_like(mean), variance, np.zeros_like(mean)
         mean = np.maximum.accumulate(mean)
         mean += (1.0 - mean[-1]) * times_s / times_s[-1]
         return mean, variance, np.gradient(mean, times_s)
-
-    def _expected_phase(
-        self, times_s: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean and variance of the reference phase, durations and deviations marginalised, (T,)."""
-        weights = self.duration_weights
-        likely = np.flatnonzero(weights > NEGLIGIBLE_DURATION)
-        share = weights[likely, None, None] / weights[likely].sum()
-        share = share * self.deviations_at(times_s)[likely]
-        model = self.library.phase_deviation
-        phase = reference_phase(model, times_s / self.durations_s[likely, None])
-        mean = np.einsum("ste,ste->t", share, phase)
-        return mean, np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
 
 
 def _tabulated(phase: NDArray[np.float64], probability: NDArray[np.float64]) -> NDArray[np.float64]:
