@@ -89,8 +89,9 @@ def margin_between(unknown: NDArray[np.float64], known: NDArray[np.float64]) -> 
 
     Half-way between what unknown movements stay below (`conformal_bound`) and what known ones
     exceed, where there is a gap: a new task is not of the unknown movements' kind, it differs from
-    them as they do from each other (docs/decisions/unknown_movements.md). Of fewer than two unknown
-    movements nothing is learned.
+    them as they do from each other. At most what half of the known movements exceed: where unknown
+    ones cannot be told from them, hardly any would be acted on otherwise
+    (docs/decisions/unknown_movements.md). Of fewer than two unknown movements nothing is learned.
 
     Args:
         unknown: highest log Bayes factor of the known tasks over none along each, (n,).
@@ -99,8 +100,8 @@ def margin_between(unknown: NDArray[np.float64], known: NDArray[np.float64]) -> 
     if len(unknown) < 2:
         return 0.0
     below = conformal_bound(unknown, UNKNOWN_ACCEPTED)
-    above = float(np.quantile(known, UNKNOWN_ACCEPTED)) if len(known) > 1 else below
-    return max(0.5 * (below + max(above, below)), 0.0)
+    above, most = np.quantile(known, (UNKNOWN_ACCEPTED, 0.5)) if len(known) > 1 else (below, below)
+    return max(float(min(0.5 * (below + max(above, below)), most)), 0.0)
 
 
 class Comparison(NamedTuple):

@@ -141,6 +141,7 @@ def test_a_gap_between_unknown_and_known_movements_is_shared_in_halves():
     known = np.linspace(40.0, 60.0, 21)  # 5 % of them below 41
     assert margin_between(unknown, known) == pytest.approx(0.5 * (18.0 + 41.0))
     assert margin_between(unknown, known - 30.0) == 18.0  # no gap: unknown movements decide
+    assert margin_between(unknown, known - 40.0) == 10.0  # half of the known ones are acted on
     assert margin_between(unknown - 100.0, known - 200.0) == 0.0
     assert margin_between(unknown, known[:1]) == 18.0
 
