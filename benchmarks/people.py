@@ -225,7 +225,9 @@ def session(library: TaskLibrary, seed: tuple[int, int]) -> Counter:
         arm.step(now_ns)
         for who, hand in hands.items():
             if k <= hand.end + 50:
+                was = alone[who].active
                 alone[who].take(now_ns, seen_at[who])
+                out["begun wrong alone"] += alone[who].active not in ("", was, hand.task)
             if k == hand.end:
                 of = next((p for p, w in named.items() if w == who), "")
                 out["right alone"] += alone[who].active == hand.task
@@ -236,8 +238,10 @@ def session(library: TaskLibrary, seed: tuple[int, int]) -> Counter:
         now = activation.attended, activation.active_task
         if now != before and now[0]:
             out["helps"] += 1
-            whom = hands[owner[now[0]][0]]
-            out["wrong helps"] += whom.task != now[1] or not whom.wants(k)
+            who = owner[now[0]][0]
+            wrong = not now[1].startswith(who) or not hands[who].wants(k)
+            out["wrong helps"] += wrong
+            out["begun wrong"] += not wrong and now[1] != hands[who].task
         before = now
         if activation.arrived and activation.mode is Mode.EXECUTING:
             who = owner[now[0]][0]
@@ -285,6 +289,10 @@ def people(n: int, seed: int) -> Iterator[Result]:
     yield at_most("people: accuracy lost to alone", loss, 2.0, "points", remark)
     remark = f"{found['helps']} helps, {found['helped']} of {reaches} reaches helped"
     yield at_most("people: help to the wrong person", found["wrong helps"], 0, "", remark)
+    begun, beside = found["begun wrong"], found["begun wrong alone"]
+    share = 100.0 * begun / max(found["helps"], 1)
+    remark = f"{begun} of {found['helps']} helps; alone decided so {beside} times"
+    yield at_most("people: help begun as a wrong task", share, 5.0, "%", remark)
     remark = (
         f"{found['exchanges']} exchanges, {found['undone']} undone,"
         f" {found['undecided']} times undecided, {found['frames of nobody']} poses of nobody"
