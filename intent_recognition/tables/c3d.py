@@ -9,7 +9,7 @@ import numpy as np
 from intent_recognition.errors import MissingPackageError, optional
 from intent_recognition.tables.c3d_reading import MOST_STATED
 from intent_recognition.tables.isolated import read_isolated
-from intent_recognition.tables.table import Table, marker_table
+from intent_recognition.tables.table import Table, without_subjects
 
 
 def open_c3d(path: Path) -> Table:
@@ -39,7 +39,18 @@ def open_c3d(path: Path) -> Table:
         why = "it states no more" if read == MOST_STATED else "the file ends after them"
         notes.append(f"{read} of {said} frames: {why}")
     time = {"time": {"rate": rate}} if rate > 0.0 and np.isfinite(rate) else {}
-    return marker_table(path, labels, points, str(found["unit"]).strip(), time, notes)
+    values = points.reshape(len(points), -1)
+    names = tuple(f"{label}.{axis}" for label in labels for axis in "xyz")
+    return Table(
+        path,
+        names,
+        lambda wanted: [values[:, k] for k in wanted],
+        aliases=without_subjects(names),
+        unit=str(found["unit"]).strip(),
+        must_say=True,
+        defaults=time,
+        notes=tuple(notes),
+    )
 
 
 def _text(label: bytes) -> str:

@@ -29,7 +29,7 @@ from intent_recognition.tables.imported import EntrySamples, ImportedDemonstrati
 from intent_recognition.tables.imported_bags import ImportedBag, bag_parts
 from intent_recognition.tables.scales import convert
 from intent_recognition.tables.table import Table
-from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns, ticks_ns
+from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns
 
 LONGEST_NAME = 80
 """Characters of the name of a recording. Convention, as of labels."""
@@ -235,10 +235,10 @@ def _rows(
     hidden = 0
     if table.must_say and source.entry.unit == "m" and values.shape[1] == AXES:
         values, hidden = without_zeros(values)
-    if time.column is None:
-        stamps = ticks_ns(len(values), time.rate_hz, time.since_ns, table.source)
-    elif time.unit == SAMPLES:
-        counts = numbers(data[time.column], table.source, time.column)
+    if time.column is None or time.unit == SAMPLES:
+        counts = np.arange(len(values), dtype=np.float64)
+        if time.column is not None:
+            counts = numbers(data[time.column], table.source, time.column)
         stamps = counted_ns(counts, time.rate_hz, time.since_ns, table.source)
     else:
         place = (table.source, time.column)

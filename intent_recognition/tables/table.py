@@ -6,9 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from intent_recognition.errors import BagError
 from intent_recognition.tables.cells import Values
 from intent_recognition.tables.scales import scale_between, spelled
@@ -114,38 +111,6 @@ def table_of(source: Path, columns: Mapping[str, Values], **more: Any) -> Table:
     """
     values = list(columns.values())
     return Table(source, tuple(columns), lambda wanted: [values[k] for k in wanted], **more)
-
-
-def marker_table(
-    source: Path,
-    labels: Sequence[str],
-    points: NDArray[np.float64],
-    unit: str,
-    defaults: Mapping[str, object],
-    notes: Sequence[str] = (),
-) -> Table:
-    """Markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`.
-
-    Args:
-        source: the file.
-        labels: of the markers, (N,).
-        points: (T, N, 3), NaN where a marker was not seen.
-        unit: as the file says it, "" for none.
-        defaults: as of `Table`.
-        notes: as of `Table`.
-    """
-    values = points.reshape(len(points), -1)
-    names = tuple(f"{label}.{axis}" for label in labels for axis in "xyz")
-    return Table(
-        source,
-        names,
-        lambda wanted: [values[:, k] for k in wanted],
-        aliases=without_subjects(names),
-        unit=unit,
-        must_say=True,
-        defaults=defaults,
-        notes=tuple(notes),
-    )
 
 
 def without_subjects(names: Sequence[str]) -> dict[str, int]:

@@ -113,21 +113,14 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     return Stamps(_checked(counts, known, since_ns, place, per), known, since_ns)
 
 
-def ticks_ns(count: int, rate_hz: float, since_ns: int | None, source: Path) -> Stamps:
-    """Stamps (count,) of samples at a rate [Hz], the first at `since_ns`.
+def counted_ns(
+    values: NDArray[np.float64], rate_hz: float, since_ns: int | None, source: Path
+) -> Stamps:
+    """Stamps of samples at a rate [Hz] by their numbers (T,); the first one is at `since_ns`.
 
     Raises:
         BagError: they leave what a stamp holds.
     """
-    ticks, known = np.rint(np.arange(count) * (NANOSECONDS / rate_hz)), np.ones(count, bool)
-    zero_ns = SINCE_NS if since_ns is None else since_ns
-    return Stamps(_checked(ticks, known, zero_ns, str(source), NANOSECONDS), known, zero_ns)
-
-
-def counted_ns(
-    values: NDArray[np.float64], rate_hz: float, since_ns: int | None, source: Path
-) -> Stamps:
-    """Stamps of samples that a column counts, as `ticks_ns`; the first number is at `since_ns`."""
     known = np.isfinite(values)
     first = values[known][0] if known.any() else 0.0
     ticks = np.rint(np.where(known, values - first, 0.0) * (NANOSECONDS / rate_hz))
