@@ -3,7 +3,7 @@ from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
 from .resting_gains import FeedbackSettings
-from .robots import NAMES, Robot, find_robot
+from .robots import NAMES, Robot, describe_robot, find_robot
 from .spread_control import SpreadControl
 from .state import ArmState
 from .surroundings import Surroundings, add_box
@@ -32,6 +32,7 @@ __all__ = [
     "TrajectoryCommand",
     "TrajectoryFollower",
     "add_box",
+    "describe_robot",
     "find_robot",
     "load_urdf",
 ]

@@ -158,6 +158,11 @@ def find_robot(
     return _robot(path.stem, text, base, tip or None, None, at)
 
 
+def describe_robot(robot: str = "") -> str:
+    """URDF for viewers of an arm, by name or path; the LWR's if it is empty."""
+    return find_robot(robot or "lwr").description
+
+
 def _robot(
     name: str,
     text: str,
