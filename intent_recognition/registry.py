@@ -101,7 +101,7 @@ NODES: Mapping[str, RegisteredNode] = {
             "intent/via_points",
             *FRAMES,
         ),
-        offers=("~/reload_model", "~/reset"),
+        offers=("~/reload_model", "~/reset", "~/save_plan"),
         managed=True,
     ),
     "primitive_activation": RegisteredNode(
@@ -191,6 +191,7 @@ NODES: Mapping[str, RegisteredNode] = {
         "Serves the web page.",
         subscribes=(
             "coworker/task",
+            "intent/active_person",
             "intent/active_task",
             "intent/feedback",
             "intent/markers",
@@ -201,13 +202,16 @@ NODES: Mapping[str, RegisteredNode] = {
             "robot_description",
             "intent/plan",
             "intent/question",
+            "intent/transfer",
             "intent/via_points",
             "teach/skills",
             "teach/status",
+            "wrench",
         ),
         publishes=("intent/answer", "intent/feedback", "joint_trajectory", f"mocap/{BODY}/pose"),
         calls=(
             "intent_estimator/reset",
+            "intent_estimator/save_plan",
             "primitive_activation/reset",
             "intent_estimator/set_parameters",
             "primitive_activation/change_state",

@@ -60,13 +60,14 @@ class People:
     Attributes:
         attended: whom the arm helps, or would help.
         inbox: what is known of that person.
+        reasons: who asked when that was decided: when the arm is needed, and how certain the task.
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
         self._settings, self._reject = settings, reject
         self._inboxes: dict[str, EstimatorInbox] = {}
         self._waiting: dict[str, HelpRequest] = {}
-        self.attended = ""
+        self.attended = self.reasons = ""
         self.inbox = self.of("")
 
     @property
@@ -132,6 +133,15 @@ class People:
         if requests := found[False] or found[True]:  # who cannot be helped now blocks nobody
             self.attended = first_to_help(requests, now_ns, self._settings.hold_s)
             self.inbox = self.of(self.attended)
+            by_need = sorted(requests, key=lambda request: request.needed_ns)
+            self.reasons = "; ".join(_in_words(request, now_ns) for request in by_need)
 
     def _request(self, person: str, needed: PredictedInteraction) -> HelpRequest:
         return HelpRequest(person, self.of(person).certainty, needed.end_ns, needed.path.duration_s)
+
+
+def _in_words(request: HelpRequest, now_ns: int) -> str:
+    """Who asks, when the arm is needed, and how certain that is."""
+    wait_s = (request.needed_ns - now_ns) * 1e-9
+    when = f"in {wait_s:.1f} s" if wait_s > 0.0 else f"{-wait_s:.1f} s ago"
+    return f"{request.person} {when} ({request.probability:.0%})"

@@ -128,6 +128,11 @@ class Activation:
         return self._people.attended if self.active_task else ""
 
     @property
+    def reasons(self) -> str:
+        """Who asked for help when it was decided whom the arm helps, see `People`."""
+        return self._people.reasons
+
+    @property
     def mode(self) -> Mode:
         """The state's name."""
         return self.state.mode

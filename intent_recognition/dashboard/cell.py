@@ -10,19 +10,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.composing import ViaPoint
 from intent_recognition.model import ARRIVED, TO_UNDO
+from intent_recognition.plans import WorkPlan
 
 PLOTTED_S = 20.0
-"""Past of the task posterior that is plotted [s]. Convention."""
+"""Past that is plotted [s]. Convention."""
 PLOTTED_STEP_S = 0.05
-"""Shortest time between two plotted posteriors [s]. Convention."""
+"""Shortest time between two plotted values [s]. Convention."""
 WRIST_S = 3.0
 """Past of the wrist that is drawn [s]. Convention."""
 MOST_JOINTS = 500
 """Joints of all messages together. Convention."""
+FORCES, SENSOR = ("load", "weight", "grip_force"), "sensor"
+"""Forces on `intent/transfer`, and the magnitude of that on `wrench` [N]."""
+SHARE, SLIP = "load_share", "slip"
+"""What else is shown of `intent/transfer`."""
+ASKED = "asked for help"
+"""Key of the diagnostics of `primitive_activation`."""
+FRESH_S = 1.0
+"""What is older is shown as old [s]. Convention."""
 SILENT_AFTER_S = 3.0
 """A node is silent after so long without a report [s]: three of its periods. Convention."""
 
@@ -43,7 +52,7 @@ class Posterior:
 
 @dataclass(frozen=True)
 class PredictedMotion:
-    """PredictedMotion joint motion of the robot: task, joint names, positions (T, d) [rad]."""
+    """Predicted joint motion of the robot: task, joint names, positions (T, d) [rad]."""
 
     task: str
     joints: tuple[str, ...]
@@ -94,14 +103,111 @@ class SkillRow:
     values: Mapping[str, str]
 
 
+class Past:
+    """Named numbers of the last seconds; what is older is forgotten."""
+
+    def __init__(self) -> None:
+        self._rows: deque = deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def take(self, names: Sequence[str], values: ArrayLike, now_s: float) -> None:
+        """Keep these, unless others came within `PLOTTED_STEP_S`."""
+        if not self._rows or now_s - self._rows[-1][0] >= PLOTTED_STEP_S:
+            self._rows.append((now_s, dict(zip(names, np.asarray(values), strict=True))))
+
+    def columns(self, names: Sequence[str], now_s: float) -> tuple[NDArray[np.float64], ...]:
+        """Times (T,) [s], zero is now, and the values (T,) of each name: NaN where it had none."""
+        rows = [row for row in self._rows if now_s - row[0] <= PLOTTED_S]
+        times = np.array([at_s - now_s for at_s, _ in rows])
+        return times, *(np.array([row.get(name, np.nan) for _, row in rows]) for name in names)
+
+
+class PersonState:
+    """The newest of what is measured and believed of a person.
+
+    Attributes:
+        wrist: newest position (3,) [m], None before the first.
+        posterior, predicted, drawn: newest, None before the first.
+        past: of the probabilities.
+    """
+
+    def __init__(self) -> None:
+        self.wrist: NDArray[np.float64] | None = None
+        self.posterior: Posterior | None = None
+        self.predicted: PredictedMotion | None = None
+        self.drawn: PathMarkers | None = None
+        self.wrist_at_s = self.tasks_at_s = self.predicted_at_s = self.drawn_at_s = -np.inf
+        self.past = Past()
+        self._wrist_past: deque = deque(maxlen=int(WRIST_S * 100))
+
+    def take_wrist(self, position: NDArray[np.float64], now_s: float) -> None:
+        """A position of the wrist (3,) [m]."""
+        self.wrist, self.wrist_at_s = position, now_s
+        self._wrist_past.append((now_s, position))
+
+    def take_posterior(self, posterior: Posterior, now_s: float) -> None:
+        """A task posterior."""
+        self.posterior, self.tasks_at_s = posterior, now_s
+        self.past.take(posterior.labels, posterior.probabilities, now_s)
+
+    def wrist_path(self, now_s: float) -> NDArray[np.float64]:
+        """The wrist's path of the last seconds (T, 3)."""
+        recent = [position for at, position in self._wrist_past if now_s - at <= WRIST_S]
+        return np.array(recent).reshape(-1, 3)
+
+
+class TransferState:
+    """The newest of `intent/transfer` and `wrench`, and the forces of the last seconds.
+
+    Attributes:
+        holding: who holds the object, such as `offering`; empty before the first.
+        felt: the values by name.
+        at_s: when they came.
+        forces: [N], of `FORCES` and `SENSOR`.
+    """
+
+    def __init__(self) -> None:
+        self.holding, self.felt = "", dict[str, float]()
+        self.at_s = self.sensed_at_s = -np.inf
+        self.forces = Past()
+        self._sensor_n = np.nan
+
+    def take(self, holding: str, felt: Mapping[str, float], now_s: float) -> None:
+        """What `intent/transfer` says."""
+        self.holding, self.felt, self.at_s = holding, dict(felt), now_s
+        values = [felt[name] for name in FORCES]
+        self.forces.take((*FORCES, SENSOR), [*values, self._sensed(now_s)], now_s)
+
+    def take_sensor(self, force_n: float, now_s: float) -> None:
+        """Magnitude of the force on `wrench`."""
+        self._sensor_n, self.sensed_at_s = force_n, now_s
+        if now_s - self.at_s > FRESH_S:
+            self.forces.take((SENSOR,), (force_n,), now_s)
+
+    def names(self, now_s: float) -> tuple[str, ...]:
+        """Of the forces that came in the plotted time."""
+        felt = FORCES if now_s - self.at_s <= PLOTTED_S else ()
+        return (*felt, SENSOR) if now_s - self.sensed_at_s <= PLOTTED_S else felt
+
+    def newest(self, name: str) -> float | None:
+        """A force now [N], None where it is not known."""
+        value = self._sensor_n if name == SENSOR else self.felt.get(name, np.nan)
+        return None if np.isnan(value) else value
+
+    def _sensed(self, now_s: float) -> float:
+        return self._sensor_n if now_s - self.sensed_at_s <= FRESH_S else np.nan
+
+
 @dataclass
 class CellState:
     """The newest of everything received. One thread writes and reads.
 
     Attributes:
         joints: position by joint name [rad].
-        wrist: newest wrist position (3,) [m], None before the first.
-        posterior, predicted, drawn: newest, None before the first.
+        people: by name; the only one has none.
+        helped: name of whom the arm helps, empty for nobody.
         active: task being executed.
         unfinished: task that was executed last, and what ended it before its end; empty if nothing
             did.
@@ -110,18 +216,14 @@ class CellState:
         teaching: last sentence of `teach/status`.
         skills: changes of each task, the oldest first.
         via_points: in force.
-        plan: steps of the assembly, and whether each is `done`, `forgotten`, `may come` or `later`.
+        plan: of the assembly, None without one.
+        progress: of each step, whether it is `done`, `forgotten`, `may come` or `later`.
+        transfer: what is felt at the robot's hand.
     """
 
     joints: dict[str, float] = field(default_factory=dict)
-    wrist: NDArray[np.float64] | None = None
-    wrist_at_s: float = -np.inf
-    posterior: Posterior | None = None
-    tasks_at_s: float = -np.inf
-    predicted: PredictedMotion | None = None
-    predicted_at_s: float = -np.inf
-    drawn: PathMarkers | None = None
-    drawn_at_s: float = -np.inf
+    people: dict[str, PersonState] = field(default_factory=lambda: {"": PersonState()})
+    helped: str = ""
     active: str = ""
     unfinished: tuple[str, str] | None = None
     truth: str | None = None
@@ -129,13 +231,28 @@ class CellState:
     teaching: str = ""
     skills: dict[str, list[SkillRow]] = field(default_factory=dict)
     via_points: tuple[ViaPoint, ...] = ()
-    plan: dict[str, str] = field(default_factory=dict)
+    plan: WorkPlan | None = None
+    progress: dict[str, str] = field(default_factory=dict)
+    transfer: TransferState = field(default_factory=TransferState)
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
     _question: tuple[str, ...] = ()
     _question_at_s: float = -np.inf
     _joints_at_s: dict[str, float] = field(default_factory=dict)
-    _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
-    _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))
+
+    @property
+    def person(self) -> PersonState:
+        """Whom the arm helps, or the first one."""
+        return self.people.get(self.helped) or next(iter(self.people.values()))
+
+    @property
+    def believes(self) -> bool:
+        """Whether anything is believed of anybody."""
+        return any(person.posterior is not None for person in self.people.values())
+
+    @property
+    def asked(self) -> str:
+        """Who asked when it was decided whom the arm helps; empty where nothing says so."""
+        return next((n.values[ASKED] for n in self.nodes.values() if ASKED in n.values), "")
 
     @property
     def begun(self) -> str:
@@ -177,40 +294,6 @@ class CellState:
         """When all of these joints, which are known, were there last."""
         return min(self._joints_at_s[name] for name in names)
 
-    def take_wrist(self, position: NDArray[np.float64], now_s: float) -> None:
-        """A position of the wrist (3,) [m]."""
-        self.wrist, self.wrist_at_s = position, now_s
-        self._wrist_past.append((now_s, position))
-
-    def take_posterior(self, posterior: Posterior, now_s: float) -> None:
-        """A task posterior; the past keeps one every `PLOTTED_STEP_S`."""
-        self.posterior, self.tasks_at_s = posterior, now_s
-        if not self._past or now_s - self._past[-1][0] >= PLOTTED_STEP_S:
-            self._past.append((now_s, posterior.labels, posterior.probabilities))
-
-    def wrist_path(self, now_s: float) -> NDArray[np.float64]:
-        """The wrist's path of the last seconds (T, 3)."""
-        recent = [position for at, position in self._wrist_past if now_s - at <= WRIST_S]
-        return np.array(recent).reshape(-1, 3)
-
-    def posterior_past(
-        self, now_s: float
-    ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-        """The last seconds: times (T,) [s], zero is now, and probabilities (T,) of each task.
-
-        Tasks that were unknown at a time have NaN there.
-        """
-        past = [row for row in self._past if now_s - row[0] <= PLOTTED_S]
-        times = np.array([at - now_s for at, _, _ in past])
-        labels = self.posterior.labels if self.posterior is not None else ()
-        columns = {
-            label: np.array(
-                [p[names.index(label)] if label in names else np.nan for _, names, p in past]
-            )
-            for label in labels
-        }
-        return times, columns
-
-    def fresh(self, at_s: float, now_s: float, within_s: float = 1.0) -> bool:
+    def fresh(self, at_s: float, now_s: float, within_s: float = FRESH_S) -> bool:
         """Whether something of this time is recent."""
         return now_s - at_s <= within_s

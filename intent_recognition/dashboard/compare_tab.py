@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
-from intent_recognition.dashboard.widgets import probability_plot
+from intent_recognition.dashboard.widgets import time_plot
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
@@ -112,9 +112,8 @@ class CompareTab:
         with self._place:
             for name, (times, columns, _) in zip("AB", found, strict=True):
                 data, names = (times, *columns.values()), tuple(columns)
-                plot = probability_plot(
-                    self._gui, data, names, colours, 0.0, last_s, f"probability, model {name}"
-                )
+                title = f"probability, model {name}"
+                plot = time_plot(self._gui, data, names, colours, 1.0, 0.0, last_s, title)
                 self._plots.append(plot)
         self._place.visible = True
 

@@ -6,7 +6,8 @@ robot's hand and the person's wrist are, as `docs/dashboard.md` says; a body wit
 where it is.
 """
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -68,14 +69,21 @@ class HandlingMoment:
         active: task that the robot is executing, "" if none.
         begun: task that the person does, as far as is known, "" if none.
         hand: pose of the robot's hand (4, 4), world; None if it is unknown.
-        wrist: of the person (3,) [m], world; None if it is unknown.
+        wrists: of the people by name (3,) [m], world; None if it is unknown.
+        helped: name of whom the robot helps; empty for nobody, or the only person.
     """
 
     now_s: float
     active: str
     begun: str
     hand: NDArray[np.float64] | None
-    wrist: NDArray[np.float64] | None
+    wrists: Mapping[str, NDArray[np.float64] | None]
+    helped: str = ""
+
+    @property
+    def wrist(self) -> NDArray[np.float64] | None:
+        """Of whom the robot helps."""
+        return self.wrists.get(self.helped)
 
     @property
     def together(self) -> bool:
@@ -90,15 +98,19 @@ class Handling:
 
     def __init__(self, bodies: Sequence[Body]):
         self._followed = {body.name: _Followed(body) for body in bodies}
-        self._hand_rest, self._wrist_rest = Rest(), Rest()
+        self._hand_rest, self._rests = Rest(), defaultdict[str, Rest](Rest)
 
     def update(self, moment: HandlingMoment) -> None:
         """Look at the newest."""
         hand = None if moment.hand is None else moment.hand[:3, 3]
         hand_rests = self._hand_rest.update(hand, moment.now_s)
-        wrist_rests = self._wrist_rest.update(moment.wrist, moment.now_s)
+        resting = {
+            name
+            for name, wrist in moment.wrists.items()
+            if self._rests[name].update(wrist, moment.now_s)
+        }
         for followed in self._followed.values():
-            followed.update(moment, hand_rests, wrist_rests)
+            followed.update(moment, hand_rests, followed.who in resting)
 
     def follows_hand(self, active: str) -> bool:
         """Whether any body depends on where the robot's hand is, while it does a task."""
@@ -122,7 +134,7 @@ class _Followed:
     def __init__(self, body: Body):
         self._body = body
         self._laid = body.pose if body.laid is None else with_position(body.pose, body.laid)
-        self.holder = BodyHolder.PLACE
+        self.holder, self.who = BodyHolder.PLACE, ""  # who: of people, the last one who held it
         self.pose = body.pose
         self._local: NDArray[np.float64] = np.eye(4)  # in the frame of who holds it
         self._glides_from: NDArray[np.float64] | None = None
@@ -181,8 +193,8 @@ class _Followed:
         brings = self._body.brought_by == PERSON
         if brings and active and hand_rests and moment.together and self._is_away(moment):
             self._hold(moment)
-        elif moment.wrist is not None:
-            self._came_m = max(self._came_m, float(np.linalg.norm(moment.wrist - self._given_m)))
+        elif (wrist := moment.wrists.get(self.who)) is not None:
+            self._came_m = max(self._came_m, float(np.linalg.norm(wrist - self._given_m)))
             if wrist_rests and self._came_m > CARRIED_M and not active and not begun:
                 self._put(BodyHolder.LAID, moment)
 
@@ -205,16 +217,17 @@ class _Followed:
         self._glides_from, self._glides_since_s = self.pose, moment.now_s
         if holder is BodyHolder.PERSON:
             assert moment.wrist is not None
-            self._given_m, self._came_m = moment.wrist, 0.0
+            self.who, self._given_m, self._came_m = moment.helped, moment.wrist, 0.0
             self._local = with_position(self.pose, self.pose[:3, 3] - moment.wrist)
 
     def _target(self, moment: HandlingMoment) -> NDArray[np.float64]:
         if self.holder is BodyHolder.ROBOT:
             return self.pose if moment.hand is None else moment.hand @ self._local
         if self.holder is BodyHolder.PERSON:
-            if moment.wrist is None:
+            wrist = moment.wrists.get(self.who)
+            if wrist is None:
                 return self.pose
-            return with_position(self._local, self._local[:3, 3] + moment.wrist)
+            return with_position(self._local, self._local[:3, 3] + wrist)
         return self._laid if self.holder is BodyHolder.LAID else self._body.pose
 
     def _move(self, moment: HandlingMoment) -> None:

@@ -3,23 +3,58 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from itertools import cycle
 
-from intent_recognition.dashboard.cell import CellState, NodeHealth
+from intent_recognition.dashboard.cell import (
+    ASKED,
+    FORCES,
+    SENSOR,
+    SHARE,
+    SLIP,
+    CellState,
+    NodeHealth,
+    PersonState,
+    TransferState,
+)
+from intent_recognition.plans import LIKELY_BEFORE, WorkPlan
 from intent_recognition.promp import NONE
-from intent_recognition.report import INK, NONE_COLOUR, SOFT, readable
+from intent_recognition.report import INK, NONE_COLOUR, PALETTE, readable
 
-RULE = "#e3e8ee"
+TEXT, SOFT = f"light-dark({INK}, #e2e6ea)", "light-dark(#5a6777, #a3aeba)"
+RULE = "light-dark(#e3e8ee, #3a424b)"
+"""What is read and what is drawn on a light page, and on a dark one."""
+PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e66", INK, "#6a5f6d")
+"""Of people, one after the other: darker than those of tasks."""
+FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
-COLUMNS = "9.2em 1fr 3.2em 3em"
+SMALL = f"font-size:.84em;color:{SOFT}"
+COLUMNS = "minmax(0, 9.2em) minmax(1.5em, 1fr) 3.2em 2.6em"
+STEP_LOOKS = {
+    "done": ("&#10003;", GOOD, "400"),
+    "forgotten": ("!", BAD, "600"),
+    "may come": ("&rarr;", TEXT, "600"),
+    "later": ("", SOFT, "400"),
+}
+"""Mark, colour and weight of a step of a plan."""
 MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
 """Nodes that end when their work is done: their silence is no alarm."""
 
 
-def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
-    """The task posterior as bars, with the phase of each task; grey where it is old."""
-    posterior = state.posterior
+def bars(
+    person: PersonState, active: str, colours: Mapping[str, str], fresh: bool, head: str = ""
+) -> str:
+    """The task posterior as bars, with the phase of each task; grey where it is old.
+
+    Args:
+        person: whose.
+        active: the task that the robot executes for that person.
+        colours: of tasks.
+        fresh: whether it is recent.
+        head: chip with the name of the person, who is one of several.
+    """
+    posterior = person.posterior
     if posterior is None:
         return ""
     rows = []
@@ -28,7 +63,7 @@ def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
     ):
         colour = colours.get(label, STALE) if fresh else STALE
         strong = "600" if label == posterior.best and fresh else "400"
-        running = " &#9679;" if label == state.active and label else ""
+        running = " &#9679;" if label == active and label else ""
         progress = "" if label == NONE else f"{max(float(phase), 0.0):.2f}"
         rows.append(
             f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em;'
@@ -41,35 +76,80 @@ def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
             f'<span style="text-align:right">{float(chance):.0%}</span>'
             f'<span style="text-align:right;color:{SOFT}">{progress}</span></div>'
         )
-    small = f"font-size:.84em;color:{SOFT}"
-    head = (
-        f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em">'
-        f'<span style="{small}">task</span><span style="{small}">probability</span><span></span>'
-        f'<span style="{small};text-align:right">phase</span></div>'
+    titles = (
+        f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em;align-items:end">'
+        f'<span style="{SMALL}">{head or "task"}</span>'
+        f'<span style="{SMALL};grid-column:span 2">probability</span>'
+        f'<span style="{SMALL};text-align:right">phase</span></div>'
     )
-    return _block(head + "".join(rows))
+    return _block(titles + "".join(rows))
 
 
-def now_line(state: CellState, colours: Mapping[str, str]) -> str:
-    """What the robot does or did not finish, and what the simulated coworker does, if published."""
-    parts = [f"robot: {_chip(state.active, colours) if state.active else 'waits'}"]
+def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, str]) -> str:
+    """What the robot does or did not finish, for whom and why; what the simulated coworker does.
+
+    Args:
+        state: of the cell.
+        colours: of tasks.
+        people: colours of people with names.
+    """
+    task_chip = lambda task: chip(readable(task), colours.get(task, STALE))  # noqa: E731
+    parts = [f"robot: {task_chip(state.active) if state.active else 'waits'}"]
+    if state.helped:
+        parts.append(f"for {chip(state.helped, people.get(state.helped, STALE))}")
     if state.unfinished and not state.active:
         task, what = state.unfinished
-        parts.append(f"{_chip(task, colours)} <b style='color:{BAD}'>{escape(what)}</b>")
+        parts.append(f"{task_chip(task)} <b style='color:{BAD}'>{escape(what)}</b>")
     if state.truth:
-        parts.append(f"coworker: {_chip(state.truth, colours)}")
-    return _block(f'<div style="padding:.25em 0 .55em">{" &nbsp; ".join(parts)}</div>')
+        parts.append(f"coworker: {task_chip(state.truth)}")
+    why = ""
+    if state.helped and (asked := state.asked):
+        why = f'<div style="{SMALL};margin-top:.3em">{ASKED}: {escape(asked)}</div>'
+    return _block(f'<div style="padding:.25em 0 .55em">{" &nbsp; ".join(parts)}{why}</div>')
 
 
-def plan(steps: Mapping[str, str]) -> str:
-    """The steps of an assembly, a line each for what is done, forgotten, may come, and is later."""
-    rows = [
-        f"<div style='margin:.2em 0{f';color:{BAD}' if what == 'forgotten' else ''}'>"
-        f"<span style='color:{SOFT}'>{what}:</span> {escape(', '.join(map(readable, names)))}</div>"
-        for what in ("done", "forgotten", "may come", "later")
-        if (names := [name for name, now in steps.items() if now == what])
+def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
+    """The steps of an assembly, what became of each, and which ones it waits for."""
+    if of is None:
+        return ""
+    names, before = of.names, of.before > LIKELY_BEFORE
+    direct = before & ~(before @ before)
+    lines = []
+    for k, step in enumerate(of.steps):
+        now = progress.get(step.name, "")
+        mark, colour, weight = STEP_LOOKS.get(now, STEP_LOOKS["later"])
+        after = [readable(name) for name, waits in zip(names, direct[:, k], strict=True) if waits]
+        notes = [now] if now == "forgotten" else []
+        notes += [f"after {', '.join(after)}"] if after else []
+        notes += [f"in {step.share:.0%}"] if step.share < 1.0 else []
+        note = (
+            f' <span style="{SMALL};font-weight:400">{escape("; ".join(notes))}</span>'
+            if notes
+            else ""
+        )
+        lines.append(_item(mark, escape(readable(step.name)) + note, colour, weight))
+    return _block("".join(lines))
+
+
+def transfer(of: TransferState, fresh: bool) -> str:
+    """Who holds the object, and the forces now, in the colours of their curves; grey where old."""
+    told = [f"handover: <b>{escape(of.holding)}</b>"] if of.holding else []
+    told += [f"the person carries {of.felt[SHARE]:.0%}"] if of.holding else []
+    told += [f'<b style="color:{BAD}">slips</b>'] if of.felt.get(SLIP) else []
+    forces = [
+        f'<span style="color:{colour if fresh else STALE}">&#9632;</span>'
+        f" {readable(name)} {value:.1f} N"
+        for name, colour in FORCE_COLOURS.items()
+        if (value := of.newest(name)) is not None
     ]
+    rows = [_in_a_row(parts) for parts in (told, forces) if parts]
     return _block("".join(rows)) if rows else ""
+
+
+def _in_a_row(parts: Iterable[str]) -> str:
+    """Pieces of HTML beside one another, where there is room."""
+    spans = "".join(f'<span style="white-space:nowrap">{part}</span>' for part in parts)
+    return f'<div style="display:flex;flex-wrap:wrap;gap:.1em .9em;margin:.2em 0">{spans}</div>'
 
 
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
@@ -113,16 +193,12 @@ def steps(lines: Sequence[str], done: int | None = None) -> str:
     """
     items = []
     for k, line in enumerate(lines):
-        mark, colour, weight = str(k + 1), INK, "400"
+        mark, colour, weight = str(k + 1), TEXT, "400"
         if done is not None:
             mark = "&#10003;" if k < done else mark
-            colour = GOOD if k < done else INK if k == done else SOFT
+            colour = GOOD if k < done else TEXT if k == done else SOFT
             weight = "600" if k == done else "400"
-        items.append(
-            f'<div style="display:grid;grid-template-columns:1.5em 1fr;margin:.3em 0;'
-            f'color:{colour}"><span style="font-weight:600">{mark}</span>'
-            f'<span style="font-weight:{weight}">{_with_code(line)}</span></div>'
-        )
+        items.append(_item(mark, _with_code(line), colour, weight))
     return _block("".join(items))
 
 
@@ -198,10 +274,25 @@ def _number(text: str, form: str) -> str:
         return escape(text)
 
 
-def _chip(label: str, colours: Mapping[str, str]) -> str:
+def chip(label: str, colour: str) -> str:
+    """A label in white on a colour."""
     return (
-        f'<span style="background:{colours.get(label, STALE)};color:white;border-radius:9px;'
-        f'padding:.08em .6em;font-weight:600;white-space:nowrap">{escape(readable(label))}</span>'
+        f'<span style="background:{colour};color:white;border-radius:9px;'
+        f'padding:.08em .6em;font-weight:600;white-space:nowrap">{escape(label)}</span>'
+    )
+
+
+def people_colours(names: Iterable[str]) -> dict[str, str]:
+    """One colour for each person."""
+    return dict(zip(names, cycle(PERSON_COLOURS)))
+
+
+def _item(mark: str, content: str, colour: str, weight: str) -> str:
+    """A line of a list: a mark, and HTML."""
+    return (
+        f'<div style="display:grid;grid-template-columns:1.5em 1fr;margin:.3em 0;color:{colour}">'
+        f'<span style="font-weight:600">{mark}</span>'
+        f'<span style="font-weight:{weight}">{content}</span></div>'
     )
 
 
@@ -215,6 +306,6 @@ def _with_code(text: str, look: str = "padding:0 .3em") -> str:
 
 def _block(content: str) -> str:
     return (
-        f'<div style="{FONT};color:{INK};font-size:.92em;line-height:1.4;padding:.15em .75em">'
+        f'<div style="{FONT};color:{TEXT};font-size:.92em;line-height:1.4;padding:.15em .75em">'
         f"{content}</div>"
     )

@@ -16,7 +16,7 @@ from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.page import DashboardPage
 from intent_recognition.dashboard.scene_file import load_scene
-from intent_recognition.dashboard.subscriptions import CellSubscriptions
+from intent_recognition.dashboard.subscriptions import MOST_PEOPLE, CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.welcome import ALWAYS, AUTO, NEVER
@@ -26,6 +26,7 @@ from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.people import meet_all
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.share import share_path
 
@@ -56,9 +57,8 @@ class Dashboard(Node):
         self._models = given["models"]
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
-        self._cell_subscriptions = CellSubscriptions(
-            self, self.state, body, self._diagnostics.reject
-        )
+        subscriptions = CellSubscriptions(self, self.state, body, self._diagnostics.reject)
+        meet_all(self, f"human/{{}}/{body}", subscriptions.meet, set(), MOST_PEOPLE)
         self._commands = Commands(self, lambda ok, text: self.page.show_message(ok, text))
         teleoperation = Teleoperation(self, self.state, body, hand_link=hand_link)
         session = TeachingSession(
@@ -140,6 +140,8 @@ class Dashboard(Node):
     def _stop(self, player: BagPlayer) -> None:
         if self.executor is not None:
             self.executor.remove_node(player)
+        for timer in player.timers:
+            timer.callback = lambda: None  # the executor may have queued it already
         player.destroy_node()
 
 

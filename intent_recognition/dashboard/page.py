@@ -113,15 +113,15 @@ class DashboardPage:
             control_width="large",
             show_logo=False,
             show_share_button=False,
-            brand_color=(18, 27, 36),  # a slate that no task has; the page draws it lighter
+            brand_color=(72, 104, 130),  # a slate that no task has, seen on light and dark
         )
         gui.set_panel_label(TITLE)
         self._banner = gui.add_html("", visible=False)
         self._now = gui.add_html("", visible=False)
         tabs = gui.add_tab_group()
         do = self._ask
-        with tabs.add_tab("Watch"):
-            self._watch = WatchTab(self._server, commands, do)
+        with tabs.add_tab("Watch") as tab:
+            self._watch = WatchTab(self._server, tab, commands, do, self.show_message)
             self._via = ViaPointControls(self._server, commands, do)
         with tabs.add_tab("Teach"):
             self._teach = TeachTab(self._server, teleoperation, session, commands, do)
@@ -163,12 +163,13 @@ class DashboardPage:
         now_s = self._clock()
         state = self._state
         self._choose_colours()
-        problem = self._scene.update(state, self._colours, now_s)
+        people = markup.people_colours(name for name in state.people if name)
+        problem = self._scene.update(state, self._colours, people, now_s)
         if now_s - self._panel_at_s >= PANEL_PERIOD_S:
             self._panel_at_s = now_s
-            self._now.visible = bool(state.joints) or state.posterior is not None
-            self._now.content = markup.now_line(state, self._colours)
-            self._watch.update(state, self._colours, now_s)
+            self._now.visible = bool(state.joints) or state.believes
+            self._now.content = markup.now_line(state, self._colours, people)
+            self._watch.update(state, self._colours, people, now_s)
             self._via.update(state.via_points, self._scene.hand_path)
             self._teach.update(state)
             self._replay.update()
@@ -201,7 +202,8 @@ class DashboardPage:
 
     def _choose_colours(self) -> None:
         """One colour per task, the same as in the reports; a task of the model keeps it."""
-        labels = self._state.posterior.labels if self._state.posterior is not None else ()
+        people = self._state.people.values()
+        labels = next((person.posterior.labels for person in people if person.posterior), ())
         seen = (*labels, self._state.truth or "", self._state.active)
         if seen != self._seen:
             self._seen = seen

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -18,9 +19,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from intent_recognition.composing import HAND, read_via_points
 from intent_recognition.dashboard.cell import (
+    FORCES,
+    SHARE,
+    SLIP,
     CellState,
     NodeHealth,
     PathMarkers,
+    PersonState,
     Posterior,
     PredictedMotion,
     SkillRow,
@@ -31,6 +36,7 @@ from intent_recognition.model import OUTCOME
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import ENDED
+from intent_recognition.plans import read_plan
 
 DEFAULT_BODY = "wrist"
 MOST_NAMES = 100
@@ -41,8 +47,12 @@ MOST_VALUES = 200
 """Values of one node's health. Convention."""
 MOST_CHANGES = 2000
 """Changes of all tasks that are shown. Convention: twenty of each of a hundred."""
+MOST_PEOPLE = 8
+"""People with names who are shown. Convention."""
 LONGEST_SENTENCE = 2000
 """Characters of a message that is shown. Convention."""
+LONGEST_PLAN = 100_000
+"""Characters of a plan: three times one of sixty steps. Convention."""
 LONGEST_DESCRIPTION = 1_000_000
 """Characters of a URDF: thirty times that of the simulated arm. Convention."""
 
@@ -66,14 +76,15 @@ class CellSubscriptions:
         reject: Callable[[str, str], None] = lambda reason, text: None,
         clock: Callable[[], float] = time.monotonic,
     ):
-        self._state, self._reject, self._clock = state, reject, clock
-        for kind, topic, handle, profile in (
+        self._node, self._state, self._reject, self._clock = node, state, reject, clock
+        self._body = body
+        self._subscribe(
             (JointState, "joint_states", self._on_joints, qos.MEASURED),
-            (PoseStamped, f"mocap/{body}/pose", self._on_wrist, qos.SENSOR),
-            (JointState, "intent/tasks", self._on_tasks, qos.STATE),
-            (JointTrajectory, "intent/robot_trajectory", self._on_predicted, qos.COMMAND),
-            (MarkerArray, "intent/markers", self._on_markers, qos.COMMAND),
+            (PoseStamped, f"mocap/{body}/pose", partial(self._on_wrist, ""), qos.SENSOR),
+            (JointState, "intent/transfer", self._on_transfer, qos.STATE),
+            (WrenchStamped, "wrench", self._on_wrench, qos.SENSOR),
             (String, "intent/active_task", self._on_active, qos.LATCHED),
+            (String, "intent/active_person", self._on_helped, qos.LATCHED),
             (DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK),
             (JointState, "intent/question", self._on_question, qos.LATCHED),
             (DiagnosticStatus, "intent/plan", self._on_plan, qos.LATCHED),
@@ -83,8 +94,33 @@ class CellSubscriptions:
             (DiagnosticArray, "teach/skills", self._on_skills, qos.LATCHED),
             (String, "intent/via_points", self._on_via_points, qos.LATCHED),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
-        ):
-            node.create_subscription(kind, topic, partial(self._take, topic, handle), profile)
+        )
+        self._hear_estimator("")
+
+    def meet(self, name: str) -> None:
+        """Show a person with a name, too."""
+        self._state.people[name] = PersonState()
+        wrist = partial(self._on_wrist, name)
+        self._subscribe((Odometry, f"human/{name}/{self._body}", wrist, qos.SENSOR))
+        self._hear_estimator(name)
+
+    def _hear_estimator(self, name: str) -> None:
+        of = f"intent/{name}/" if name else "intent/"
+        self._subscribe(
+            (JointState, f"{of}tasks", partial(self._on_tasks, name), qos.STATE),
+            (
+                JointTrajectory,
+                f"{of}robot_trajectory",
+                partial(self._on_predicted, name),
+                qos.COMMAND,
+            ),
+            (MarkerArray, f"{of}markers", partial(self._on_markers, name), qos.COMMAND),
+        )
+
+    def _subscribe(self, *inputs: tuple) -> None:
+        for kind, topic, handle, profile in inputs:
+            take = partial(self._take, topic, handle)
+            self._node.create_subscription(kind, topic, take, profile)
 
     def _take(self, topic: str, take: Callable, message: Any) -> None:
         """Take a message, or count one that cannot be shown."""
@@ -98,37 +134,55 @@ class CellSubscriptions:
         positions = checked_numbers("position", message.position, (len(names),))
         self._state.take_joints(names, positions.tolist(), self._clock())
 
-    def _on_wrist(self, message: PoseStamped) -> None:
-        position = checked_numbers("position", position_array(message.pose), (3,))
-        self._state.take_wrist(position, self._clock())
+    def _on_wrist(self, person: str, message: PoseStamped | Odometry) -> None:
+        pose = message.pose if isinstance(message, PoseStamped) else message.pose.pose
+        position = checked_numbers("position", position_array(pose), (3,))
+        self._state.people[person].take_wrist(position, self._clock())
 
-    def _on_tasks(self, message: JointState) -> None:
+    def _on_tasks(self, person: str, message: JointState) -> None:
         names = checked_names("name", message.name, MOST_NAMES)
         check("name", "at least one task", len(names) > 0, "none")
         chances = checked_numbers("position", message.position, (len(names),))
         check("position", "probabilities", np.all((chances >= 0.0) & (chances <= 1.0)), chances)
         phase = checked_numbers("velocity", message.velocity, (len(names),))
-        self._state.take_posterior(Posterior(names, chances, phase), self._clock())
+        self._state.people[person].take_posterior(Posterior(names, chances, phase), self._clock())
 
-    def _on_predicted(self, message: JointTrajectory) -> None:
+    def _on_predicted(self, person: str, message: JointTrajectory) -> None:
         names = checked_names("joint_names", message.joint_names, MOST_NAMES)
         check("points", f"at most {MOST_POINTS}", len(message.points) <= MOST_POINTS, "more")
         rows = [checked_numbers("positions", p.positions, (len(names),)) for p in message.points]
         positions = np.array(rows).reshape(len(rows), len(names))
         task = checked_text("frame_id", message.header.frame_id)
-        self._state.predicted = PredictedMotion(task, names, positions)
-        self._state.predicted_at_s = self._clock()
+        state = self._state.people[person]
+        state.predicted = PredictedMotion(task, names, positions)
+        state.predicted_at_s = self._clock()
 
-    def _on_markers(self, message: MarkerArray) -> None:
+    def _on_markers(self, person: str, message: MarkerArray) -> None:
         lines = [_points(m) for m in message.markers if m.type == Marker.LINE_STRIP]
         tubes = [_points(m) for m in message.markers if m.type == Marker.TRIANGLE_LIST]
         if len(lines) == 2 and len(tubes) == 1:
             check("points", "three corners of each triangle", len(tubes[0]) % 3 == 0, "others")
-            self._state.drawn = PathMarkers(*lines, *tubes)
-            self._state.drawn_at_s = self._clock()
+            state = self._state.people[person]
+            state.drawn, state.drawn_at_s = PathMarkers(*lines, *tubes), self._clock()
+
+    def _on_transfer(self, message: JointState) -> None:
+        names = checked_names("name", message.name, MOST_NAMES)
+        numbers = checked_numbers("position", message.position, (len(names),)).tolist()
+        needed = {SHARE, SLIP, *FORCES}
+        check("name", f"among them {', '.join(sorted(needed))}", needed <= {*names}, names)
+        holding = checked_text("frame_id", message.header.frame_id)
+        self._state.transfer.take(holding, dict(zip(names, numbers, strict=True)), self._clock())
+
+    def _on_wrench(self, message: WrenchStamped) -> None:
+        f = message.wrench.force
+        force = checked_numbers("force", (f.x, f.y, f.z), (3,))
+        self._state.transfer.take_sensor(float(np.linalg.norm(force)), self._clock())
 
     def _on_active(self, message: String) -> None:
         self._state.take_active(checked_text("data", message.data))
+
+    def _on_helped(self, message: String) -> None:
+        self._state.helped = checked_text("data", message.data)
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         _, values = _told(message)
@@ -141,8 +195,12 @@ class CellSubscriptions:
 
     def _on_plan(self, message: DiagnosticStatus) -> None:
         steps = [pair for pair in message.values if pair.key != "yaml"]
+        texts = [pair.value for pair in message.values if pair.key == "yaml"]
         _, told = _told(DiagnosticStatus(message=message.message, values=steps))
-        self._state.plan = {step: what.rpartition(" ")[0] for step, what in told.items()}
+        plan = read_plan(checked_text("yaml", texts[0], LONGEST_PLAN)) if texts else None
+        checked_names("step", plan.names if plan else (), MOST_NAMES)
+        self._state.plan = plan
+        self._state.progress = {step: what.rpartition(" ")[0] for step, what in told.items()}
 
     def _on_truth(self, message: String) -> None:
         self._state.truth = checked_text("data", message.data)

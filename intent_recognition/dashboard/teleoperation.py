@@ -56,7 +56,7 @@ class Teleoperation:
         self._began_s = self._length_s = 0.0
         self._arm_goal: NDArray[np.float64] | None = None
         self._shown_arm: MovedArm | None = None
-        self._done: Callable[[], None] = _nothing
+        self._done: Callable[[], None] = lambda: None
         self._last_ns = 0
         self._arm_sent_s = -np.inf
         self._hand: NDArray[np.float64] | None = None
@@ -235,7 +235,3 @@ class Teleoperation:
         message.header.stamp = to_stamp(stamp_ns)
         message.header.frame_id = "world"
         self._pose.publish(message)
-
-
-def _nothing() -> None:
-    """Do nothing."""

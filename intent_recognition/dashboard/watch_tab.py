@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The task posterior, its past and the phase; and the everyday controls."""
+"""What is believed, how far the assembly is, what is felt; and the everyday controls."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
 
-import numpy as np
 import viser
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR, Commands
-from intent_recognition.dashboard.widgets import on_change, probability_plot, series_of, set_value
+from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR, Commands, Notify
+from intent_recognition.dashboard.person_panel import PersonPanel
+from intent_recognition.dashboard.plan_panel import PlanPanel
+from intent_recognition.dashboard.widgets import TimePlot, on_change, set_value
 from intent_recognition.report import readable
 
-PLOT_PERIOD_S = 0.2
-"""Time between two updates of the plot [s]. Convention."""
 NO_INPUT = "No tracker, arm or estimator publishes yet."
 NEXT_STEPS = (
     "See it work, with a simulated coworker and arm: `intent demo --dashboard`",
@@ -25,23 +24,34 @@ NEXT_STEPS = (
 
 
 class WatchTab:
-    """The first tab."""
+    """The first tab.
+
+    Args:
+        server: the page.
+        tab: where it is shown.
+        commands: reaches the other nodes.
+        do: runs a function in the thread of the graph.
+        notify: called with whether something went well, and a sentence.
+    """
 
     def __init__(
-        self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        commands: Commands,
+        do: Callable[[Callable], None],
+        notify: Notify,
     ):
         gui = server.gui
-        self._server, self._gui = server, gui
+        self._server, self._gui, self._tab = server, gui, tab
         self._empty = gui.add_html(markup.ways(NO_INPUT, NEXT_STEPS))
-        self._bars = gui.add_html("")
-        self._plan = gui.add_html("")
+        self._people = {"": PersonPanel(server, "")}
         self._question = gui.add_folder("Which task is it?", visible=False)
         self._choices: dict[str, viser.GuiButtonHandle] = {}
         self._do = do
-        self._plot: viser.GuiUplotHandle | None = None
-        self._plotted: tuple = ()
-        self._plotted_at_s = -np.inf
-        self._place = gui.add_folder("Probability over time", visible=False)
+        self._plan = PlanPanel(gui, commands, do, notify)
+        self._transfer_line = gui.add_html("")
+        self._forces = TimePlot(server, "Forces at the hand over time [N]")
         with gui.add_folder("Controls"):
             self._reset = gui.add_button("Forget the movement", icon=viser.Icon.REFRESH)
             self._helps = gui.add_checkbox("Robot helps", True, hint="activation is active")
@@ -53,18 +63,26 @@ class WatchTab:
         on_change(self._helps, lambda: do(self._set_help))
         on_change(self._guide, lambda: do(self._set_guide))
 
-    def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
-        """Show the newest."""
-        present = state.posterior is not None
-        self._empty.visible = not present and not state.joints
-        fresh = present and state.fresh(state.tasks_at_s, now_s)
-        self._bars.content = markup.bars(state, colours, fresh)
-        self._plan.content = markup.plan(state.plan)
-        self._ask(state.question(now_s) if fresh else ())
-        self._place.visible = present
-        if present and now_s - self._plotted_at_s >= PLOT_PERIOD_S:
-            self._plotted_at_s = now_s
-            self._draw(state, colours, now_s)
+    def update(
+        self,
+        state: CellState,
+        colours: Mapping[str, str],
+        people: Mapping[str, str],
+        now_s: float,
+    ) -> None:
+        """Show the newest, in the colours of tasks and people."""
+        self._empty.visible = not state.joints and not state.believes
+        for name in state.people:
+            if name not in self._people:
+                with self._tab:  # above what follows the first one
+                    order = self._people[""].bars.order + 1e-3 * len(self._people)
+                    self._people[name] = PersonPanel(self._server, name, people[name], order)
+            self._people[name].update(state, colours, now_s)
+        only = state.people[""]
+        asked = only.posterior is not None and state.fresh(only.tasks_at_s, now_s)
+        self._ask(state.question(now_s) if asked else ())
+        self._plan.update(state)
+        self._update_transfer(state, now_s)
 
     def update_controls(self) -> None:
         """Disable controls without a service, and show whether the robot helps."""
@@ -74,6 +92,18 @@ class WatchTab:
         self._reset.disabled = not offers(f"{ESTIMATOR}/reset")
         self._helps.disabled = not self._commands.can_switch_help()
         self._guide.disabled = not self._commands.can_guide()
+        self._plan.update_controls()
+
+    def _update_transfer(self, state: CellState, now_s: float) -> None:
+        """The forces that are felt, while there were any in the plotted time."""
+        transfer = state.transfer
+        names = transfer.names(now_s)
+        self._transfer_line.content = (
+            markup.transfer(transfer, state.fresh(transfer.at_s, now_s)) if names else ""
+        )
+        if self._forces.due(bool(names), now_s):
+            columns = transfer.forces.columns(names, now_s)
+            self._forces.draw(columns, names, markup.FORCE_COLOURS)
 
     def _ask(self, tasks: tuple[str, ...]) -> None:
         """A button for each task in question."""
@@ -89,23 +119,6 @@ class WatchTab:
 
     def _answer(self, task: str, _: viser.GuiEvent) -> None:
         self._do(partial(self._commands.answer, task))
-
-    def _draw(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
-        times, columns = state.posterior_past(now_s)
-        labels = tuple(columns)
-        if len(times) < 2:
-            return
-        data = (times, *columns.values())
-        look = series_of(labels, colours)
-        if self._plot is None:
-            with self._place:
-                self._plot = probability_plot(self._gui, data, labels, colours)
-        elif look == self._plotted:
-            self._plot.data = data
-        else:
-            with self._server.atomic():
-                self._plot.series, self._plot.data = look, data
-        self._plotted = look
 
     def _forget(self) -> None:
         for node in (ESTIMATOR, ACTIVATION):

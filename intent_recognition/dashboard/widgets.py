@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tabs have in common: a plot of probabilities, and small changes of viser's controls."""
+"""What the tabs have in common: a plot over time, and small changes of viser's controls."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -9,12 +9,15 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import PLOTTED_S
 from intent_recognition.promp import NONE
-from intent_recognition.report import NONE_COLOUR, SOFT, readable
+from intent_recognition.report import NONE_COLOUR, readable
 
 FONT = "12px sans-serif"
+GRID = "rgba(128, 140, 153, 0.22)"
+"""Seen on a light page and on a dark one."""
+PLOT_PERIOD_S = 0.2
+"""Time between two updates of a plot [s]. Convention."""
 ControlValue = TypeVar("ControlValue")
 
 
@@ -38,27 +41,77 @@ def slider_value(handle: viser.GuiSliderHandle) -> float:
     return float(min(max(handle.value, handle.min), handle.max))
 
 
-def probability_plot(
+class TimePlot:
+    """Curves over the last seconds in a folder, which is there while there is something to draw.
+
+    Args:
+        server: the page; the folder is made where it is called.
+        title: of the folder: what is plotted, with its unit.
+        top: the largest value that is expected; None: as large as it is.
+        order: place of the folder on the page; None: the last one.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        title: str,
+        top: float | None = None,
+        order: float | None = None,
+    ):
+        self._server, self._top = server, top
+        self._folder = server.gui.add_folder(title, visible=False, order=order)
+        self._plot: viser.GuiUplotHandle | None = None
+        self._drawn_at_s = -np.inf
+
+    def due(self, visible: bool, now_s: float) -> bool:
+        """Show or hide it; whether it is time to draw."""
+        self._folder.visible = visible
+        if not visible or now_s - self._drawn_at_s < PLOT_PERIOD_S:
+            return False
+        self._drawn_at_s = now_s
+        return True
+
+    def draw(
+        self,
+        columns: tuple[NDArray[np.float64], ...],
+        names: Sequence[str],
+        colours: Mapping[str, str],
+    ) -> None:
+        """Show times (T,) [s] and the curves (T,) of these names."""
+        if len(columns[0]) < 2:
+            return
+        if self._plot is None:
+            with self._folder:
+                self._plot = time_plot(self._server.gui, columns, names, colours, self._top)
+            return
+        look = series_of(names, colours)
+        if look == self._plot.series:
+            self._plot.data = columns
+        else:
+            with self._server.atomic():
+                self._plot.series, self._plot.data = look, columns
+
+
+def time_plot(
     gui: viser.GuiApi,
-    data: tuple[NDArray[np.float64], ...],
-    labels: tuple[str, ...],
+    columns: tuple[NDArray[np.float64], ...],
+    names: Sequence[str],
     colours: Mapping[str, str],
+    top: float | None = 1.0,
     first_s: float = -PLOTTED_S,
     last_s: float = 0.0,
     title: str | None = None,
 ) -> viser.GuiUplotHandle:
-    """Probabilities of tasks over time [s]; what is around it says so, an axis has no room."""
+    """Curves over time [s]; what is around it says of what, an axis has no room."""
+    height = uplot.Scale() if top is None else uplot.Scale(auto=False, range=(-0.02, 1.06 * top))
     return gui.add_uplot(
-        data=data,
-        series=series_of(labels, colours),
+        data=columns,
+        series=series_of(names, colours),
         title=title,
-        scales={
-            "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
-            "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
-        },
+        scales={"x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)), "y": height},
         axes=(_axis("time [s]", 34), _axis("", 46)),
         legend=uplot.Legend(show=False),
-        height=190,
+        height=165,
     )
 
 
@@ -69,16 +122,15 @@ def _axis(label: str, size: int) -> uplot.Axis:
         labelSize=18,
         labelFont=FONT,
         font=FONT,
-        stroke=SOFT,
-        grid={"stroke": markup.RULE},
+        stroke=NONE_COLOUR,
+        grid={"stroke": GRID},
     )
 
 
-def series_of(labels: tuple[str, ...], colours: Mapping[str, str]) -> tuple[uplot.Series, ...]:
-    """Time and one curve per task, in its colour."""
+def series_of(names: Sequence[str], colours: Mapping[str, str]) -> tuple[uplot.Series, ...]:
+    """Time and one curve per name, in its colour."""
     series = [uplot.Series(label="time [s]")]
-    for label in labels:
-        width = 1.5 if label == NONE else 2.5
-        name = readable(label)
-        series.append(uplot.Series(label=name, stroke=colours.get(label, NONE_COLOUR), width=width))
+    for name in names:
+        width, colour = 1.5 if name == NONE else 2.5, colours.get(name, NONE_COLOUR)
+        series.append(uplot.Series(label=readable(name), stroke=colour, width=width))
     return tuple(series)

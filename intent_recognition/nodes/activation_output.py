@@ -138,6 +138,8 @@ class ActivationOutput:
         value("expected task", activation.pretrigger.expected or "none")
         if activation.held_back:
             value("last held back", activation.held_back)
+        if activation.reasons:
+            value("asked for help", activation.reasons)
         value("waits for", activation.waits_for or "nothing")
         self.status(activation, silent)
 

@@ -54,19 +54,27 @@ def meet(node: Node, template: str, act: Callable[[str], object]) -> bool:
     for name in sorted(met):
         act(name)
     if ANYBODY in names:
-        parts = node.resolve_topic_name(template.format("X_X")).split("X_X")
-        pattern = re.compile(f"({_NAME.pattern})".join(map(re.escape, parts)), re.ASCII)
-
-        def look() -> None:
-            for topic, _ in node.get_topic_names_and_types():
-                found = pattern.fullmatch(topic)
-                if found and found[1] not in met and node.count_publishers(topic):
-                    met.add(found[1])
-                    node.get_logger().info(f"meets {found[1]}")
-                    act(found[1])
-
-        steady_timer(node, _LOOK_S, look)
+        meet_all(node, template, act, met)
     return bool(names)
+
+
+def meet_all(
+    node: Node, template: str, act: Callable[[str], object], met: set[str], most: int = 100
+) -> None:
+    """Act once for whoever's topic appears, for so many people at most; see `meet`."""
+    parts = node.resolve_topic_name(template.format("X_X")).split("X_X")
+    pattern = re.compile(f"({_NAME.pattern})".join(map(re.escape, parts)), re.ASCII)
+
+    def look() -> None:
+        for topic, _ in node.get_topic_names_and_types():
+            found = pattern.fullmatch(topic)
+            new = found is not None and found[1] not in met and len(met) < most
+            if found and new and node.count_publishers(topic):
+                met.add(found[1])
+                node.get_logger().info(f"meets {found[1]}")
+                act(found[1])
+
+    steady_timer(node, _LOOK_S, look)
 
 
 class _Frame(NamedTuple):

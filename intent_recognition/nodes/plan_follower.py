@@ -7,10 +7,12 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
+from intent_recognition.durable import write_text
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics, key_values
 from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.services import serve
 from intent_recognition.plans import WorkPlan, WorkProgress, read_plan, write_plan
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.untrusted import UntrustedError, read_text
@@ -20,7 +22,8 @@ PLAN = "plan"
 
 
 class PlanFollower:
-    """The parameter `plan`, and the topic `intent/plan` with what is believed of each step.
+    """The parameter `plan`, the topic `intent/plan` with what is believed of each step, and the
+    service `save_plan`, which writes the plan in force into the file that the parameter named last.
 
     `intent/plan` is a diagnostic_msgs/DiagnosticStatus: `message` names the steps that were
     forgotten and those that may come, and `values` hold for each step "done", "may come",
@@ -32,7 +35,9 @@ class PlanFollower:
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._diagnostics = diagnostics
-        self._plan = _read(declare(node, PLAN)[PLAN])
+        self._file = ""
+        self.change(declare(node, PLAN)[PLAN])
+        serve(node, "save_plan", self._save)
         self._publisher = node.create_publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
         self._told: DiagnosticStatus | None = None
 
@@ -49,9 +54,25 @@ class PlanFollower:
     def change(self, text: str) -> None:
         """Take a value that was checked; `follow` puts it in force."""
         self._plan = _read(text)
+        self._file = self._file if "\n" in text else text
+
+    def _save(self) -> str:
+        """Write the plan in force.
+
+        Raises:
+            ArgumentError: there is none, or no file.
+        """
+        if self._plan is None or not self._file:
+            cure = "Start with `plan:=FILE`."
+            raise ArgumentError.about(PLAN, "a plan from a file", "none", cure)
+        try:
+            write_text(Path(self._file), write_plan(self._plan))
+        except OSError as error:
+            raise ArgumentError.about(PLAN, "a file to write", error, "Name another.") from error
+        return f"saved the plan in {self._file}"
 
     def follow(self, estimator: IntentEstimator) -> None:
-        """Let an estimator follow the plan; its assembly begins now.
+        """Let an estimator follow the plan; steps that were done stay done.
 
         Raises:
             ArgumentError: no step is a task of its library.

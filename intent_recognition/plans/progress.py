@@ -98,21 +98,20 @@ class WorkProgress:
         self._log_in_order = np.log1p(-q * DISORDERED / (q * DISORDERED + (1.0 - q) * by_chance))
         self.reset()
 
-    def relabelled(self, plan: WorkPlan, labels: Sequence[str]) -> WorkProgress:
-        """The same progress with other labels; none where other steps are recognised with them.
+    def changed(self, plan: WorkPlan, labels: Sequence[str]) -> WorkProgress:
+        """The progress under another plan or other labels: steps of the same name stay done.
 
         Args:
-            plan: with the steps that were left out.
+            plan: with the steps that cannot be recognised.
             labels: of the tasks that are recognised from now on.
 
         Raises:
             ArgumentError: the plan has no step of these tasks.
         """
-        if tuple(labels) == self.labels:
-            return self
         out = WorkProgress(plan, labels)
-        if out.plan.names == self.plan.names:
-            out._done, out._weight = self._done, self._weight
+        place = {name: k for k, name in enumerate(self.plan.names)}
+        kept = [place.get(name, -1) for name in out.plan.names]
+        out._keep(np.pad(self._done, ((0, 0), (0, 1)))[:, kept], self._weight)
         return out
 
     def reset(self) -> None:
@@ -149,8 +148,12 @@ class WorkProgress:
             (w @ anew) * gain[self._task],
             w * (idle @ gain + probabilities[-1]),
         )
-        done, where = np.unique(np.concatenate(sets), axis=0, return_inverse=True)
-        weight = np.bincount(where.ravel(), np.concatenate(weights), minlength=len(done))
+        self._keep(np.concatenate(sets), np.concatenate(weights))
+
+    def _keep(self, sets: NDArray[np.bool_], weights: NDArray[np.float64]) -> None:
+        """Believe in the most probable of these sets (M, n)."""
+        done, where = np.unique(sets, axis=0, return_inverse=True)
+        weight = np.bincount(where.ravel(), weights, minlength=len(done))
         best = np.argsort(-weight, kind="stable")[:MOST_STATES]
         self._done, self._weight = done[best], weight[best] / weight[best].sum()
 

@@ -20,6 +20,9 @@ FOLLOWS = 0.05
 """An order is not listed where others imply it to within this probability. Convention: what two
 digits show."""
 
+LIKELY_BEFORE = 0.5
+"""Probability from which a step counts as one that must come before another. Convention."""
+
 Pair = tuple[str, str]
 
 
@@ -85,7 +88,7 @@ class WorkPlan:
         ):
             if not 0.0 <= p <= 1.0:
                 _refuse(name, "a probability in [0, 1]", p)
-        circle = np.argwhere((self.before > 0.5) & (self.before.T > 0.5))
+        circle = np.argwhere(np.minimum(self.before, self.before.T) > LIKELY_BEFORE)
         if circle.size:
             _refuse(
                 "order", "no circle", ", ".join(self.names[k] for k in sorted(set(circle[:, 0])))
@@ -115,11 +118,20 @@ class WorkPlan:
     def of(self, labels: Sequence[str]) -> WorkPlan:
         """The plan of the steps whose tasks are among some labels."""
         kept = [k for k, step in enumerate(self.steps) if step.task in labels]
-        if len(kept) == len(self.steps):
-            return self
-        names = self.names
-        order = {(names[i], names[j]): float(self.before[i, j]) for i in kept for j in kept}
-        return replace(self, steps=tuple(self.steps[k] for k in kept), order=order, by_hand={})
+        return self if len(kept) == len(self.steps) else self.only(kept)
+
+    def only(self, kept: Sequence[int]) -> WorkPlan:
+        """The plan of the steps at some places, in the order that the others imply."""
+        names, before = self.names, self.before
+        chosen = {names[k] for k in kept}
+        by_hand = {pair: p for pair, p in self.by_hand.items() if chosen.issuperset(pair)}
+        among = covering(before[np.ix_(kept, kept)])
+        order = {
+            (names[kept[i]], names[kept[j]]): float(among[i, j])
+            for i, j in np.argwhere(among > 0.0)
+        }
+        steps = tuple(self.steps[k] for k in kept)
+        return replace(self, steps=steps, order=order, by_hand=by_hand)
 
 
 def closure(before: NDArray[np.float64]) -> NDArray[np.float64]:

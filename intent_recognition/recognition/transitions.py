@@ -173,14 +173,19 @@ class Expectation:
         self.reset()
 
     def follow(self, plan: WorkPlan | None) -> None:
-        """Expect what a plan says may come; its assembly begins now. None: follow no plan.
+        """Expect what a plan says may come; None: follow no plan.
 
-        What usually follows decides among the steps that may come. Time does not end an assembly.
+        Steps of the plan before stay done, by name. What usually follows decides among the steps
+        that may come. Time does not end an assembly.
 
         Raises:
             ArgumentError: no step of the plan is a task of the library.
         """
-        self.progress = WorkProgress(plan, self._library.labels) if plan else None
+        labels, before = self._library.labels, self.progress
+        if plan is None:
+            self.progress = None
+        else:
+            self.progress = before.changed(plan, labels) if before else WorkProgress(plan, labels)
         self._plan = plan
         self._set(self.memory)
 
@@ -227,7 +232,7 @@ class Expectation:
     def swap(self, library: TaskLibrary, fixed_prior: NDArray[np.float64] | None) -> None:
         """Go on with another library."""
         if self.progress is not None and self._plan is not None:
-            self.progress = self.progress.relabelled(self._plan, library.labels)
+            self.progress = self.progress.changed(self._plan, library.labels)
         memory = self.memory.relabelled(self._library.labels, library.labels)
         self._library, self._fixed_prior = library, fixed_prior
         self._set(memory)

@@ -135,6 +135,7 @@ def test_the_one_who_needs_it_first_is_helped_and_the_other_one_after():
 def test_who_needs_it_first_does_not_depend_on_the_names():
     world = both_ask(0.4, 0.8)
     world.until(lambda: world.activation.attended)
+    assert world.activation.attended in world.activation.reasons
     assert world.helps("ben")
 
 

@@ -61,12 +61,14 @@ class Watched:
             labels = LABELS[k // 40 % len(LABELS)]
             chances = rng.dirichlet(np.ones(len(labels)))
             state.take_joints(JOINT_NAMES, rng.normal(size=7), self.now_s)
-            state.take_wrist(rng.normal(size=3), self.now_s)
-            state.take_posterior(Posterior(labels, chances, chances), self.now_s)
+            state.person.take_wrist(rng.normal(size=3), self.now_s)
+            state.person.take_posterior(Posterior(labels, chances, chances), self.now_s)
             path = rng.normal(size=(2 + k % 30, 3))
-            state.drawn = PathMarkers(path, path, rng.normal(size=(30 * (1 + k % 7), 3)))
-            state.predicted = PredictedMotion("a", JOINT_NAMES, rng.normal(size=(2 + k % 50, 7)))
-            state.drawn_at_s = state.predicted_at_s = self.now_s
+            state.person.drawn = PathMarkers(path, path, rng.normal(size=(30 * (1 + k % 7), 3)))
+            state.person.predicted = PredictedMotion(
+                "a", JOINT_NAMES, rng.normal(size=(2 + k % 50, 7))
+            )
+            state.person.drawn_at_s = state.person.predicted_at_s = self.now_s
             state.active, state.teaching = labels[k % 2], f"recorded {k}"
             state.nodes["arm"] = NodeHealth(k // 100 % 3, f"step {k}", {"rate x [Hz]": str(k)}, 0.0)
             if k % 50 == 0:
@@ -78,8 +80,8 @@ class Watched:
         server, state = self.page._server, self.state
         buffer = server._websock_server.get_message_buffer()
         return {
-            "wrist path": len(state._wrist_past),
-            "past posteriors": len(state._past),
+            "wrist path": len(state.person._wrist_past),
+            "past posteriors": len(state.person.past),
             "things in the scene": len(server.scene._handle_from_node_name),
             "controls": len(server.gui._gui_input_handle_from_uuid),
             "containers": len(server.gui._container_handle_from_uuid),

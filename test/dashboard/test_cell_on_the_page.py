@@ -62,7 +62,7 @@ def test_an_update_goes_out_in_one_transmission(fed, monkeypatch):
         grouped.clear()
         fed.now_s += 0.2 * k
         fed.state.take_joints(JOINT_NAMES, np.array(HOME) + 0.01 * k, fed.now_s)
-        fed.state.take_wrist(WRIST + 0.01 * k, fed.now_s)
+        fed.state.person.take_wrist(WRIST + 0.01 * k, fed.now_s)
         fed.page.update()
         assert all(grouped)
         assert 10 < len(grouped) <= WINDOW

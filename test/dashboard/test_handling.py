@@ -35,7 +35,7 @@ class Told:
     def __init__(self, *bodies):
         self.handling = Handling(bodies)
         self.hand, self.wrist = HOME, RESTS
-        self.now = HandlingMoment(0.0, "", "", pose_at(HOME), RESTS)
+        self.now = HandlingMoment(0.0, "", "", pose_at(HOME), {"": RESTS})
         self.places = {b.name: [] for b in bodies}
 
     def goes(self, hand=None, wrist=None, seconds=1.0, **said):
@@ -46,8 +46,14 @@ class Told:
         for share in np.linspace(0.0, 1.0, int(seconds / STEP_S)):
             hand_now = pose_at(self.hand + share * (hand - self.hand))
             wrist_now = self.wrist + share * (wrist - self.wrist)
-            now_s = self.now.now_s + STEP_S
-            self.now = replace(self.now, now_s=now_s, hand=hand_now, wrist=wrist_now, **said)
+            now_s, others = self.now.now_s + STEP_S, dict(self.now.wrists)
+            self.now = replace(
+                self.now,
+                now_s=now_s,
+                hand=hand_now,
+                wrists=others | {self.now.helped: wrist_now},
+                **said,
+            )
             self.handling.update(self.now)
             for name, places in self.places.items():
                 places.append(self.handling.pose(name)[:3, 3])
@@ -96,8 +102,20 @@ def test_without_an_active_task_the_hand_takes_nothing_and_unknown_hands_neither
     assert told.handling.holder("plate") is BodyHolder.PLACE
     handling = Handling([body("plate")])
     for k in range(50):
-        handling.update(HandlingMoment(0.1 * k, GIVE, GIVE, None, None))
+        handling.update(HandlingMoment(0.1 * k, GIVE, GIVE, None, {}))
     np.testing.assert_array_equal(handling.pose("plate"), body("plate").pose)
+
+
+def test_what_was_given_to_somebody_stays_there_when_the_arm_helps_another():
+    told = Told(body("plate"))
+    told.goes(wrist=REACHES, active=GIVE, begun=GIVE, helped="anna")
+    told.goes(hand=GRASP).goes(hand=GRASP + [0, 0.1, 0.05]).goes(hand=MEET).goes()
+    assert told.handling.holder("plate") is BodyHolder.PERSON
+    told.goes(active="", begun="")
+    before = told.handling.pose("plate")
+    told.now = replace(told.now, wrists={**told.now.wrists, "ben": RESTS})
+    told.goes(wrist=RESTS - [0.0, 0.3, 0.0], active=HOLD, begun=HOLD, helped="ben")
+    np.testing.assert_array_equal(told.handling.pose("plate"), before)
 
 
 def test_what_was_taken_for_a_task_that_is_given_up_goes_back():

@@ -1,155 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Browsers that mean harm, against a running node: what they may not do has no effect at all."""
 
-import asyncio
-
-import numpy as np
 import pytest
-from dashboard.browser import free_port
-from dashboard.guarded import Visited, eventually, send, update
-from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
-from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
+from dashboard.guarded import eventually, send, update
+from dashboard.hostile_graph import TASK, Graph, Visit, drag, grab, leave
 from websockets.exceptions import InvalidStatus
 
-from intent_recognition.composing import ViaPoint, write_via_points
-from intent_recognition.dashboard import admission, server
+from intent_recognition.dashboard import admission
 from intent_recognition.dashboard.cell import SkillRow
-from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.dashboard.teach_tab import BY_HAND
-from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
-from intent_recognition.model import TO_UNDO
-from intent_recognition.nodes import qos
+from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.nodes.conversions import trajectory_arrays
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
 pytestmark = pytest.mark.slow
 
-TEACHER, ESTIMATOR = "task_teacher", "intent_estimator"
-SERVICES = ("start", "stop", "learn", "discard", "undo", "keep", "accept")
-TASK = "plate"
-POINT = ViaPoint("here", {"hand": (0.2, 0.1, 0.05)}, (0.01,) * 3, 0.5, None, TASK)
-PATH = (TASK, np.outer(np.linspace(0.0, 1.0, 5), [0.4, 0.2, 0.1]))
 VIA, WRIST, HAND = "/via/handle", "/direct/wrist", "/direct/hand"
 CLICKS, FEW = 3000, 5
-DEADLINE_S = 20.0
-
-
-class Graph:
-    """The page's node among nodes that note what is asked of them; nothing of it is believed."""
-
-    def __init__(self, harness, **values):
-        self.harness, self.heard = harness, []
-        self.port = free_port()
-        overrides = {"port": self.port, "rate": 60.0, "models": "/nowhere"} | values
-        self.node = harness.node(Dashboard, **overrides)
-        self.page, self.timers = self.node.page, len(list(self.node.timers))
-        for name, parameters in (
-            (TEACHER, {"task": "", "learn_at_stop": True}),
-            (ESTIMATOR, {"via_points": ""}),
-        ):
-            other = harness.add(Node(name))
-            for parameter, value in parameters.items():
-                other.declare_parameter(parameter, value)
-            other.add_on_set_parameters_callback(self._set)
-        for service in SERVICES:
-            name = f"{TEACHER}/{service}"
-            harness.probe.create_service(Trigger, name, lambda _, a, s=service: self._called(s, a))
-        for kind, topic, profile in (
-            (DiagnosticStatus, "intent/feedback", qos.FEEDBACK),
-            (PoseStamped, "mocap/wrist/pose", qos.SENSOR),
-            (JointTrajectory, "joint_trajectory", qos.COMMAND),
-        ):
-            note = lambda message, topic=topic: self.heard.append((topic, message))  # noqa: E731
-            harness.probe.create_subscription(kind, topic, note, profile)
-        self._latched = harness.publisher(String, "intent/active_task", qos.LATCHED)
-        self._via = harness.publisher(String, "intent/via_points", qos.LATCHED)
-        self._joints = harness.publisher(JointState, "joint_states", qos.STATE)
-        harness.connect(self._joints, self._latched, self._via)
-        self._joints.publish(JointState(name=list(JOINT_NAMES), position=[0.1] * 7))
-        page = self.page
-        self.node.state.skills = {TASK: [SkillRow("learned 00", {TO_UNDO: "yes"})]}
-        harness.spin_until(lambda: page._teach._record.visible and not page._skills._undo.disabled)
-        harness.spin_until(lambda: self.node.state.joints)
-
-    def begin(self):
-        """A task is executed, a via point in force, the predicted path shown to be dragged."""
-        self._latched.publish(String(data=TASK))
-        self._via.publish(String(data=write_via_points([POINT])))
-        self.page._scene.hand_path = PATH
-        self.page._via._drag.value = True
-        skills, via = self.page._skills, self.page._via
-        self.harness.spin_until(lambda: skills._thumbs.visible and via._handle.visible)
-        self.harness.spin_until(lambda: not via._remove.disabled)
-        assert not self.heard
-
-    def controls(self):
-        """What every control of the page has, and where its handles are."""
-        page_server = self.page._server
-        values = {
-            c._impl.uuid: c.value for c in page_server.gui._gui_input_handle_from_uuid.values()
-        }
-        handles = page_server.scene._handle_from_transform_controls_name
-        return values | {name: tuple(handle.position) for name, handle in handles.items()}
-
-    def _called(self, service, answer):
-        self.heard.append((service, None))
-        answer.success = True
-        return answer
-
-    def _set(self, changes):
-        self.heard += [(change.name, change.value) for change in changes]
-        return SetParametersResult(successful=True)
-
-
-class Visit(Visited):
-    """Browsers on the page of a graph, which goes on meanwhile."""
-
-    def __init__(self, graph, monkeypatch):
-        super().__init__(graph.port)
-        self.graph, self.sent, self.judged = graph, 0, 0
-
-        def judge(message, judged=server.is_well_formed):
-            self.judged += 1
-            return judged(message)
-
-        monkeypatch.setattr(server, "is_well_formed", judge)
-
-    def run(self, story):
-        asyncio.run(story())
-
-    async def until(self, condition, what=""):
-        end = asyncio.get_running_loop().time() + DEADLINE_S
-        while not condition():
-            assert asyncio.get_running_loop().time() < end, what or self.graph.heard
-            self.graph.harness.executor.spin_once(timeout_sec=0.002)
-            await asyncio.sleep(0)
-
-    async def open(self, **changed):
-        connection = await self.connect(**changed)
-        await self.say(connection)
-        return connection
-
-    async def say(self, connection, *messages):
-        """Send, after where it looks from, and wait until all of it was judged."""
-        await self.enter(connection)
-        await send(connection, *messages)
-        self.sent += 1 + len(messages)
-        await self.until(lambda: self.judged >= self.sent, "judged")
-
-    async def like(self, connection):
-        """A good action of an operator is done, and nothing but that was."""
-        heard = self.graph.heard
-        await self.say(connection, update(self.graph.page._skills._thumbs, "Good"))
-        await self.until(lambda: "intent/feedback" in dict(heard))
-        ((_, message),) = heard
-        assert (message.name, message.values[0].value) == (TASK, "up")
-        heard.clear()
 
 
 @pytest.fixture
@@ -163,26 +30,16 @@ def visit(harness, monkeypatch):
     return start
 
 
-def grab(name, **changed):
-    return {"type": admission.GRAB, "name": name} | changed
-
-
-def drag(name, place=(0.3, 0.2, 0.1), **changed):
-    wxyz = [1.0, 0.0, 0.0, 0.0]
-    return {"type": admission.DRAG, "name": name, "wxyz": wxyz, "position": list(place)} | changed
-
-
-def leave(name, **changed):
-    return {"type": admission.LEAVE, "name": name} | changed
-
-
 def every_action(page):
     """Whatever the newer controls can be asked for."""
-    skills, via, teach = page._skills, page._via, page._teach
-    presses = (skills._keep, skills._undo, via._remove)
+    skills, via, teach, plan = page._skills, page._via, page._teach, page._watch._plan
+    presses = (skills._keep, skills._undo, via._remove, plan._save)
     presses += (teach._record, teach._learn, teach._reach, teach._undo)
     values = (
         (skills._thumbs, "Bad"),
+        (plan._change, "Forget"),
+        (plan._wait, "Must wait"),
+        (plan._step, "base"),
         (via._phase, 0.9),
         (via._std, 5.0),
         (via._chosen, "none"),
@@ -281,7 +138,7 @@ def test_what_is_not_there_cannot_be_undone(visit):
 
 def malformed(page):
     """What no control and no handle of the page sends."""
-    skills, via, teach = page._skills, page._via, page._teach
+    skills, via, teach, plan = page._skills, page._via, page._teach, page._watch._plan
     nan, inf = float("nan"), float("inf")
     numbers = (nan, inf, 1e300, "nan", "inf", "1e999", "x", None, [], [0.5], {}, {"nan": 1}, True)
     yield from (
@@ -293,8 +150,9 @@ def malformed(page):
         yield update(teach._task, text)
         yield update(via._chosen, text)
         yield update(skills._thumbs, text)
+        yield from (update(field, text) for field in (plan._step, plan._change, plan._wait))
     for text in ("", "\x1b[2J", "<script>alert(1)</script>", "Middling"):
-        yield from (update(choice, text) for choice in (skills._thumbs, via._chosen, teach._how))
+        yield from (update(choice, text) for choice in (skills._thumbs, via._chosen, plan._step))
     for button in (skills._keep, skills._undo, via._remove, via._drag, teach._take):
         yield from (update(button, value) for value in (3, "yes", None, [], {}, [1.0] * 3))
     for prop in ("visible", "disabled", "order", "label", "options", "update_cb", "removed"):

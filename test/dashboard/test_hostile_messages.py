@@ -9,11 +9,13 @@ from dashboard.test_bounded import Watched
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hostile.random_messages import TEXTS as ANY_TEXTS
 from hostile.random_messages import random_message
+from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from intent_recognition.dashboard.robot_view import MOST_JOINTS
+from intent_recognition.dashboard.scene import DARK
 from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.arm.urdf import lwr_urdf
@@ -74,16 +76,22 @@ class Fed(Watched):
 
     def __init__(self, harness):
         super().__init__(harness)
-        self.rejected = []
-        before = set(harness.probe.subscriptions)
-        CellSubscriptions(
+        self.rejected, self._node = [], harness.probe
+        self._before = set(harness.probe.subscriptions)
+        self.subscriptions = CellSubscriptions(
             harness.probe,
             self.state,
             reject=lambda reason, text: self.rejected.append((reason, text)),
             clock=lambda: self.now_s,
         )
-        made = [s for s in harness.probe.subscriptions if s not in before]
-        self.topics = {s.topic_name: s for s in made}
+
+    @property
+    def topics(self):
+        made = (s for s in self._node.subscriptions if s not in self._before)
+        return {s.topic_name: s for s in made}
+
+    def meet(self, name):
+        self.subscriptions.meet(name)
 
     def hear(self, topic, message):
         serialize_message(message)  # it can be sent
@@ -102,15 +110,16 @@ def fed(harness):
 @pytest.mark.slow
 def test_random_messages_of_every_type_leave_it_running(fed):
     rng = np.random.default_rng(14)
+    fed.meet("anna")
     for _ in range(60):
         for topic, subscription in fed.topics.items():
             if topic != "/robot_description":
                 fed.hear(topic, random_message(rng, subscription.msg_type, TEXTS))
-    assert len(fed.topics) == 15
+    assert len(fed.topics) == 22
     assert len(fed.rejected) > 100
     good = JointState(name=["a", "none"], position=[0.4, 0.6], velocity=[0.1, 0.0])
     fed.hear("/intent/tasks", good)
-    assert fed.state.posterior.labels == ("a", "none")
+    assert fed.state.person.posterior.labels == ("a", "none")
 
 
 @pytest.mark.parametrize("name", URDFS)
@@ -131,8 +140,64 @@ def test_a_posterior_of_unequal_sizes_is_counted(fed, position, velocity):
     message.position, message.velocity = array("d", position), array("d", velocity)
     fed.hear("/intent/tasks", message)
     fed.hear("/intent/tasks", JointState())
-    assert fed.state.posterior is None
+    assert fed.state.person.posterior is None
     assert [reason for reason, _ in fed.rejected] == ["malformed intent/tasks"] * 2
+
+
+FELT = {"load_share": 0.5, "load": 4.0, "weight": 3.9, "grip_force": 12.0, "slip": 0.0}
+BIG = "steps: [" + ", ".join(f"{{step: {k}}}" for k in range(100)) + "]"
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"load": np.nan}, {"load": np.inf}, {"load_share": 1e300}, {"load": None}, {"slip": None}],
+)
+def test_forces_that_are_no_forces_are_counted(fed, changed):
+    felt = {name: v for name, v in (FELT | changed).items() if v is not None}
+    fed.hear("/intent/transfer", JointState(name=list(felt), position=list(felt.values())))
+    assert [reason for reason, _ in fed.rejected] == ["malformed intent/transfer"]
+    assert not fed.state.transfer.holding
+    message = JointState(name=list(FELT), position=list(FELT.values()))
+    message.header.frame_id = "offering"
+    for _ in range(3):
+        fed.hear("/intent/transfer", message)
+    assert "offering" in fed.page._watch._transfer_line.content
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[", "steps: 3", "steps: [{step: a}, {step: a}]", BIG, "x" * 200_000, "&a [*a]"]
+)
+def test_a_plan_that_is_none_is_counted_and_the_one_before_stays(fed, text):
+    good = [KeyValue(key="a", value="done 1.00"), KeyValue(key="yaml", value="steps: [{step: a}]")]
+    fed.hear("/intent/plan", DiagnosticStatus(values=good))
+    fed.hear("/intent/plan", DiagnosticStatus(values=[KeyValue(key="yaml", value=text)]))
+    assert [reason for reason, _ in fed.rejected] == ["malformed intent/plan"]
+    assert fed.page._watch._plan._step.options == ("a",)
+    fed.hear("/intent/plan", DiagnosticStatus(message="no plan"))
+    assert fed.state.plan is None
+
+
+def test_each_person_has_a_belief_a_hand_and_a_colour_and_the_helped_one_is_named(fed):
+    for name, chance, x in (("anna", 0.9, 0.5), ("ben", 0.2, -0.5)):
+        fed.meet(name)
+        message = JointState(name=["a", "none"], position=[chance, 1 - chance], velocity=[0.1, 0])
+        odometry = Odometry()
+        odometry.pose.pose.position.x = x
+        for _ in range(3):
+            fed.hear(f"/intent/{name}/tasks", message)
+            fed.hear(f"/human/{name}/wrist", odometry)
+    fed.hear("/intent/active_task", String(data="a"))
+    fed.hear("/intent/active_person", String(data="ben"))
+    bars = {name: panel.bars.content for name, panel in fed.page._watch._people.items()}
+    assert bars[""] == "" and "90%" in bars["anna"] and "20%" in bars["ben"]
+    assert "&#9679;" in bars["ben"] and "&#9679;" not in bars["anna"], "whose task is executed"
+    handles = fed.page._server.scene._handle_from_node_name
+    hands = [handles[f"/people/{name}/wrist"] for name in ("anna", "ben")]
+    assert [hand.position[0] for hand in hands] == [0.5, -0.5]
+    assert tuple(hands[1].color) != DARK and "ben" in fed.page._now.content
+    fed.hear("/intent/active_person", String(data="nobody known"))
+    fed.hear("/intent/active_person", String(data="x" * 300))
+    assert [reason for reason, _ in fed.rejected] == ["malformed intent/active_person"]
 
 
 def test_health_that_is_no_number_is_shown_as_it_is(fed):

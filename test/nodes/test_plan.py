@@ -6,6 +6,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from estimator_graph import DOFS, Folder
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes import qos
@@ -48,3 +49,17 @@ def test_a_plan_is_told_expected_and_changed(harness, tmp_path):
 def test_a_plan_must_be_there(harness, tmp_path):
     with pytest.raises(ArgumentError, match="plan: expected a file"):
         node_of(harness, tmp_path, str(tmp_path / "none.yaml"))
+
+
+def test_the_plan_in_force_is_saved_where_it_came_from(harness, tmp_path):
+    file = tmp_path / "plan.yaml"
+    file.write_text(TEXT)
+    node = node_of(harness, tmp_path, str(file))
+    changed = "steps: [{step: task_1}]\n"
+    node.set_parameters([Parameter("plan", value=changed)])
+    answer = harness.call(Trigger, "intent_estimator/save_plan", Trigger.Request())
+    assert answer.success and str(file) in answer.message
+    assert read_plan(file.read_text()) == read_plan(changed)
+    node.set_parameters([Parameter("plan", value="")])
+    answer = harness.call(Trigger, "intent_estimator/save_plan", Trigger.Request())
+    assert not answer.success and "from a file" in answer.message

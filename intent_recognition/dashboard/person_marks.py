@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured and expected of a person in the scene: wrist, paths, tube, task."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.things_view import Colour, rgb
+from intent_recognition.promp import NONE
+from intent_recognition.report import NONE_COLOUR, readable
+
+TUBE_OPACITY = 0.28
+"""With viser's lights; RViz shows the same tube with `markers.TUBE_ALPHA`. Convention."""
+STALE_S = 1.5
+"""Age from which on a prediction is not drawn [s]. Convention."""
+PATH_WIDTH_M = 0.006
+"""Width of a drawn path [m]. Convention."""
+NAME_M = 0.08
+"""The name is so far above the wrist [m]. Convention."""
+TASK_M = 0.14
+"""The task is so far above the predicted end [m]. Convention."""
+NOTHING = np.zeros((0, 3))
+GREY = rgb(NONE_COLOUR)
+"""Of what is old."""
+
+
+class Lines:
+    """Paths below a node of the scene, made when there is something to draw."""
+
+    def __init__(self, server: viser.ViserServer, root: str = ""):
+        self._scene, self._root = server.scene, root
+        self._lines: dict[str, viser.LineSegmentsHandle] = {}
+
+    def draw(self, name: str, path: NDArray[np.float64], colour: Colour, width_m: float) -> None:
+        """Draw a path (T, 3), or hide it where it has fewer than two points."""
+        handle = self._lines.get(name)
+        if len(path) < 2:
+            if handle is not None:
+                handle.visible = False
+            return
+        pairs = np.stack((path[:-1], path[1:]), axis=1).astype(np.float32)
+        if handle is None:
+            node = f"{self._root}/{name}"
+            self._lines[name] = self._scene.add_line_segments(
+                node, pairs, colour, thickness=width_m
+            )
+            return
+        handle.points = pairs
+        # Of the whole line: those of points come out paler.
+        handle.colors = np.array(colour, dtype=np.uint8)
+        handle.visible = True
+
+
+class PersonMarks:
+    """Draws a `PersonState`.
+
+    Args:
+        server: the page.
+        name: of the person; empty for the only one, who is not labelled.
+        colour: of the person's wrist.
+    """
+
+    def __init__(self, server: viser.ViserServer, name: str, colour: Colour):
+        self._scene, self._name, self._colour = server.scene, name, colour
+        self._root = f"/people/{name}" if name else ""
+        self._lines = Lines(server, self._root)
+        self._tube: viser.MeshHandle | None = None
+        scene, root = self._scene, self._root
+        self._wrist = scene.add_icosphere(f"{root}/wrist", 0.022, colour, visible=False)
+        if name:
+            above = (0.0, 0.0, NAME_M)
+            scene.add_label(f"{root}/wrist/name", name, anchor="bottom-center", position=above)
+        self._label = scene.add_label(f"{root}/task", "", visible=False, anchor="bottom-center")
+
+    def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
+        """Draw the newest; somebody with a name who is not seen any more is not drawn."""
+        person = state.people[self._name]
+        if person.wrist is not None:
+            fresh = state.fresh(person.wrist_at_s, now_s)
+            self._wrist.visible = fresh or not self._name
+            self._wrist.position = person.wrist
+            self._wrist.color = self._colour if fresh else GREY
+            self._lines.draw("wrist_path", person.wrist_path(now_s), GREY, PATH_WIDTH_M / 2)
+        best = person.posterior.best if person.posterior is not None else ""
+        colour = rgb(colours.get(best, NONE_COLOUR))
+        shown = person.drawn if state.fresh(person.drawn_at_s, now_s, STALE_S) else None
+        path = NOTHING if shown is None else shown.predicted
+        self._lines.draw("predicted", path, colour, PATH_WIDTH_M)
+        self._draw_tube(NOTHING if shown is None else shown.tube, colour)
+        self._label.visible = len(path) > 0 and best != NONE
+        if self._label.visible:
+            self._label.position = path[-1] + np.array([0.0, 0.0, TASK_M])
+            self._label.text = readable(best)
+
+    def _draw_tube(self, corners: NDArray[np.float64], colour: Colour) -> None:
+        if len(corners) < 3:
+            if self._tube is not None:
+                self._tube.visible = False
+            return
+        vertices = corners.astype(np.float32)
+        if self._tube is None or len(self._tube.vertices) != len(vertices):
+            self._tube = self._scene.add_mesh_simple(
+                f"{self._root}/tube",
+                vertices,
+                np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3),
+                color=colour,
+                opacity=TUBE_OPACITY,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            return
+        self._tube.vertices = vertices
+        self._tube.color = colour
+        self._tube.visible = True

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far an assembly is, and its plan changed from the page: order, what is needed, undo, save."""
+
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+
+import viser
+
+from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.commands import ESTIMATOR, Commands, Notify
+from intent_recognition.dashboard.widgets import set_value
+from intent_recognition.errors import ArgumentError
+from intent_recognition.plans import WorkPlan, moved, ordered, required, without, write_plan
+
+SAVE = f"{ESTIMATOR}/save_plan"
+CHANGES: dict[str, Callable[[WorkPlan, str], WorkPlan]] = {
+    "Earlier": lambda plan, step: moved(plan, step, -1),
+    "Later": lambda plan, step: moved(plan, step, 1),
+    "Require": required,
+    "Forget": without,
+}
+MUST, NEED_NOT = "Must wait", "Need not"
+MOST_UNDONE = 20
+"""Changes that can be taken back. Convention."""
+
+
+class PlanPanel:
+    """A folder that is there where there is a plan.
+
+    The node that holds the plan checks each change: it is the parameter `plan` that is set.
+
+    Args:
+        gui: of the page; the folder is made where it is called.
+        commands: reaches the estimator.
+        do: runs a function in the thread of the graph.
+        notify: called with whether something went well, and a sentence.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, commands: Commands, do: Callable[[Callable], None], notify: Notify
+    ):
+        self._commands, self._notify = commands, notify
+        self._plan: WorkPlan | None = None
+        self._before: deque[WorkPlan] = deque(maxlen=MOST_UNDONE)
+        self._folder = gui.add_folder("Plan of the assembly", visible=False)
+        with self._folder:
+            self._list = gui.add_html("")
+            with gui.add_folder("Change the plan", expand_by_default=False):
+                self._step = gui.add_dropdown("Step", ("",))
+                about = "Require: it is part of every assembly. Forget: of none."
+                self._change = gui.add_button_group("", tuple(CHANGES), hint=about)
+                self._other = gui.add_dropdown("Waits for", ("",))
+                self._wait = gui.add_button_group("", (MUST, NEED_NOT))
+                self._undo = gui.add_button(
+                    "Undo", disabled=True, icon=viser.Icon.ARROW_BACK_UP, color="gray"
+                )
+                self._save = gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY, color="gray")
+        self._change.on_click(lambda _: do(self._press_change))
+        self._wait.on_click(lambda _: do(self._press_wait))
+        self._undo.on_click(lambda _: do(self._press_undo))
+        self._save.on_click(lambda _: do(partial(commands.trigger, SAVE)))
+
+    def update(self, state: CellState) -> None:
+        """Show the plan in force, and how far it is."""
+        self._list.content = markup.plan(state.plan, state.progress)
+        if state.plan == self._plan:
+            return
+        self._plan = state.plan
+        self._folder.visible = state.plan is not None
+        if state.plan is not None:
+            names = state.plan.names
+            for field, at_first in ((self._step, names[-1]), (self._other, names[0])):
+                chosen = field.value
+                field.options = names
+                set_value(field, chosen if chosen in names else at_first)
+
+    def update_controls(self) -> None:
+        """Disable what nobody could do."""
+        self._undo.disabled = not self._before
+        self._save.disabled = not self._commands.offers(SAVE)
+
+    def _press_change(self) -> None:
+        if self._plan is not None:
+            self._send(CHANGES[self._change.value](self._plan, self._step.value))
+
+    def _press_wait(self) -> None:
+        if self._plan is None:
+            return
+        if self._other.value == self._step.value:
+            cure = "Choose another one."
+            raise ArgumentError.about("Waits for", "another step", self._step.value, cure)
+        must = self._wait.value == MUST
+        self._send(ordered(self._plan, self._other.value, self._step.value, must))
+
+    def _press_undo(self) -> None:
+        if self._before:
+            self._tell(self._before.pop(), self._notify)
+
+    def _send(self, plan: WorkPlan) -> None:
+        """Put a changed plan in force; the one of now can be taken back then."""
+        before = self._plan
+
+        def done(ok: bool, why: str) -> None:
+            if ok and before is not None:
+                self._before.append(before)
+            self._notify(ok, why or "the plan is changed")
+
+        self._tell(plan, done)
+
+    def _tell(self, plan: WorkPlan, done: Notify) -> None:
+        self._commands.set_parameter(ESTIMATOR, "plan", write_plan(plan), done)
