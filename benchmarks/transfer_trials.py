@@ -7,9 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.handover.cell import HELD_SHARE, OBJECTS, TransferCell
-from benchmarks.handover.grip import CompliantHand, Strength
-from benchmarks.handover.partner import Giver, Manner, SeenRobot, Taker
+from benchmarks.handover.cell import OBJECTS, TransferCell
 from benchmarks.handover.robot_side import RobotSide, TransferSample
 from intent_recognition.transfer import (
     LIGHTEST_N,
@@ -23,6 +21,15 @@ from intent_recognition.transfer import (
 )
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import SimulatedArm
+from sim_bridge.handover import (
+    HELD_SHARE,
+    CompliantHand,
+    Giver,
+    Manner,
+    SeenRobot,
+    Strength,
+    Taker,
+)
 
 TRANSFERS = ("give", "take")
 DISTURBANCES = ("bump", "bump on the way", "pull on the way", "tug", "wrong way", "partly")
@@ -193,8 +200,8 @@ class _Run:
         to_m = self._offer_m + [lever, 0.0, 0.0] + manner.miss_m
         from_m = to_m + REST_M
         hand.position_m, hand.target_m = from_m.copy(), from_m.copy()
-        cell.put(from_m - [HELD_SHARE * cell.thing.half_edges_m[2], 0.0, 0.0])
-        hand.grasp(*cell.held_point())
+        cell.held.put(from_m - [HELD_SHARE * cell.thing.half_edges_m[2], 0.0, 0.0])
+        hand.grasp(*cell.held.held_point())
         hand.force_n = np.array([0.0, 0.0, cell.thing.mass_kg * GRAVITY_M_S2])
         hand.feel(cell.thing.mass_kg * GRAVITY_M_S2)
         self.person = Giver(hand, manner, to_m)
@@ -208,7 +215,7 @@ class _Run:
     def outcome(self, trial: TransferTrial, weight_n: float) -> TransferOutcome:
         """Score what happened."""
         cell, samples = self.cell, self.robot.samples
-        centre = cell.pose()[0]
+        centre = cell.held.pose()[0]
         person = cell.person
         has = person is not None and person.holds
         fingers = cell.fingers.touching(cell.body)
@@ -237,22 +244,22 @@ class _Run:
 
     def _from_grip(self) -> float:
         expected = self.cell.grip_m() + [self.cell.thing.grasp_m, 0.0, 0.0]
-        return float(np.linalg.norm(self.cell.pose()[0] - expected))
+        return float(np.linalg.norm(self.cell.held.pose()[0] - expected))
 
     def _act(self, arm: SimulatedArm) -> None:
         """What the person and the disturbance do in the coming step."""
         cell, now_s = self.cell, arm.time_s
         if self.person is not None:
-            point, turn = cell.held_point()
+            point, turn = cell.held.held_point()
             closed = cell.fingers.touching(cell.body) == 2
             self.person.step(now_s, SeenRobot(point, turn, now_s > self._rested_s, closed))
         if self.disturb is not None:
             cell.push_n = self.disturb(now_s - self._left_s, now_s - self._rested_s)
         if self.lurker is not None:  # the tracker sees a hand beside the object all the time
-            self.lurker.target_m = cell.held_point()[0] + BESIDE_M
+            self.lurker.target_m = cell.held.held_point()[0] + BESIDE_M
         if self.wet is not None and now_s > self._left_s + 0.4:
             holds_n = 2.0 * carrying_grip(self._weight_n)
-            cell.set_friction(self.wet * self._weight_n / holds_n)
+            cell.held.set_friction(self.wet * self._weight_n / holds_n)
 
     def _go(self, way: NDArray[np.float64], length_s: float) -> None:
         self.robot.move(way, length_s)

@@ -20,6 +20,7 @@ RECORDED = (
     "intent/next_task",
     "intent/transfer",
     "joint_trajectory",
+    "coworker/hand",
     "coworker/task",
 )
 """Topics that `bag_recorder` records of a cell."""
@@ -66,13 +67,17 @@ _ARM = RegisteredNode(
         ANSWERS,
         "intent/active_task",
         "intent/robot_trajectory",
+        "intent/transfer",
         "joint_trajectory",
+        "mocap/wrist/pose",
         "~/push",
     ),
     publishes=(
         "balls",
+        "coworker/hand",
         "cup/cloud",
         "intent/feedback",
+        "intent/holding",
         "joint_states",
         "robot_description",
         "second/cloud",
@@ -112,6 +117,7 @@ NODES: Mapping[str, RegisteredNode] = {
             "intent/next_task",
             "intent/robot_trajectory",
             "intent/tasks",
+            "intent/transfer",
             "intent/via_points",
             f"human/{BODY}",
             "joint_states",

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.handover.cell import TransferCell
-from benchmarks.handover.partner import progress
 from intent_recognition.transfer import (
     Holding,
     LoadEstimator,
@@ -22,8 +21,8 @@ from intent_recognition.transfer import (
     TransferOutput,
     way_to,
 )
-from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import TIME_STEP_S, SimulatedArm
+from sim_bridge.handover import GripFollower, progress
 
 SAMPLE_STEPS = 5
 """Physics steps between two joint states: 200 Hz, as `arm_sim` publishes them."""
@@ -32,9 +31,6 @@ NEAR_M = 0.25
 what is handed over, and of a hand."""
 TRACKED_STD_M = 0.002
 """Noise of the tracker [m]. Convention."""
-PAYLOAD_N_S = 40.0
-"""Fastest change of the weight that the arm compensates [N/s]. Convention: slower than the load is
-measured, and faster than people give it up."""
 
 
 class TransferSample(NamedTuple):
@@ -83,7 +79,7 @@ class RobotSide:
         self.request = Request.NOTHING
         self.samples: list[TransferSample] = []
         self.move(np.array([cell.home, cell.home]), 0.0)
-        self._payload_n = 0.0
+        self._grip = GripFollower(cell.arm, cell.fingers)
         cell.arm.before_step.append(self._step)
 
     @property
@@ -126,8 +122,8 @@ class RobotSide:
             toward,
         )
         output = self.machine.step(self.request, situation)
-        cell.fingers.press(output.grip_n)
-        self._compensate(arm, output)
+        asked = output.holding, output.share, output.weight_n, output.grip_n
+        self._grip.follow(*asked, SAMPLE_STEPS * TIME_STEP_S)
         person = np.zeros(3) if cell.person is None else cell.person.force_n.copy()
         self.samples.append(
             TransferSample(
@@ -137,8 +133,8 @@ class RobotSide:
                 person,
                 cell.fingers.touching(cell.body),
                 cell.grip_m(),
-                cell.pose()[0],
-                cell.speed_m_s(),
+                cell.held.pose()[0],
+                cell.held.speed_m_s(),
             )
         )
 
@@ -150,13 +146,3 @@ class RobotSide:
         seen = person.position_m + TRACKED_STD_M * self._rng.standard_normal(3)
         distance_m, toward = way_to(seen, self._cell.model.forward_kinematics(q)[:3, 3])
         return distance_m < NEAR_M, toward, float(np.linalg.norm(person.velocity_m_s))
-
-    def _compensate(self, arm: SimulatedArm, output: TransferOutput) -> None:
-        """Carry the weight that the person has not taken over."""
-        carried = output.holding in (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING)
-        wanted = output.weight_n * (1.0 - output.share) if carried else 0.0
-        reach = PAYLOAD_N_S * SAMPLE_STEPS * TIME_STEP_S
-        if output.holding in (Holding.EMPTY, Holding.RELEASING):
-            reach = np.inf
-        self._payload_n += float(np.clip(wanted - self._payload_n, -reach, reach))
-        arm.set_payload(max(self._payload_n, 0.0) / GRAVITY_M_S2)

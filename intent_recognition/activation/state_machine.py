@@ -263,6 +263,10 @@ class Activation:
         """
         self._inbox.order(prediction)
 
+    def take_exchange(self, until_ns: int) -> None:
+        """An object changes hands, which is news until a time: the arm does not go home."""
+        self._transitions.exchanging_until_ns = until_ns
+
     def take_people(self, people: tuple[PredictedPerson, ...]) -> None:
         """Take where people are predicted to be, as far as that is known."""
         self._motions.people = people
@@ -348,8 +352,8 @@ class Activation:
         """Whether the arm may turn to another person."""
         state = self.state
         if isinstance(state, Arrived) and state.interaction.over:
-            held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
-            return held or bool(self.decision.active)
+            active = bool(self.decision.active) and now_ns >= self._transitions.exchanging_until_ns
+            return self._transitions.held(state, now_ns) or active
         return isinstance(state, (Idle, Homing))
 
     def _enter(self, transition: Transition) -> Command | None:

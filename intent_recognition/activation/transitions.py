@@ -52,6 +52,7 @@ class Transitions:
         self.settings, self._counts = settings, counts
         self._arm, self._motions, self._people = arm, motions, people
         self._pretrigger, self._waiting, self._correcting = pretrigger, waiting, correcting
+        self.exchanging_until_ns = 0
         self.interacting = Interacting(arm, motions, people, waiting, pretrigger, counts)
 
     @property
@@ -107,8 +108,7 @@ class Transitions:
             return self.interacting.begin(now_ns) or Transition(state)
         if self._inbox.ordered is not None and (following := self.interacting.begin(now_ns)):
             return following
-        held = now_ns - state.since_ns >= self.settings.hold_s * 1e9
-        if held and not self._correcting.deviates:
+        if self.held(state, now_ns) and not self._correcting.deviates:
             away = self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
             return away or Transition(state)
         return self.interacting.follow(state, now_ns)
@@ -155,6 +155,13 @@ class Transitions:
         newest = self._inbox.prediction if self._inbox.decision.active else None
         found = self._correcting.step(now_ns, state, newest)
         return self._stop(now_ns, found, state.interaction) if isinstance(found, str) else found
+
+    def held(self, state: Arrived, now_ns: int) -> bool:
+        """Whether the arm has stayed at the end for long enough, and no object changes hands."""
+        return (
+            now_ns - state.since_ns >= self.settings.hold_s * 1e9
+            and now_ns >= self.exchanging_until_ns
+        )
 
     # Halting
 

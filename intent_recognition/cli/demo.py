@@ -58,6 +58,7 @@ def add_parser(subparsers: Subparsers) -> None:
                 "intent demo --arm robot.urdf --base torso --tip left_gripper",
             ),
             ("four arms, and one report of all", "intent demo --arm lwr,panda,iiwa,xarm"),
+            ("objects change hands by force", "intent demo --transfers --arm panda"),
             (
                 "an arm in the second of two people's place",
                 "intent demo --scenario assembly --arm panda",
@@ -141,6 +142,12 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="LINK",
         help="link where the arm begins: joints before it, such as a lift, are held at zero"
         " (default: the root)",
+    )
+    session.add_argument(
+        "--transfers",
+        action="store_true",
+        help="objects are held by fingers and change hands by force, in the scenario toolbox: who"
+        " takes one pulls, and the robot feels it",
     )
     session.add_argument(
         "--seed", type=number(int, 0), default=1, help="random seed of the session (default: 1)"
@@ -272,10 +279,14 @@ def _check(args: argparse.Namespace) -> None:
     Raises:
         IntentError: the model cannot be used, or the page's port is taken.
     """
-    for option, usual in (("pour", "empty"), ("pair", None)):
-        if getattr(args, option) != usual:
-            cure = "Add --scenario pouring."
-            expected = "--scenario pouring with it"
+    for option, usual, scenario in (
+        ("pour", "empty", "pouring"),
+        ("pair", None, "pouring"),
+        ("transfers", False, "toolbox"),
+    ):
+        if getattr(args, option) != usual and args.scenario != scenario:
+            cure = f"Add --scenario {scenario}."
+            expected = f"--scenario {scenario} with it"
             raise ArgumentError.about(f"--{option}", expected, args.scenario, cure)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
@@ -325,6 +336,7 @@ def _run_one(
         "scenario": args.scenario,
         "arm": args.arm,
         "seed": args.seed,
+        "objects change hands": "by force" if args.transfers else "by themselves",
         "simulated time per real time": args.rate,
         "duration of the session [s, simulated]": round(duration_s, 1),
     }

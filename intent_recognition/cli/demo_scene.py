@@ -23,6 +23,9 @@ LWR = "lwr"
 BASES_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.5, -0.1, 0.15))
 """Where the base of a user's arm may stand, world [m]: the first from where it reaches all places.
 Convention: toward the worker; an arm of 0.4 m reaches them from the last."""
+TRANSFER_HOLD_S = (5.0, 6.0)
+"""Shortest and longest time for which the worker stays where an object is handed over [s].
+Convention: an arm that is late, and both of them taking their time."""
 REACHED_M = 0.01
 """A place is reached if the hand comes so near to it [m]. Convention: below the demo's errors."""
 
@@ -76,7 +79,9 @@ def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
 
 def _toolbox(args: argparse.Namespace) -> Scene:
     """The LWR by its joints, as it was taught; another arm by its hand."""
-    from sim_bridge.coworker import plan_session
+    from sim_bridge.arm import find_robot
+    from sim_bridge.coworker import HOLD, SessionTiming, plan_session
+    from sim_bridge.handover import finger_joints, with_fingers
     from sim_bridge.scenarios.toolbox import (
         HOME,
         HOME_HAND_M,
@@ -87,7 +92,8 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     )
 
     tasks = session_tasks(args)
-    plan = plan_session(args.seed, tasks)
+    timing = SessionTiming(hold_s=TRANSFER_HOLD_S) if args.transfers else SessionTiming()
+    plan = plan_session(args.seed, tasks, timing)
     places_m = toolbox_places(plan)
     plain = args.arm == LWR and not (args.base or args.tip)
     fetched_m = np.concatenate([list(STANDS_M.values()), np.add(list(STANDS_M.values()), LIFT_M)])
@@ -97,15 +103,25 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     of_arm: dict[str, object] = {"initial_position": home}
     if arm is not None:
         named = {"arm": _file(args, arm.robot), "hand_link": arm.robot.tip}
-        of_arm |= {"tip": arm.robot.tip, "base_position": list(arm.robot.base_position_m)}
-    scoring = Scoring(places_m) if arm is None else Scoring(places_m, arm.hand)
+        tip = find_robot(args.arm, base=args.base, tip=args.tip).tip
+        of_arm |= {"tip": tip, "base_position": list(arm.robot.base_position_m)}
+    own = {"primitive_activation": {"home": home}, "arm_sim": of_arm}
+    if args.transfers:
+        robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
+        fingers = finger_joints(robot)
+        own["object_transfer"] = {"takes": [HOLD], "fingers": fingers, "hand_link": robot.tip}
+        own["coworker_sim"] = {"hold": list(timing.hold_s)}
+        named |= {"transfers": "true", "arm_scene": "transfers"}
+    scoring = Scoring(places_m)
+    if arm is not None:
+        scoring = Scoring(places_m, arm.hand, n_joints=arm.robot.n_joints)
     return Scene(
         "bags/toolbox/train",
         "" if arm is None else "config/dofs_hand.yaml",
         "bags/sessions",
         "demo",
         named | {"task_list": ",".join(tasks)},
-        {"primitive_activation": {"home": home}, "arm_sim": of_arm},
+        own,
         plan,
         scoring,
         "" if arm is None else _note(arm.robot),
@@ -133,7 +149,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
         {"arm": named, "task_list": ",".join(one.task for one in session.interactions)},
         in_assistants_place(named, arm.robot.tip),
         of_worker(session),
-        Scoring(places_m, arm.hand, REST_M),
+        Scoring(places_m, arm.hand, REST_M, arm.robot.n_joints),
         _note(arm.robot),
     )
 
@@ -147,12 +163,15 @@ def _arm(
         ArgumentError: there is no such arm, or it cannot reach home.
     """
     from sim_bridge.arm import NAMES, find_robot
+    from sim_bridge.handover import with_fingers
     from sim_bridge.scenarios.toolbox import ToolboxArm
 
     fixed = args.arm in NAMES or not len(places_m)
     best, most, reason = None, -1, None
     for at in (None,) if fixed else BASES_M:
         robot = find_robot(args.arm, base=args.base, tip=args.tip, base_position_m=at)
+        if args.transfers:
+            robot = with_fingers(robot)
         arm = ToolboxArm(robot, home_m)
         try:
             _ = arm.home

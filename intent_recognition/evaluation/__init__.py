@@ -17,7 +17,7 @@ from intent_recognition.evaluation.segmenting import (
     recognise_segments,
     write_segments,
 )
-from intent_recognition.evaluation.session_log import SessionLog
+from intent_recognition.evaluation.session_log import ContactLog, SessionLog, TransferLog
 from intent_recognition.evaluation.session_summary import (
     CM_PER_M,
     CONDITIONS,

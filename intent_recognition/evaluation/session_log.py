@@ -3,9 +3,35 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+def _none(*shape: int) -> NDArray[np.float64]:
+    array = np.empty(shape)
+    array.setflags(write=False)
+    return array
+
+
+class ContactLog(NamedTuple):
+    """Ground truth of transfers (coworker/hand): stamps (H,), holders, forces (H, 3) [N]."""
+
+    stamps_ns: NDArray[np.int64] = _none(0).astype(np.int64)
+    holders: tuple[str, ...] = ()
+    forces_n: NDArray[np.float64] = _none(0, 3)
+
+
+class TransferLog(NamedTuple):
+    """What was on intent/transfer: stamps (T,), states, and values (T, 5) as it names them."""
+
+    stamps_ns: NDArray[np.int64] = _none(0).astype(np.int64)
+    states: tuple[str, ...] = ()
+    values: NDArray[np.float64] = _none(0, 5)
+
+
+NO_CONTACTS, NO_TRANSFERS = ContactLog(), TransferLog()
 
 
 @dataclass(frozen=True)
@@ -21,6 +47,8 @@ class SessionLog:
         predictions: (arrival ns, onset ns, task, times_s (L,), mean (L, q), std (L, q)) of
             intent/robot_trajectory; of joints [rad], or of the hand [m].
         paths: (stamp ns, wrist (V, 3)) of intent/human_path.
+        contacts: who holds the object, and the person's force on it, where it is handed over.
+        transfers: what the robot feels of it.
     """
 
     labels: tuple[str, ...]
@@ -34,3 +62,5 @@ class SessionLog:
     joint_rad: NDArray[np.float64]
     predictions: Sequence[tuple]
     paths: Sequence[tuple]
+    contacts: ContactLog = NO_CONTACTS
+    transfers: TransferLog = NO_TRANSFERS

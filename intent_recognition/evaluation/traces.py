@@ -32,12 +32,20 @@ class Trace(TypedDict, total=False):
     predicted_std_rad: NDArray[np.float64]  # (L, Q)
     decision_s: float
     end_s: float  # end of the human's movement
+    person_s: NDArray[np.float64]  # (H,)
+    person_n: NDArray[np.float64]  # (H,) size of the person's force on the object, in truth
+    holders: Sequence[str]  # (H,) who held it then
+    transfer_s: NDArray[np.float64]  # (F,)
+    load_n: NDArray[np.float64]  # (F,) that the robot feels
+    grip_n: NDArray[np.float64]  # (F,) of each finger
+    load_share: NDArray[np.float64]  # (F,) of the person
 
 
 GROUPS = (
     ("share", "probabilities", "labels"),
     ("joint_s", "joint_rad"),
     ("predicted_s", "predicted_rad"),
+    ("person_s", "person_n", "holders", "transfer_s", "load_n", "grip_n", "load_share"),
 )
 """Keys that are meaningful only together; all but the labels have equal length."""
 
@@ -47,6 +55,10 @@ EQUAL_LENGTHS = (
     ("predicted_s", "predicted_rad"),
     ("predicted_rad", "predicted_std_rad"),
     ("predicted_wrist_m", "predicted_wrist_std_m"),
+    ("person_s", "person_n"),
+    ("transfer_s", "load_n"),
+    ("transfer_s", "grip_n"),
+    ("transfer_s", "load_share"),
 )
 
 

@@ -110,6 +110,7 @@ class ActivationOutput:
         if task != self._published_task:
             self._published_task = task
             self._task.publish(String(data=task))
+            self._diagnostics.tick("intent/active_task")
             self._logger.info(f"active task: {task or 'none'}")
         person = "" if activation is None else activation.attended
         if self._helped is not None and person != self._published_person:

@@ -72,6 +72,7 @@ ARGUMENTS = {
         Argument("activate", bool, "Let the arm be moved at once; false: after `ros2 lifecycle`."),
         Argument("transition_prior", bool, "Expect the task that usually follows the last one."),
         Argument("pretrigger_threshold", float, "Go ahead for a next task so probable; 0: never."),
+        Argument("transfers", bool, "Hand objects over by force: start object_transfer."),
         Argument("plan", str, "Plan of the assembly, a file of `intent plan learn`; empty: none."),
         Argument("sequences", str, "File of sequences of tasks; empty: none."),
         Argument("arm", str, "Simulated arm: panda, iiwa, xarm or a URDF; empty: the LWR."),
@@ -91,7 +92,9 @@ ARGUMENTS = {
         Argument("port", int, "Port of the web page."),
         Argument("scene", str, "What stands in the cell, for the page: a YAML file, or toolbox."),
         Argument("light", str, "Page without shadows: always, never, or auto: for slow browsers."),
-        Argument("arm_scene", str, "In the simulated arm's world: toolbox, pouring or none."),
+        Argument(
+            "arm_scene", str, "World of the simulated arm: toolbox, transfers, pouring or none."
+        ),
         Argument("cup", str, "Container in the hand, in the scene pouring."),
         Argument("second", str, "Container that is poured into, in the scene pouring."),
         Argument("second_opening", list, "Centre of its opening: x, y, z [m]."),

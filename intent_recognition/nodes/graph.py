@@ -111,13 +111,14 @@ NODES = {
         | {"autostart": "activate"},
         remappings=_ARM,
     ),
+    "object_transfer": NodeSpec(remappings=_ARM, when="transfers"),
     "cup_warper": _warper("cup", toward="second/pose"),
     "second_warper": _warper("second"),
     "warped_primitive": NodeSpec(_from("skill", "fluid"), remappings=_STATES),
     "coworker_sim": NodeSpec(
         _from("seed", "task_list", "scenario"),
         when="coworker",
-        waits=(*ARMS, *RECOGNITION, "bag_recorder"),
+        waits=(*ARMS, *RECOGNITION, "object_transfer", "bag_recorder"),
     ),
     "bag_player": NodeSpec(
         _from("bag", "rate", "loop", "start_paused"),
@@ -179,7 +180,7 @@ class GraphSpec:
 
 _TASKS: dict[str, object] = {"library": "tasks"}
 _SIM: dict[str, object] = {"use_sim_time": True, "publish_clock": True, "coworker": True}
-_WHOLE = (*ARMS, *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE) + (
+_WHOLE = (*ARMS, *RECOGNITION, "object_transfer", "coworker_sim", "bag_recorder", *PAGE) + (
     *("robot_state_publisher", "rviz2"),
 )
 GRAPHS = {

@@ -6,6 +6,7 @@ follows `grip_force` on `intent/transfer`, and tells on `intent/holding` what el
 let go.
 """
 
+from collections import deque
 from functools import partial
 from typing import Any
 
@@ -49,7 +50,7 @@ class ObjectTransfer(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_transfer", **kwargs)
         values = declare(self, "object_transfer")
-        body, self._near_m = values["body"], values["near"]
+        self._body, self._near_m = f"human/{values['body']}", values["near"]
         self._takes: list[str] = values["takes"]
         self._fingers: list[str] = values["fingers"]
         self._diagnostics = Diagnostics(self)
@@ -57,14 +58,14 @@ class ObjectTransfer(Node):
         self._machine = TransferMachine(values["patience"])
         self._estimator: LoadEstimator | None = None
         self._task, self._until_ns = "", 0
-        self._person: tuple[int, NDArray[np.float64], float] | None = None
+        self._person: deque[tuple[int, NDArray[np.float64], float]] = deque(maxlen=2)
         self._wrench: tuple[int, str, NDArray[np.float64]] | None = None
         self._out = self.create_publisher(JointState, TRANSFER, qos.STATE)
         subscribe = self.create_subscription
         subscribe(String, "intent/active_task", self._on_task, qos.LATCHED)
         subscribe(Bool, HOLDING, self._on_holding, qos.STATE)
         subscribe(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
-        subscribe(Odometry, f"human/{body}", self._on_person, qos.SENSOR)
+        subscribe(Odometry, self._body, self._on_person, qos.SENSOR)
         subscribe(WrenchStamped, WRENCH, self._on_wrench, qos.SENSOR)
         states = subscribe(JointState, "joint_states", self._on_joints, qos.MEASURED)
         self._diagnostics.watch(states, "joint_states")
@@ -144,14 +145,16 @@ class ObjectTransfer(Node):
     def _look(
         self, at_ns: int, hand_m: NDArray[np.float64]
     ) -> tuple[bool | None, NDArray[np.float64] | None, float]:
-        """Whether the person's hand is near, the way to it, and its speed."""
-        if self._person is None or abs(at_ns - self._person[0]) > FRESH_S * 1e9:
+        """Whether the person's hand is near, the way to it, and its speed, by earlier poses."""
+        fresh = [seen for seen in self._person if 0 < at_ns - seen[0] <= FRESH_S * 1e9]
+        if not fresh:
             return None, None, 0.0
-        _, at_m, speed = self._person
+        _, at_m, speed = fresh[-1]
         distance_m, toward = way_to(at_m, hand_m)
         return distance_m < self._near_m, toward, speed
 
     def _on_task(self, message: String) -> None:
+        self._diagnostics.tick("intent/active_task")
         self._task = message.data
 
     def _on_holding(self, message: Bool) -> None:
@@ -160,15 +163,17 @@ class ObjectTransfer(Node):
         self._machine.carry() if message.data else self._machine.drop()
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
+        self._diagnostics.tick("joint_trajectory")
         begin_ns = stamp_ns(message) or self.get_clock().now().nanoseconds
         end_s = duration_s(message.points[-1].time_from_start) if message.points else 0.0
         self._until_ns = begin_ns + round(end_s * 1e9)
 
     def _on_person(self, message: Odometry) -> None:
+        self._diagnostics.tick(self._body)
         at_m, v = position_array(message.pose.pose), message.twist.twist.linear
         speed = float(np.linalg.norm([v.x, v.y, v.z]))
         if np.all(np.isfinite(at_m)):
-            self._person = stamp_ns(message), at_m, speed if np.isfinite(speed) else 0.0
+            self._person.append((stamp_ns(message), at_m, speed if np.isfinite(speed) else 0.0))
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         self._diagnostics.tick(WRENCH)

@@ -44,6 +44,7 @@ from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.silence import SilenceWatch
+from intent_recognition.nodes.transfer_input import TransferInput
 from intent_recognition.promp import Trajectory
 
 _LOOK_S = 0.1
@@ -67,6 +68,7 @@ class PrimitiveActivation(ManagedNode):
         self._things = ClearanceInput(self, self.diagnostics)
         self._person = PersonInput(self, self._hand, self.diagnostics)
         self._correction = CorrectionInput(self)
+        self._transfer = TransferInput(self, self.diagnostics)
         self._sequences = SequenceRunner(self, self.diagnostics)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
@@ -334,6 +336,7 @@ class PrimitiveActivation(ManagedNode):
         if self._refused:
             return False
         activation.take_people(self._person.people)
+        activation.take_exchange(self._transfer.exchanging_until_ns(self._now_ns()))
         self._sequences.update(activation, self._path_of, lambda: self._hand.arm)
         command = activation.step(self._now_ns())
         self._output.command(command)

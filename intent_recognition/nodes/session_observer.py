@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import MessageError
-from intent_recognition.evaluation import SessionLog
+from intent_recognition.evaluation import ContactLog, SessionLog, TransferLog
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
 from intent_recognition.nodes.diagnostics import answer_of
@@ -54,6 +54,8 @@ class SessionObserver(Node):
         self._joints: list[tuple[int, NDArray[np.float64]]] = []
         self._predictions: list[tuple] = []
         self._paths: list[tuple[int, NDArray[np.float64]]] = []
+        self._contacts: list[tuple[int, str, NDArray[np.float64]]] = []
+        self._transfers: list[tuple[int, str, NDArray[np.float64]]] = []
         topics = (
             (PoseStamped, "mocap/wrist/pose", self._take_wrist, qos.SENSOR),
             (JointState, "intent/tasks", self._take_tasks, qos.STATE),
@@ -62,6 +64,8 @@ class SessionObserver(Node):
             (JointTrajectory, "intent/robot_trajectory", self._take_prediction, qos.COMMAND),
             (Path, "intent/human_path", self._take_path, qos.COMMAND),
             (String, "coworker/task", self._take_truth, qos.STATE),
+            (JointState, "coworker/hand", partial(self._keep, self._contacts), qos.STATE),
+            (JointState, "intent/transfer", partial(self._keep, self._transfers), qos.STATE),
         )
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
@@ -123,6 +127,8 @@ class SessionObserver(Node):
             joints,
             tuple(self._predictions),
             tuple(self._paths),
+            ContactLog(*_states(self._contacts, 3)),
+            TransferLog(*_states(self._transfers, 5)),
         )
 
     def _now_ns(self) -> int:
@@ -171,6 +177,9 @@ class SessionObserver(Node):
             points = np.array([position_array(pose.pose) for pose in message.poses])
             self._paths.append((now, points))
 
+    def _keep(self, rows: list[tuple[int, str, NDArray[np.float64]]], message: JointState) -> None:
+        rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
+
     def _take_truth(self, message: String) -> None:
         self._on_task(message.data)
 
@@ -184,3 +193,10 @@ def _columns(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
     return stamps, np.array([row for _, row in rows]).reshape(len(rows), width)
+
+
+def _states(
+    rows: list[tuple[int, str, NDArray[np.float64]]], width: int
+) -> tuple[NDArray[np.int64], tuple[str, ...], NDArray[np.float64]]:
+    stamps, values = _columns([(stamp, row) for stamp, _, row in rows], width)
+    return stamps, tuple(state for _, state, _ in rows), values

@@ -28,6 +28,7 @@ from intent_recognition.report.figures_evaluation import reliability_figure
 from intent_recognition.report.figures_interaction import (
     joint_figure,
     posterior_over_time_figure,
+    transfer_figure,
     wrist_figure,
 )
 from intent_recognition.report.html import (
@@ -48,6 +49,8 @@ from intent_recognition.report.interaction_table import FIELDS, cells
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
+LARGEST_FORCE_N = 15.0
+"""That a person may have to bear in a transfer [N] (docs/transfer.md)."""
 MISSES_SHOWN = 3
 """Missed interactions that are drawn. Convention."""
 TITLE = "Toolbox assembly with a simulated coworker"
@@ -147,6 +150,21 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
             note=_absent(summary.latest_arrival_s, lambda x: f"median; latest {x:+.2f} s"),
         )
     )
+    if summary.n_transfers:
+        all_of_them = summary.handed_over == summary.n_transfers
+        numbers += [
+            KeyNumber(
+                "objects handed over by force",
+                f"{summary.handed_over}/{summary.n_transfers}",
+                good=all_of_them,
+            ),
+            KeyNumber(
+                "largest force of the person",
+                _absent(summary.largest_force_n, lambda x: f"{x:.1f} N"),
+                good=(summary.largest_force_n or 0.0) <= LARGEST_FORCE_N,
+                note=f"at most {LARGEST_FORCE_N:g} N is required",
+            ),
+        ]
     if summary.n_changed:
         numbers.append(
             KeyNumber(
@@ -261,7 +279,7 @@ def _details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
             name = readable(task)
             heading = f"Typical: {name}" if len(measured) > 1 else name.capitalize()
             chosen[typical.index] = (heading, typical)
-    missed = [r for r in records if not r.right and r.index in by_index]
+    missed = [r for r in records if (not r.right or r.handed_over is False) and r.index in by_index]
     for record in missed[:MISSES_SHOWN]:
         chosen[record.index] = (f"Missed: {readable(record.task)}", record)
     sections = [
@@ -291,6 +309,12 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
                 joint_figure(trace), "The robot's joints: predicted at the decision, and measured."
             )
         )
+    if "transfer_s" in trace:
+        caption = (
+            "The object changes hands: the person's force on it in truth, the load that the robot"
+            " feels, and the force of its fingers; shaded: the person's share of the load."
+        )
+        blocks.append(_figure(transfer_figure(trace), caption))
     return tuple(blocks)
 
 
@@ -303,6 +327,9 @@ def _sentence(record: InteractionRecord) -> str:
         parts.append(f"at {100 * record.decision_share:.0f} % of the movement")
     if record.hand_error_m is not None:
         parts.append(f"hand error {CM_PER_M * record.hand_error_m:.1f} cm")
+    if record.transfer_s is not None and record.largest_force_n is not None:
+        when = f"{record.transfer_s:+.2f} s after the human's end"
+        parts.append(f"handed over {when} with at most {record.largest_force_n:.1f} N")
     if record.arrival_s is not None:
         parts.append(f"arrival {record.arrival_s:+.2f} s after the human's end")
     text = ", ".join(parts)

@@ -52,6 +52,24 @@ def wrist_figure(trace: Mapping) -> "Figure":
 
 
 @styled
+def transfer_figure(trace: Mapping) -> "Figure":
+    """Forces while an object changes hands; keys as in `traces.Trace`."""
+    figure = new_figure(11.2, 3.4)
+    axes = figure.add_subplot()
+    felt_s = np.asarray(trace["transfer_s"], dtype=float)
+    grip = np.asarray(trace["grip_n"], dtype=float)
+    share = np.asarray(trace["load_share"], dtype=float)
+    top = max(1.0, float(grip.max()))
+    axes.fill_between(felt_s, 0.0, top * share, color=TUBE, label=f"person's share, of {top:.0f} N")
+    axes.plot(felt_s, grip, color=SOFT, label="each finger")
+    axes.plot(felt_s, trace["load_n"], color=PREDICTED, label="load that the robot feels")
+    axes.plot(trace["person_s"], trace["person_n"], color=OBSERVED, label="person, in truth")
+    axes.set(xlabel="time after onset [s]", ylabel="force [N]")
+    shared_legend(figure, [axes], 4)
+    return figure
+
+
+@styled
 def joint_figure(trace: Mapping) -> "Figure":
     """Each joint: predicted mean +- 2 sigma at the decision, and as measured."""
     measured_s = np.asarray(trace.get("joint_s", ()), dtype=float)

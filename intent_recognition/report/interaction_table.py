@@ -33,6 +33,7 @@ FIELDS = (
     Field("movement", "s", 8, "right", lambda r: _number(r.movement_s, form=".2f")),
     Field("hand error", "cm", 10, "right", lambda r: _number(r.hand_error_m, CM_PER_M)),
     Field("arrival", "s", 8, "right", lambda r: _number(r.arrival_s, form="+.2f")),
+    Field("handed over", "s", 11, "right", lambda r: _number(r.transfer_s, form="+.2f")),
     Field("note", "", 0, "left", lambda r: _note(r)),
 )
 """decided = after onset; share = of the human's movement; arrival = after the human's end."""
@@ -40,7 +41,9 @@ FIELDS = (
 
 def _note(record: InteractionRecord) -> str:
     began = f"began as {record.changed_from}" if record.changed_from else ""
-    return " ".join(filter(None, ("" if record.right else "MISSED", began, record.note)))
+    missed = "" if record.right else "MISSED"
+    kept = "NOT HANDED OVER" if record.handed_over is False else ""
+    return " ".join(filter(None, (missed, kept, began, record.note)))
 
 
 def cells(record: InteractionRecord) -> tuple[str | None, ...]:

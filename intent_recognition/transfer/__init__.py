@@ -3,6 +3,7 @@
 
 from intent_recognition.transfer.load import LoadEstimator
 from intent_recognition.transfer.machine import (
+    EXCHANGES,
     PATIENCE_S,
     Holding,
     Request,
@@ -10,4 +11,4 @@ from intent_recognition.transfer.machine import (
     TransferMachine,
     TransferOutput,
 )
-from intent_recognition.transfer.sharing import LIGHTEST_N, carrying_grip, way_to
+from intent_recognition.transfer.sharing import FIRM_N, LIGHTEST_N, carrying_grip, way_to

@@ -84,6 +84,12 @@ class Holding(Enum):
     RETURNING = "returning"
 
 
+EXCHANGES = frozenset(
+    {Holding.RECEIVING, Holding.CLOSING, Holding.TAKING, Holding.OFFERING, Holding.RELEASING}
+)
+"""States in which an object is about to change hands, and the arm must not leave."""
+
+
 class Situation(NamedTuple):
     """What is felt at one moment.
 
@@ -130,13 +136,13 @@ class TransferMachine:
     """Holds, offers, releases, takes and brings back one object after the other.
 
     Args:
-        patience_s: time after which an offer ends.
+        patience_s: time after which an offer ends, and after which nothing is received any more.
     """
 
     def __init__(self, patience_s: float = PATIENCE_S) -> None:
         self._patience_s = patience_s
         self.holding, self.weight_n = Holding.EMPTY, 0.0
-        self._share, self._factor = 0.0, 1.0
+        self._share, self._factor, self._waited_in_vain = 0.0, 1.0, False
         self._loads: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=REMEMBERED)
         self._since: dict[str, float] = {}
         self._entered_s, self._time_s = 0.0, np.nan
@@ -169,13 +175,17 @@ class TransferMachine:
     def _empty(self, request: Request, now: Situation) -> None:
         if request is Request.HOLD:
             self._close(now)
-        elif request is Request.TAKE and not now.moving:
+        elif request is not Request.TAKE:
+            self._waited_in_vain = False
+        elif not (now.moving or self._waited_in_vain):
             self._enter(Holding.RECEIVING, now.time_s)
 
     def _receiving(self, request: Request, now: Situation) -> None:
-        if request is not Request.TAKE:
+        presented = self._presented(now)
+        self._waited_in_vain = not presented and now.time_s - self._entered_s > self._patience_s
+        if request is not Request.TAKE or now.moving or self._waited_in_vain:
             self._enter(Holding.EMPTY, now.time_s)
-        elif self._lasts("present", self._presented(now), now.time_s, PRESENT_S):
+        elif self._lasts("present", presented, now.time_s, PRESENT_S):
             self._close(now)
 
     def _presented(self, now: Situation) -> bool:

@@ -9,6 +9,7 @@ from .state import ArmState
 from .surroundings import Surroundings, add_box
 from .trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from .trajectory_follower import ArmReference, TrajectoryFollower
+from .urdf import add_inertial, add_joint, text_of
 from .urdf_loading import load_urdf
 
 __all__ = [
@@ -32,7 +33,10 @@ __all__ = [
     "TrajectoryCommand",
     "TrajectoryFollower",
     "add_box",
+    "add_inertial",
+    "add_joint",
     "describe_robot",
     "find_robot",
     "load_urdf",
+    "text_of",
 ]

@@ -5,7 +5,7 @@ Nodes say how many messages of each topic they have taken and sent. Time goes on
 sent along the way from the clock to the arm has been taken: nobody sleeps, and nobody is guessed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 
@@ -28,12 +28,25 @@ EDGES = (
     Edge("intent/tasks", "intent_estimator", "primitive_activation"),
     Edge("intent/robot_trajectory", "intent_estimator", "primitive_activation"),
     Edge("joint_trajectory", "primitive_activation", ARM),
+    Edge("intent/active_task", "primitive_activation", ARM),
+    Edge("mocap/wrist/pose", "coworker_sim", ARM),
+    Edge("joint_states", ARM, "object_transfer"),
+    Edge("intent/holding", ARM, "object_transfer"),
+    Edge("human/wrist", "mocap_ingest", "object_transfer"),
+    Edge("intent/active_task", "primitive_activation", "object_transfer"),
+    Edge("joint_trajectory", "primitive_activation", "object_transfer"),
+    Edge("intent/transfer", "object_transfer", "primitive_activation"),
+    Edge("intent/transfer", "object_transfer", ARM),
     Edge("mocap/wrist/pose", "coworker_sim", "session_observer"),
     Edge("intent/tasks", "intent_estimator", "session_observer"),
     Edge("intent/robot_trajectory", "intent_estimator", "session_observer"),
     Edge("joint_states", ARM, "session_observer"),
+    Edge("intent/transfer", "object_transfer", "session_observer"),
+    Edge("coworker/hand", ARM, "session_observer"),
 )
 """From the clock to the person, the estimate, the command and back to the arm; and to who looks."""
+ALWAYS = ("joint_trajectory",)
+"""Topics that the arm takes in every scene."""
 ANSWERING = tuple(dict.fromkeys(edge.taker for edge in EDGES if edge.taker))
 """Nodes that answer."""
 NO_ANSWER_S = 10.0
@@ -47,11 +60,16 @@ class LockStep:
 
     Args:
         nodes: whose answers count; those that have not answered yet are not waited for.
+        takes: topics that the arm itself takes.
     """
 
-    def __init__(self, nodes: Sequence[str]) -> None:
+    def __init__(self, nodes: Sequence[str], takes: Collection[str] = ALWAYS) -> None:
         known = {ARM, *nodes}
-        self._edges = [edge for edge in EDGES if {edge.sender, edge.taker} <= known]
+        self._edges = [
+            edge
+            for edge in EDGES
+            if {edge.sender, edge.taker} <= known and (edge.taker != ARM or edge.topic in takes)
+        ]
         self._counts: dict[str, dict[str, int]] = {ARM: {}}
         self._lost: dict[Edge, int] = {}
 

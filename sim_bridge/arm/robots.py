@@ -180,10 +180,11 @@ def _robot(
     if ready is None or len(ready) != len(chain.names):
         free = np.array(chain.continuous)
         ready = np.where(free, 0.0, 0.5 * (chain.limits.lower + chain.limits.upper))
+    simulated = with_rotors(text, chain.names, chain.limits.torque) if name != "lwr" else text
     return Robot(
         name,
-        with_rotors(text, chain.names, chain.limits.torque) if name != "lwr" else text,
-        with_world(text, base_position_m),
+        simulated,
+        with_world(simulated, base_position_m),
         chain.tip,
         chain.names,
         chain.limits,

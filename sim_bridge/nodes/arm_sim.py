@@ -41,9 +41,11 @@ from sim_bridge.arm import (
     TrajectoryFollower,
     find_robot,
 )
+from sim_bridge.handover import GRIP_M, with_fingers
 from sim_bridge.nodes.clock_answers import ClockAnswers
 from sim_bridge.nodes.pouring_scene import POURING, PouringScene, make_scene
-from sim_bridge.scenarios.toolbox import HOME
+from sim_bridge.nodes.transfer_scene import TAKES, TRANSFERS, TransferScene
+from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper
 
 TICK_S = 0.002
 """Period of the timer that runs due physics steps [s]. Convention: half a joint state."""
@@ -89,14 +91,21 @@ class ArmSim(Node):
         super().__init__(name, **kwargs)
         self._declare()
         self._robot = robot if robot is not None else self._find_robot()
+        if self._scene == TRANSFERS:
+            self._robot = with_fingers(self._robot)
         self.arm = self._make_arm()
         self.surroundings = Surroundings(self.arm, self._boxes)
-        world = self.arm, self._seed, self._stamp
-        self.gripper = make_scene(self._scene, self._pouring, *world)
         self.spread = self._make_spread()
         self.follower = TrajectoryFollower(self.arm.reference.q, self.arm.limits)
         self.arm.before_step.append(self._control)
         self.diagnostics = Diagnostics(self)
+        takes = {"joint_trajectory"}
+        if self._scene != "none":
+            takes.add("intent/active_task")
+        if self._scene == TRANSFERS:
+            takes.update(TAKES)
+        self._answers = ClockAnswers(self, self._answering, self.diagnostics, takes)
+        self.gripper = self._make_scene(GRIP_M if robot is not None else 0.0)
         self._push_n, self._push_until = np.zeros(3), 0
         self._tracking_error_rad = 0.0
         self._others = self.arm.other_joints
@@ -107,7 +116,6 @@ class ArmSim(Node):
         self._pacer: Pacer | None = None
         self._followed: tuple[TrajectoryCommand, int] | None = None
         self._caught_up_s = 0.0
-        self._answers = ClockAnswers(self, self._answering, self.diagnostics)
         self._person = False
         if self._answering:
             self.create_subscription(JointState, ANSWERS, self._on_answer, FEEDBACK)
@@ -164,6 +172,13 @@ class ArmSim(Node):
             headless=self._headless,
         )
 
+    def _make_scene(self, lever_m: float) -> ToolboxGripper | PouringScene | TransferScene | None:
+        """What handles the things of the scene; the grip is so far from the taught hand."""
+        world = self.arm, self._seed
+        if self._scene == TRANSFERS:
+            return TransferScene(self, *world, lever_m, self._stamp, self._answers.note)
+        return make_scene(self._scene, self._pouring, *world, self._stamp)
+
     def _stamp(self) -> TimeMessage:
         """Stamp of a message now."""
         if self._publishes_clock:
@@ -216,6 +231,7 @@ class ArmSim(Node):
             self.gripper.update()
 
     def _on_task(self, message: String) -> None:
+        self._answers.note("intent/active_task")
         if self.gripper is not None:
             self.gripper.set_task(message.data)
 

@@ -2,7 +2,7 @@
 """The simulated clock waits for those who must answer, and goes on without who does not."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -21,11 +21,18 @@ class ClockAnswers:
         node: of the clock.
         answering: names of the nodes; none: time never waits.
         diagnostics: of the node; counts those that do not answer.
+        takes: topics that the clock's own node takes.
     """
 
-    def __init__(self, node: Node, answering: Sequence[str], diagnostics: Diagnostics) -> None:
+    def __init__(
+        self,
+        node: Node,
+        answering: Sequence[str],
+        diagnostics: Diagnostics,
+        takes: Collection[str],
+    ) -> None:
         self._node, self._answering, self._diagnostics = node, answering, diagnostics
-        self._lock_step = LockStep(answering)
+        self._lock_step = LockStep(answering, takes)
         self._since_s: float | None = None
 
     def note(self, topic: str) -> None:

@@ -21,7 +21,7 @@ from sim_bridge.scenarios.toolbox import ToolboxGripper, make_gripper
 
 POURING = "pouring"
 """Name of the scene."""
-SCENES = ("toolbox", POURING, "none")
+SCENES = ("toolbox", "transfers", POURING, "none")
 """What may be in the arm's world."""
 WORLD_FRAME = "world"
 BALLS = "balls"

@@ -214,3 +214,15 @@ def test_what_is_possible_is_in_question_while_nothing_is_acted_on():
     assert question(0.5, 0.4, 0.1) == {"plate": 0.5, "screw": 0.4}
     assert list(question(0.3, 0.6, 0.1)) == ["screw", "plate"]
     assert question(0.95, 0.04, 0.01) == question(0.2, 0.2, 0.6) == question(0.0, 0.0, 1.0) == {}
+
+
+def test_the_arm_stays_while_an_object_changes_hands():
+    world = World()
+    world.begin("plate")
+    world.run(1.6)
+    assert world.activation.arrived
+    until_ns = world.now_ns + 2_000_000_000
+    world.activation.take_exchange(until_ns)
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    assert world.now_ns == pytest.approx(until_ns, abs=STEP_NS)

@@ -125,7 +125,9 @@ def test_nothing_is_released_while_the_tracked_hand_is_elsewhere(harness):
         hand.header.stamp = to_stamp(cell.now_ns + STEP_NS)
         now = cell.now_ns + STEP_NS
         cell.tell(
-            "human/wrist", hand, lambda now=now: cell.node._person and cell.node._person[0] == now
+            "human/wrist",
+            hand,
+            lambda now=now: cell.node._person and cell.node._person[-1][0] == now,
         )
         told = cell.feel([0.0, 0.0, 0.0])
     assert cell.state() == "offering"

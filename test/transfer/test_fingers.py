@@ -3,10 +3,10 @@
 
 import pytest
 
-from benchmarks.handover.fingers import Fingers, with_fingers
 from intent_recognition.errors import ArgumentError
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import NAMES, SimulatedArm, find_robot
+from sim_bridge.handover import Fingers, with_fingers
 from sim_bridge.physics import pybullet
 
 HALF_M, FRICTION = 0.02, 0.6

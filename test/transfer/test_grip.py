@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.handover.grip import CompliantHand, Strength
-from benchmarks.handover.partner import Giver, Manner, SeenRobot, Taker, progress
 from sim_bridge import GRAVITY_M_S2
+from sim_bridge.handover import CompliantHand, Giver, Manner, SeenRobot, Strength, Taker, progress
 
 STEP_S, MASS_KG = 0.001, 0.5
 WEIGHT_N = MASS_KG * GRAVITY_M_S2

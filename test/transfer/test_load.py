@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
-from benchmarks.handover.fingers import with_fingers
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import Arm
 from intent_recognition.transfer import LoadEstimator
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
+from sim_bridge.handover import with_fingers
 
 PUSH_N = np.array([3.0, 0.0, -5.0])
 

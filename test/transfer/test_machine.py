@@ -155,3 +155,20 @@ def test_fingers_that_close_on_nothing_open_again():
     course.run(0.3, Request.TAKE, (0, 0, 0), half_opening_m=0.04)
     outputs = course.run(0.25, Request.TAKE, (0, 0, 0), half_opening_m=0.0)
     assert Holding.EMPTY in states(outputs)
+
+
+def test_nobody_who_gives_is_waited_for_longer_than_the_patience():
+    course = Course()
+    outputs = course.run(PATIENCE_S + 1.0, Request.TAKE, (0, 0, 0), near=False)
+    received_s = states(outputs).count(Holding.RECEIVING) * STEP_S
+    assert received_s == pytest.approx(PATIENCE_S, abs=0.1)
+    assert outputs[-1].holding is Holding.EMPTY
+    course.run(0.1, Request.NOTHING, (0, 0, 0), near=False)
+    assert course.run(0.1, Request.TAKE, (0, 0, 0), near=False)[-1].holding is Holding.RECEIVING
+
+
+def test_fingers_do_not_close_on_a_hand_that_is_passed():
+    course = Course()
+    course.run(0.2, Request.TAKE, (0, 0, 0), near=False)
+    outputs = course.run(1.0, Request.TAKE, (0, 0, 0), moving=True)
+    assert {*states(outputs)} == {Holding.EMPTY}

@@ -23,6 +23,7 @@ from .session_scoring import (
     score_session,
     toolbox_places,
 )
+from .transfers import ToolboxTransfers
 
 __all__ = [
     "DECIDED_WITHIN_S",
@@ -36,6 +37,7 @@ __all__ = [
     "ToolboxArm",
     "ToolboxGripper",
     "ToolboxObjects",
+    "ToolboxTransfers",
     "arm_posture",
     "first_sample_ns",
     "hand_rotation",

@@ -2,16 +2,18 @@
 """Scoring of a toolbox session: what was on the topics against what the coworker did."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.evaluation import InteractionRecord, SessionLog, Trace
-from intent_recognition.kinematics import hand_position
+from intent_recognition.kinematics import JOINT_NAMES, hand_position
 from intent_recognition.promp import NONE
 from sim_bridge.coworker import Interaction, SessionPlan
 from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, handover_point
+from sim_bridge.scenarios.toolbox.transfer_scoring import score_transfer, transfer_trace
 
 SCORED_AFTER_S = 1.0
 """The hand is scored so long after the end of the human's movement [s]."""
@@ -39,6 +41,11 @@ def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
     return None
 
 
+def lwr_hand(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions of the LWR's hand (..., 3) [m] for measured joints, fingers last."""
+    return hand_position(q[..., : len(JOINT_NAMES)])
+
+
 HandOf = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From measured joints (..., n) to the position of the hand in the world (..., 3) [m]."""
 
@@ -50,11 +57,13 @@ class Scoring(NamedTuple):
         places_m: where the hand belongs in each interaction (n, 3), world.
         hand_of: forward kinematics of the arm.
         home_m: where its hand waits (3,).
+        n_joints: of the arm, without fingers.
     """
 
     places_m: NDArray[np.float64]
-    hand_of: HandOf = hand_position
+    hand_of: HandOf = lwr_hand
     home_m: NDArray[np.float64] = HOME_HAND_M
+    n_joints: int = len(JOINT_NAMES)
 
 
 def toolbox_places(plan: SessionPlan) -> NDArray[np.float64]:
@@ -124,7 +133,18 @@ def score_interaction(
         note=note,
         changed_from=interaction.changed_from,
     )
-    return record, _trace(log, number, onset, end, decided_ns)
+    trace = _trace(log, number, onset, end, decided_ns, scoring.n_joints)
+    transfer = score_transfer(log.contacts, onset, until_ns)
+    if transfer is not None:
+        at_ns = transfer.at_ns
+        record = replace(
+            record,
+            handed_over=transfer.handed_over and record.right,
+            transfer_s=None if at_ns is None else (at_ns - end) * 1e-9,
+            largest_force_n=transfer.largest_force_n,
+        )
+        trace |= transfer_trace(log, onset, end, transfer)
+    return record, trace
 
 
 def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, str, str]:
@@ -175,7 +195,9 @@ def _arrival(
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
 
 
-def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | None) -> Trace:
+def _trace(
+    log: SessionLog, number: int, onset: int, end: int, decided: int | None, n_joints: int
+) -> Trace:
     """Arrays of one interaction for the report; times in seconds after onset."""
     stop = end + round(DETAIL_S * 1e9)
     tasks = (log.tasks_ns >= onset) & (log.tasks_ns <= end)
@@ -189,7 +211,7 @@ def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | No
         "wrist_s": _seconds(log.wrist_ns[wrist], onset),
         "wrist_m": log.wrist_m[wrist],
         "joint_s": _seconds(log.joint_ns[joints], onset),
-        "joint_rad": log.joint_rad[joints],
+        "joint_rad": log.joint_rad[joints][:, :n_joints],
         "end_s": (end - onset) * 1e-9,
     }
     if decided is None:
@@ -199,7 +221,7 @@ def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | No
     if predictions:
         _, start, _, times, mean, std = predictions[0]
         trace["predicted_s"] = times + (start - onset) * 1e-9
-        if mean.shape[1] == log.joint_rad.shape[1]:  # else of the hand
+        if mean.shape[1] == n_joints:  # else of the hand
             trace["predicted_rad"], trace["predicted_std_rad"] = mean, std
     paths = [path for stamp, path in log.paths if decided <= stamp <= stop]
     if paths:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.handover.grip import CompliantHand
+from sim_bridge.handover.grip import CompliantHand
 
 REACTION_S = (0.18, 0.30)
 """From what is seen to the begin of a movement [s] (Woods, Wyma, Yund, Herron and Reed 2015, simple
@@ -51,6 +51,7 @@ class Manner:
         weight_n: that the person lifts with.
         toward: direction in which the object is brought to the person (3,).
         miss_m: from where the hand should hold to where it does (3,).
+        brought_m: how far a taker brings the object, and a giver goes away.
     """
 
     reaction_s: float
@@ -61,6 +62,7 @@ class Manner:
     weight_n: float
     toward: NDArray[np.float64]
     miss_m: NDArray[np.float64]
+    brought_m: float = BROUGHT_M
 
     @classmethod
     def draw(cls, rng: np.random.Generator, weight_n: float) -> "Manner":
@@ -101,16 +103,20 @@ class Taker:
             return
         loading_s = time_s - self._held_s - GRASPED_S
         hand.lift_n = manner.weight_n * progress(loading_s / manner.load_s)
-        brought = BROUGHT_M * progress((loading_s - 0.5 * manner.load_s) / manner.pull_s)
+        brought = manner.brought_m * progress((loading_s - 0.5 * manner.load_s) / manner.pull_s)
         hand.target_m = self._to_m + brought * manner.toward
 
 
 class Giver:
-    """Brings an object to the robot's hand, and lets go of it when the robot holds it."""
+    """Brings an object to the robot's hand, and lets go of it when the robot holds it.
+
+    Attributes:
+        to_m: where the hand brings it (3,); it may change on the way.
+    """
 
     def __init__(self, hand: CompliantHand, manner: Manner, to_m: NDArray[np.float64]) -> None:
         self.hand, self._manner = hand, manner
-        self._from_m, self._to_m = hand.position_m.copy(), to_m
+        self._from_m, self.to_m = hand.position_m.copy(), to_m
         self._closed_s: float | None = None
         self._gone_s = np.inf
         hand.lift_n = manner.weight_n
@@ -119,7 +125,7 @@ class Giver:
         """Set what the hand wants at a time; it comes when the time is its reaction."""
         manner, hand = self._manner, self.hand
         done = progress((time_s - manner.reaction_s) / manner.reach_s)
-        hand.target_m = self._from_m + done * (self._to_m - self._from_m)
+        hand.target_m = self._from_m + done * (self.to_m - self._from_m)
         if not seen.closed and self._closed_s is None:
             return
         self._closed_s = time_s if self._closed_s is None else self._closed_s
@@ -129,10 +135,10 @@ class Giver:
             relieved = hand.felt_n < LEFT_SHARE * manner.weight_n
             if lowering_s > manner.load_s and (relieved or lowering_s > 2.0 * manner.load_s):
                 hand.let_go()
-                self._gone_s, self._to_m = time_s, hand.position_m.copy()
+                self._gone_s, self.to_m = time_s, hand.position_m.copy()
         if self._gone_s < np.inf:
-            away = BROUGHT_M * progress((time_s - self._gone_s) / manner.reach_s)
-            hand.target_m = self._to_m + away * manner.toward
+            away = manner.brought_m * progress((time_s - self._gone_s) / manner.reach_s)
+            hand.target_m = self.to_m + away * manner.toward
 
 
 def progress(share: float) -> float:

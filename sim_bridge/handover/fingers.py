@@ -8,9 +8,7 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import parse_xml
-from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.robots import Robot
-from sim_bridge.arm.urdf import add_inertial, add_joint, text_of
+from sim_bridge.arm import Robot, SimulatedArm, add_inertial, add_joint, text_of
 from sim_bridge.physics import pybullet
 
 GRIP_LINK = "grip"
@@ -26,6 +24,8 @@ OPENING_M = 0.04
 """Largest distance of a finger from the middle [m], as the Franka Hand's."""
 PAD_M = 0.015
 """From a fingertip to where it holds [m]. Convention: near the middle of a pad."""
+GRIP_M = PALM_M[2] + FINGER_M[2] - PAD_M
+"""From the link that it was added to, along its z, to the grip [m]."""
 CLOSING_M_S, OPENING_M_S = 0.1, 0.15
 """Speed of the fingers [m/s]: the Franka Hand has at most 0.1 and 0.2."""
 PAD_FRICTION = 1.0
@@ -45,6 +45,13 @@ def with_fingers(robot: Robot) -> Robot:
         return robot
     urdf, description = (_add(text, robot.tip) for text in (robot.urdf, robot.description))
     return replace(robot, urdf=urdf, description=description, tip=GRIP_LINK)
+
+
+def finger_joints(robot: Robot) -> list[str]:
+    """Names of the joints of its fingers."""
+    joints = parse_xml(robot.urdf).findall("joint[@type='prismatic']")
+    names = [joint.get("name", "") for joint in joints]
+    return [name for name in names if name not in robot.joint_names]
 
 
 class Fingers:
@@ -93,6 +100,11 @@ class Fingers:
                 aim = {"targetVelocity": 0.0, "force": GEAR_N}
             self._client.setJointMotorControl2(self._body, link, pybullet.VELOCITY_CONTROL, **aim)
 
+    def close_on(self, half_width_m: float) -> None:
+        """Put the fingers at so much from the middle at once, on what is between them."""
+        for link in self.links:
+            self._client.resetJointState(self._body, link, half_width_m)
+
     def half_opening_m(self) -> float:
         """Mean distance of the fingers from the middle [m]."""
         states = self._client.getJointStates(self._body, self.links)
@@ -117,7 +129,7 @@ def _add(text: str, tip: str) -> str:
         limit = {"lower": "0", "upper": str(OPENING_M), "effort": "100", "velocity": "0.2"}
         ET.SubElement(joint, "limit", limit)
     grip = _link(root, GRIP_LINK, None, (0.0, 0.0, 0.0), 0.0)
-    add_joint(root, "grip_joint", "fixed", palm, grip, (0.0, 0.0, PALM_M[2] + FINGER_M[2] - PAD_M))
+    add_joint(root, "grip_joint", "fixed", palm, grip, (0.0, 0.0, GRIP_M))
     return ET.tostring(root, encoding="unicode")
 
 

@@ -98,6 +98,10 @@ class CompliantHand:
         self.holds, self._slid_m, self._ready = True, 0.0, ready
         self._offset_m, self._turn0 = point_m - self.position_m, np.array(turn)
 
+    def turn_to(self, turn: NDArray[np.float64]) -> None:
+        """Turn the object that it holds (quaternion xyzw)."""
+        self._turn0 = np.array(turn)
+
     def let_go(self) -> None:
         """Open the hand."""
         self.holds, self.lift_n = False, 0.0

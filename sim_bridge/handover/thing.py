@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A box that is handed over: a body with mass and friction, on which a person's hand acts."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from sim_bridge.arm import TIME_STEP_S
+from sim_bridge.handover.grip import CompliantHand
+from sim_bridge.physics import BulletClient, pybullet
+
+FRICTION = 0.6
+"""Of objects on the pads: rubber on plastic."""
+HELD_SHARE = 0.7
+"""Where the person holds an object: share of its half length from its centre. Convention."""
+LEVEL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Rotation of the level hand: its z along x, its y along y."""
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+"""Quaternion xyzw of an object in a level hand."""
+
+
+class TransferObject(NamedTuple):
+    """A box that is handed over.
+
+    Attributes:
+        mass_kg: its mass.
+        half_edges_m: vertical, between the fingers, and from robot to person.
+        grasp_m: how far from its centre, toward the robot, the robot holds it.
+    """
+
+    mass_kg: float
+    half_edges_m: tuple[float, float, float]
+    grasp_m: float
+
+
+class HandedThing:
+    """The body in a world.
+
+    Args:
+        client: of the world.
+        what: the object.
+        centre_m: where its centre is (3,).
+        turn: how it is turned (4,), xyzw.
+        friction: on the pads.
+    """
+
+    def __init__(
+        self,
+        client: BulletClient,
+        what: TransferObject,
+        centre_m: NDArray[np.float64],
+        turn: NDArray[np.float64] = UPRIGHT,
+        friction: float = FRICTION,
+    ) -> None:
+        self._client, self.what = client, what
+        up, across, along = what.half_edges_m
+        shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[along, across, up])
+        self.body = client.createMultiBody(what.mass_kg, shape, basePosition=centre_m.tolist())
+        self.put(centre_m, turn)
+        self.set_friction(friction)
+        client.changeDynamics(self.body, -1, linearDamping=0.0, angularDamping=0.0)
+
+    def set_friction(self, friction: float) -> None:
+        """Change the friction."""
+        self._client.changeDynamics(self.body, -1, lateralFriction=friction)
+
+    def put(self, centre_m: NDArray[np.float64], turn: NDArray[np.float64] = UPRIGHT) -> None:
+        """Put it somewhere, at rest."""
+        at = centre_m.tolist(), turn.tolist()
+        self._client.resetBasePositionAndOrientation(self.body, *at)
+        self._client.resetBaseVelocity(self.body, [0.0] * 3, [0.0] * 3)
+
+    def pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where it is: centre (3,) and quaternion (4,), xyzw."""
+        position, turn = self._client.getBasePositionAndOrientation(self.body)
+        return np.array(position), np.array(turn)
+
+    def speed_m_s(self) -> NDArray[np.float64]:
+        """Velocity of its centre (3,)."""
+        return np.array(self._client.getBaseVelocity(self.body)[0])
+
+    def held_point(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where a person holds it (3,), and its orientation (4,)."""
+        centre, turn = self.pose()
+        return centre + self._lever(turn), turn
+
+    def act(self, hand: CompliantHand) -> None:
+        """Let a hand act on it in the coming step."""
+        point, turn = self.held_point()
+        moving, spin = (np.array(v) for v in self._client.getBaseVelocity(self.body))
+        force, torque = hand.step(
+            TIME_STEP_S,
+            point,
+            moving + _cross(spin, self._lever(turn)),
+            turn,
+            spin,
+            self.what.mass_kg,
+        )
+        if hand.holds:
+            at, world = (self.body, -1), pybullet.WORLD_FRAME
+            self._client.applyExternalForce(*at, force.tolist(), point.tolist(), world)
+            self._client.applyExternalTorque(*at, torque.tolist(), world)
+
+    def _lever(self, turn: NDArray[np.float64]) -> NDArray[np.float64]:
+        matrix = np.reshape(self._client.getMatrixFromQuaternion(turn.tolist()), (3, 3))
+        return matrix[:, 0] * HELD_SHARE * self.what.half_edges_m[2]
+
+
+def in_grip(
+    what: TransferObject, grip_m: NDArray[np.float64], grip_turn: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centre (3,) and turn (4,) of an object between the fingers of a grip (3,), (4,), xyzw."""
+    hand = Rotation.from_quat(grip_turn)
+    turn = hand * Rotation.from_matrix(LEVEL).inv()
+    return grip_m + what.grasp_m * hand.as_matrix()[:, 2], turn.as_quat()
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """As numpy's cross, ten times as fast for one pair."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene "transfers" of a simulated arm: objects that are handed over by force, and its topics.
+
+In: `intent/transfer`, which the fingers follow, and `mocap/wrist/pose`, where the worker's hand is.
+Out: `intent/holding`, what the fingers took from a stand, and `coworker/hand`, the ground truth.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from intent_recognition.nodes.conversions import position_array
+from intent_recognition.nodes.qos import SENSOR, STATE
+from intent_recognition.transfer import Holding
+from sim_bridge.arm import SimulatedArm
+from sim_bridge.scenarios.toolbox import ToolboxTransfers
+
+TRANSFERS = "transfers"
+"""Name of the scene."""
+TAKES = ("intent/transfer", "mocap/wrist/pose")
+"""Topics that the clock waits for until it has taken them."""
+HAND, HOLDING = "coworker/hand", "intent/holding"
+HAND_STEPS = 10
+"""Physics steps between two messages of it: as often as the tracker sees the wrist."""
+AXES = ("force_x", "force_y", "force_z")
+"""Of the person's force on the object [N], world."""
+
+
+class TransferScene:
+    """Translates between topics and `ToolboxTransfers`.
+
+    Args:
+        node: of the arm.
+        arm: with fingers.
+        seed: of the person.
+        lever_m: as of `ToolboxTransfers`.
+        stamp: of a message now.
+        note: called with the topic of what is taken, or sent to those whom the clock waits for.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        arm: SimulatedArm,
+        seed: int,
+        lever_m: float,
+        stamp: Callable[[], Time],
+        note: Callable[[str], None],
+    ) -> None:
+        self._stamp, self._note, self._arm = stamp, note, arm
+        self._holding = node.create_publisher(Bool, HOLDING, STATE)
+        self._hand = node.create_publisher(JointState, HAND, STATE)
+        self._world = ToolboxTransfers(arm, seed, lever_m, self._tell)
+        node.create_subscription(JointState, TAKES[0], self._on_transfer, STATE)
+        node.create_subscription(PoseStamped, TAKES[1], self._on_pose, SENSOR)
+
+    @property
+    def held(self) -> str:
+        """Label of the object between the fingers, "" if none."""
+        return self._world.held
+
+    def set_task(self, task: str) -> None:
+        """Take note of the task being executed, "" when idle."""
+        self._world.set_task(task)
+
+    def update(self) -> None:
+        """Look at the hands, and publish who holds what; call it every few milliseconds."""
+        self._world.update()
+        if self._arm.n_steps % HAND_STEPS:
+            return
+        contact = self._world.contact()
+        message = JointState(name=list(AXES), position=contact.force_n.tolist())
+        message.header.stamp, message.header.frame_id = self._stamp(), contact.holder.value
+        self._hand.publish(message)
+        self._note(HAND)
+
+    def _tell(self, holds: bool) -> None:
+        self._holding.publish(Bool(data=holds))
+        self._note(HOLDING)
+
+    def _on_transfer(self, message: JointState) -> None:
+        values = dict(zip(message.name, message.position, strict=True))
+        numbers = (values[name] for name in ("load_share", "weight", "grip_force"))
+        self._world.follow(Holding(message.header.frame_id), *numbers)
+        self._note(TAKES[0])
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        position = position_array(message.pose)
+        if np.all(np.isfinite(position)):
+            self._world.move_wrist(position)
+        self._note(TAKES[1])

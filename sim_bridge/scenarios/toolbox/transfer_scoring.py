@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the object of an interaction changed hands, from the ground truth of the physics."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.evaluation import ContactLog, SessionLog, Trace
+from sim_bridge.scenarios.toolbox.transfers import Holder
+
+FALLING_NS = 50_000_000
+"""Time in nobody's hand from which on an object was dropped [ns]. Convention: a bounce of the
+pads is shorter, and it falls by 1 cm."""
+HANDS = (Holder.ROBOT.value, Holder.PERSON.value)
+SHOWN_NS = 1_000_000_000
+"""Time after the transfer that a trace shows [ns]. Convention."""
+
+
+class TransferScore(NamedTuple):
+    """What became of an object: whether it changed hands, when (None: never), and the force [N]."""
+
+    handed_over: bool
+    at_ns: int | None
+    largest_force_n: float
+
+
+def score_transfer(contacts: ContactLog, from_ns: int, until_ns: int) -> TransferScore | None:
+    """Score the interaction between two stamps; None where no object is handed over by force.
+
+    Handed over is what one of both held alone, then the other one until it was put away, and
+    nobody dropped.
+    """
+    rows = slice(*np.searchsorted(contacts.stamps_ns, [from_ns, until_ns]))
+    stamps, holders = contacts.stamps_ns[rows], contacts.holders[rows]
+    if not len(stamps):
+        return None
+    force_n = float(np.linalg.norm(contacts.forces_n[rows], axis=1).max())
+    alone = [(k, h) for k, h in enumerate(holders) if h in HANDS]
+    if not alone or alone[0][1] == alone[-1][1] or _dropped(stamps, holders):
+        return TransferScore(False, None, force_n)
+    last = alone[-1][1]
+    k = 1 + max(row for row, holder in alone if holder != last)
+    at_ns = next(int(stamps[row]) for row, holder in alone if row >= k)
+    return TransferScore(True, at_ns, force_n)
+
+
+def _dropped(stamps: NDArray[np.int64], holders: tuple[str, ...]) -> bool:
+    begun: int | None = None
+    for stamp, holder in zip(stamps.tolist(), holders, strict=True):
+        if holder != Holder.NOBODY.value:
+            begun = None
+            continue
+        begun = stamp if begun is None else begun
+        if stamp - begun >= FALLING_NS:
+            return True
+    return False
+
+
+def transfer_trace(log: SessionLog, onset_ns: int, end_ns: int, score: TransferScore) -> Trace:
+    """Forces from the human's end until a while after the transfer, or until all was over."""
+    stop_ns = (score.at_ns if score.at_ns is not None else end_ns + 4 * SHOWN_NS) + SHOWN_NS
+    felt = slice(*np.searchsorted(log.transfers.stamps_ns, [end_ns, stop_ns]))
+    true = slice(*np.searchsorted(log.contacts.stamps_ns, [end_ns, stop_ns]))
+    values = log.transfers.values[felt]
+    return {
+        "person_s": 1e-9 * (log.contacts.stamps_ns[true] - onset_ns).astype(np.float64),
+        "person_n": np.linalg.norm(log.contacts.forces_n[true], axis=1),
+        "holders": log.contacts.holders[true],
+        "transfer_s": 1e-9 * (log.transfers.stamps_ns[felt] - onset_ns).astype(np.float64),
+        "load_share": values[:, 0],
+        "load_n": values[:, 1],
+        "grip_n": values[:, 3],
+    }

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The toolbox assembly with objects that are held by force, by fingers and by a person's hand.
+
+Plate and screws are between the fingers once the hand has passed their stand; from there on only
+forces hold them. The worker's hand is where the tracker sees the wrist, but for the last
+decimetres, in which it follows what the person sees and feels (`sim_bridge.handover`).
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.transfer import FIRM_N, Holding
+from sim_bridge import GRAVITY_M_S2
+from sim_bridge.arm import TIME_STEP_S, SimulatedArm
+from sim_bridge.coworker import HOLD, PLATE, SCREW
+from sim_bridge.handover import (
+    HELD_SHARE,
+    CompliantHand,
+    Fingers,
+    Giver,
+    GripFollower,
+    HandedThing,
+    Manner,
+    SeenRobot,
+    Strength,
+    Taker,
+    TransferObject,
+    in_grip,
+)
+from sim_bridge.scenarios.toolbox.scene import STANDS_M
+
+THINGS = {
+    PLATE: TransferObject(0.4, (0.06, 0.004, 0.06), 0.03),
+    SCREW: TransferObject(0.1, (0.02, 0.015, 0.05), 0.015),
+    HOLD: TransferObject(0.3, (0.014, 0.014, 0.1), 0.05),
+}
+"""The object of each task: a plate, a box of screws, a screwdriver."""
+GRASP_RADIUS_M, GRASP_SPEED_M_S = 0.03, 0.12
+"""Distance of the hand from a stand, and speed of the hand, below which it has the object [m],
+[m/s]. Convention."""
+NEAR_M, AWAY_M = 0.3, 0.12
+"""Distance from the grip to the wrist below which the person acts, and way of the wrist after which
+the person goes on with something else [m]. Convention."""
+SLOW_M_S, REST_M_S = 0.15, 0.03
+"""Speed of the robot's hand from which on a person brings an object, or takes one [m/s].
+Convention."""
+ASIDE_M = np.array([0.16, 0.0, 0.0])
+"""From the wrist to where the person holds an object until the robot is there [m]. Convention: out
+of the way of its fingers."""
+BROUGHT_M, FOLLOW_S = 0.1, 0.5
+"""How far the person pulls an object toward the own wrist [m], and time constant in which the hand
+is where the wrist is again [s]. Convention."""
+
+
+class Holder(Enum):
+    """Who holds the object of the task."""
+
+    NONE = ""
+    STAND = "stand"
+    ROBOT = "robot"
+    BOTH = "both"
+    PERSON = "person"
+    NOBODY = "nobody"
+
+
+class HandContact(NamedTuple):
+    """Ground truth of a transfer: who holds the object, and the person's force on it (3,) [N]."""
+
+    holder: Holder
+    force_n: NDArray[np.float64]
+
+
+class ToolboxTransfers:
+    """The objects, the fingers and the worker's hand in an arm's world.
+
+    Args:
+        arm: with fingers.
+        seed: of the person.
+        lever_m: from the hand as it was taught to the grip, along its z.
+        tell: called with whether the fingers hold something that nobody handed to them.
+    """
+
+    def __init__(
+        self, arm: SimulatedArm, seed: int, lever_m: float, tell: Callable[[bool], None]
+    ) -> None:
+        self._arm, self._lever_m, self._tell = arm, lever_m, tell
+        self._rng = np.random.default_rng([seed, 17])
+        self._fingers = Fingers(arm)
+        self._grip = GripFollower(arm, self._fingers)
+        self._wrist_m = np.zeros(3)
+        self._hand: CompliantHand | None = None
+        self._thing: HandedThing | None = None
+        self._person: Taker | Giver | None = None
+        self._manner: Manner | None = None
+        self._offset_m, self._since_m, self._since_s = np.zeros(3), np.zeros(3), 0.0
+        self._closed_on = self._served = False
+        self.task = ""
+        arm.before_step.append(self._act)
+
+    @property
+    def held(self) -> str:
+        """Label of the object between the fingers, "" if none."""
+        return self.task if self.contact().holder in (Holder.ROBOT, Holder.BOTH) else ""
+
+    def contact(self) -> HandContact:
+        """Who holds the object now."""
+        hand, thing = self._hand, self._thing
+        if thing is None or hand is None:
+            return HandContact(Holder.STAND if self.task in STANDS_M else Holder.NONE, np.zeros(3))
+        robot = self._fingers.touching(thing.body) == 2
+        if robot and hand.holds:
+            holder = Holder.BOTH
+        elif robot:
+            holder = Holder.ROBOT
+        else:
+            holder = Holder.PERSON if hand.holds else Holder.NOBODY
+        return HandContact(holder, hand.force_n.copy())
+
+    def move_wrist(self, position_m: NDArray[np.float64]) -> None:
+        """The tracker sees the wrist there (3,)."""
+        self._wrist_m = np.array(position_m)
+        if self._hand is None:
+            strength = Strength.draw(self._rng)
+            self._hand = CompliantHand(self._wrist_m, strength, self._rng)
+
+    def set_task(self, task: str) -> None:
+        """Take note of the task being executed, "" when idle; what is left of one is put away."""
+        task = task if task in THINGS else ""
+        if task == self.task:
+            return
+        self._put_away()
+        self.task = task
+        if task and self._hand is not None:
+            weight_n = THINGS[task].mass_kg * GRAVITY_M_S2
+            drawn = Manner.draw(self._rng, weight_n)
+            self._manner = replace(
+                drawn, brought_m=BROUGHT_M, busy_s=0.0, reach_s=0.5 * drawn.reach_s
+            )
+            if task not in STANDS_M:
+                self._bring(self._hand)
+
+    def follow(self, holding: Holding, share: float, weight_n: float, grip_n: float) -> None:
+        """Grip as `intent/transfer` says, once it has taken note of what was grasped."""
+        if self._closed_on and holding is Holding.EMPTY:
+            return
+        self._closed_on = False
+        self._grip.follow(holding, share, weight_n, grip_n, 5 * TIME_STEP_S)
+
+    def update(self) -> None:
+        """Look at the hand, and take what is on its stand; call it every few milliseconds."""
+        pose = self._arm.hand_pose()
+        if self._hand is not None and self._hand.holds and not self._served:
+            what = THINGS[self.task]  # the person turns it as the robot's hand is turned
+            self._hand.turn_to(in_grip(what, pose.position, pose.orientation)[1])
+        if self.task not in STANDS_M or self._thing is not None:
+            return
+        hand_m = pose.position - self._lever_m * _outward(pose.orientation)
+        near = np.linalg.norm(hand_m - STANDS_M[self.task]) < GRASP_RADIUS_M
+        if near and np.linalg.norm(self._arm.hand_velocity()) < GRASP_SPEED_M_S:
+            what = THINGS[self.task]
+            self._thing = self._make(what, *in_grip(what, pose.position, pose.orientation))
+            self._fingers.close_on(what.half_edges_m[1])
+            self._fingers.press(FIRM_N)
+            self._closed_on = True
+            self._tell(True)
+
+    def _make(
+        self, what: TransferObject, centre_m: NDArray[np.float64], turn: NDArray[np.float64]
+    ) -> HandedThing:
+        """Put an object into the world; of the arm it touches the fingers alone."""
+        client, body = self._arm.client, self._arm.body
+        thing = HandedThing(client, what, centre_m, turn)
+        for link in range(-1, client.getNumJoints(body)):
+            if link not in self._fingers.links:
+                client.setCollisionFilterPair(body, thing.body, link, -1, 0)
+        return thing
+
+    def _bring(self, hand: CompliantHand) -> None:
+        """The person has the object in the hand."""
+        what, pose = THINGS[self.task], self._arm.hand_pose()
+        _, turn = in_grip(what, pose.position, pose.orientation)
+        out = Rotation.from_quat(turn).as_matrix()[:, 0]
+        self._thing = self._make(
+            what, hand.position_m - HELD_SHARE * what.half_edges_m[2] * out, turn
+        )
+        weight_n = what.mass_kg * GRAVITY_M_S2
+        hand.grasp(*self._thing.held_point())
+        hand.lift_n, hand.force_n = weight_n, np.array([0.0, 0.0, weight_n])
+        hand.feel(weight_n)
+
+    def _put_away(self) -> None:
+        """Nothing is in the hands any more."""
+        robot = self._thing is not None and self.held
+        if self._thing is not None:
+            self._arm.client.removeBody(self._thing.body)
+        if self._hand is not None:
+            self._hand.let_go()
+        self._thing = self._person = None
+        self._served = self._closed_on = False
+        if robot:
+            self._tell(False)
+
+    def _act(self, arm: SimulatedArm) -> None:
+        """Let the person act in the coming step."""
+        hand, thing = self._hand, self._thing
+        if hand is None:
+            return
+        gives = hand.holds and not self._served
+        self._offset_m += TIME_STEP_S / FOLLOW_S * (ASIDE_M * gives - self._offset_m)
+        if self._person is None:
+            hand.target_m = self._wrist_m + self._offset_m
+            if thing is not None and not self._served:
+                self._begin(hand, thing)
+        else:
+            self._go_on(hand, self._person)
+        if thing is not None:
+            thing.act(hand)
+        else:
+            none = np.zeros(3)
+            hand.step(TIME_STEP_S, hand.position_m, none, np.array([0.0, 0.0, 0.0, 1.0]), none, 1.0)
+
+    def _begin(self, hand: CompliantHand, thing: HandedThing) -> None:
+        """Begin to take or to give where the robot has come near."""
+        grip_m, speed = self._arm.hand_pose().position, self._speed()
+        gives = hand.holds
+        slow = speed < (SLOW_M_S if gives else REST_M_S)
+        near = np.linalg.norm(grip_m - self._wrist_m) < NEAR_M
+        if self._manner is None or not (near and slow):
+            return
+        if gives:
+            self._person = Giver(hand, self._manner, self._place(thing))
+        elif self._fingers.touching(thing.body) == 2:
+            self._person = Taker(hand, self._manner)
+        self._since_m, self._since_s = self._wrist_m.copy(), self._arm.time_s
+
+    def _go_on(self, hand: CompliantHand, person: Taker | Giver) -> None:
+        """Let the person see, and end where the object has changed hands or somebody leaves."""
+        thing = self._thing
+        assert thing is not None
+        gripped = self._fingers.touching(thing.body)
+        if isinstance(person, Giver) and gripped < 2 and hand.holds:
+            person.to_m = self._place(thing)
+        point, turn = thing.held_point()
+        rests = self._speed() < REST_M_S
+        now_s = self._arm.time_s - self._since_s
+        person.step(now_s, SeenRobot(point, turn, rests, gripped == 2))
+        leaves = np.linalg.norm(self._wrist_m - self._since_m) > AWAY_M
+        gave = isinstance(person, Giver) and not hand.holds
+        took = isinstance(person, Taker) and hand.holds and not gripped
+        if leaves or gave or took:
+            self._person, self._served = None, bool(gave or took)
+            self._offset_m = hand.target_m - self._wrist_m
+
+    def _place(self, thing: HandedThing) -> NDArray[np.float64]:
+        """Where the person's hand is with the object between the fingers (3,)."""
+        pose, what = self._arm.hand_pose(), thing.what
+        reach_m = what.grasp_m + HELD_SHARE * what.half_edges_m[2]
+        return pose.position + reach_m * _outward(pose.orientation) + self._miss_m
+
+    @property
+    def _miss_m(self) -> NDArray[np.float64]:
+        return np.zeros(3) if self._manner is None else self._manner.miss_m
+
+    def _speed(self) -> float:
+        return float(np.linalg.norm(self._arm.hand_velocity()))
+
+
+def _outward(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The direction in which a hand points (3,)."""
+    return Rotation.from_quat(turn).as_matrix()[:, 2]
