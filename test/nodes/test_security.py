@@ -14,11 +14,13 @@ from intent_recognition.registry import NODES as REGISTERED
 from intent_recognition.share import PACKAGE
 
 TOLD = {"joint_states_topic": "/arm/states", "command_topic": "/arm/command"}
-ALL_ON = {"record": "bag", "dashboard": True, "coworker": True, "namespace": "cell1"}
+ALL_ON = {"record": "bag", "dashboard": True, "coworker": True, "transfers": True}
+ALL_ON |= {"namespace": "cell1"}
 OF_POURING = {"balls", "cup/cloud", "intent/feedback", "second/cloud"}
 OF_ITS_CLOCK = {"clock_answers"}
+OF_TRANSFERS = {"intent/transfer", "mocap/wrist/pose", "coworker/hand", "intent/holding"}
 LATER = {
-    **dict.fromkeys(("arm_sim", "lwr_sim"), OF_POURING | OF_ITS_CLOCK),
+    **dict.fromkeys(("arm_sim", "lwr_sim"), OF_POURING | OF_ITS_CLOCK | OF_TRANSFERS),
     "intent_estimator": {"human/wrist", "joint_states"},  # once it has a model
     "primitive_activation": {"intent/next_task", "intent/robot_trajectory", "intent/tasks"}
     | {"joint_states", "joint_trajectory"}
@@ -68,7 +70,7 @@ def given(graph: str, bag: str, **more: object) -> dict:
 
 
 FRAMES = {"/tf", "/tf_static"}
-IN_NO_GRAPH = {"object_warper", "object_transfer"}
+IN_NO_GRAPH = {"object_warper"}
 """Under these names."""
 
 
