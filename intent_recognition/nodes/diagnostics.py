@@ -92,7 +92,7 @@ class Diagnostics:
         self._latencies_s: deque[float] = deque(maxlen=2000)
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
-        self._wrong_types: set[tuple[str, str, str]] = set()
+        self._wrong_types: set[tuple[int, ...]] = set()
         self._logged_s: dict[str, float] = {}
         self._level = bytes([Level.OK])
         self._message = "running"
@@ -212,7 +212,7 @@ class Diagnostics:
             kind: Any = subscription.msg_type  # a class, though rclpy declares an instance
             expected = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
             for publisher in self._node.get_publishers_info_by_topic(topic):
-                found = (topic, publisher.node_name, publisher.topic_type)
+                found = tuple(publisher.endpoint_gid)  # its node may not be known by name yet
                 if publisher.topic_type != expected and found not in self._wrong_types:
                     self._wrong_types.add(found)
                     text = f"{topic} is {publisher.topic_type}, expected {expected}"
