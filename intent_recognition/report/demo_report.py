@@ -312,7 +312,7 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
     if "transfer_s" in trace:
         caption = (
             "The object changes hands: the person's force on it in truth, the load that the robot"
-            " feels, and the force of its fingers; shaded: the person's share of the load."
+            " feels, and the force of its fingers; below: the person's share of the load, as felt."
         )
         blocks.append(_figure(transfer_figure(trace), caption))
     return tuple(blocks)

@@ -54,18 +54,17 @@ def wrist_figure(trace: Mapping) -> "Figure":
 @styled
 def transfer_figure(trace: Mapping) -> "Figure":
     """Forces while an object changes hands; keys as in `traces.Trace`."""
-    figure = new_figure(11.2, 3.4)
-    axes = figure.add_subplot()
+    figure = new_figure(11.2, 4.2)
+    axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     felt_s = np.asarray(trace["transfer_s"], dtype=float)
-    grip = np.asarray(trace["grip_n"], dtype=float)
-    share = np.asarray(trace["load_share"], dtype=float)
-    top = max(1.0, float(grip.max()))
-    axes.fill_between(felt_s, 0.0, top * share, color=TUBE, label=f"person's share, of {top:.0f} N")
-    axes.plot(felt_s, grip, color=SOFT, label="each finger")
-    axes.plot(felt_s, trace["load_n"], color=PREDICTED, label="load that the robot feels")
+    load = {"color": PREDICTED, "linewidth": 0.8, "alpha": 0.6}
+    axes.plot(felt_s, trace["load_n"], **load, label="load that the robot feels")
+    axes.plot(felt_s, trace["grip_n"], color=SOFT, label="each finger")
     axes.plot(trace["person_s"], trace["person_n"], color=OBSERVED, label="person, in truth")
-    axes.set(xlabel="time after onset [s]", ylabel="force [N]")
-    shared_legend(figure, [axes], 4)
+    axes.set(ylabel="force [N]")
+    below.fill_between(felt_s, 100.0 * np.asarray(trace["load_share"], dtype=float), color=TUBE)
+    below.set(xlabel="time after onset [s]", ylabel="share [%]", ylim=(0, 100), yticks=(0, 50, 100))
+    shared_legend(figure, [axes], 3)
     return figure
 
 

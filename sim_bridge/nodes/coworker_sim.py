@@ -80,10 +80,10 @@ class CoworkerSim(Node):
                 self.diagnostics.status(Level.WARN, f"waiting for {waits_for}")
             return
         self._start_timer.cancel()
-        self.first_stamp_ns = now_ns
         self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._on_timer)
         self.diagnostics.status(Level.OK, "running")
-        self._tick(now_ns)
+        if not self.diagnostics.answers:  # else with the next time on /clock, which waits for it
+            self._tick(now_ns)
 
     def _missing(self, now_ns: int) -> str:
         """What the session waits for; empty: it can begin."""
@@ -105,6 +105,7 @@ class CoworkerSim(Node):
 
     def _tick(self, now_ns: int) -> None:
         """Publish the samples whose time has come."""
+        self.first_stamp_ns = self.first_stamp_ns or now_ns
         elapsed_ns = now_ns - self.first_stamp_ns
         samples = self.plan.samples
         due = min((elapsed_ns + EARLY_NS) // SAMPLE_NS + 1, len(samples.times_s))

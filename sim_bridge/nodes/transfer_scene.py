@@ -26,7 +26,8 @@ TAKES = ("intent/transfer", "mocap/wrist/pose")
 """Topics that the clock waits for until it has taken them."""
 HAND, HOLDING = "coworker/hand", "intent/holding"
 HAND_STEPS = 10
-"""Physics steps between two messages of it: as often as the tracker sees the wrist."""
+"""Physics steps between two messages of it, from the first pose of the wrist on: as often as the
+tracker sees that."""
 AXES = ("force_x", "force_y", "force_z")
 """Of the person's force on the object [N], world."""
 
@@ -53,6 +54,7 @@ class TransferScene:
         note: Callable[[str], None],
     ) -> None:
         self._stamp, self._note, self._arm = stamp, note, arm
+        self._first_step: int | None = None
         self._holding = node.create_publisher(Bool, HOLDING, STATE)
         self._hand = node.create_publisher(JointState, HAND, STATE)
         self._world = ToolboxTransfers(arm, seed, lever_m, self._tell)
@@ -71,7 +73,7 @@ class TransferScene:
     def update(self) -> None:
         """Look at the hands, and publish who holds what; call it every few milliseconds."""
         self._world.update()
-        if self._arm.n_steps % HAND_STEPS:
+        if self._first_step is None or (self._arm.n_steps - self._first_step) % HAND_STEPS:
             return
         contact = self._world.contact()
         message = JointState(name=list(AXES), position=contact.force_n.tolist())
@@ -93,4 +95,6 @@ class TransferScene:
         position = position_array(message.pose)
         if np.all(np.isfinite(position)):
             self._world.move_wrist(position)
+            if self._first_step is None:
+                self._first_step = self._arm.n_steps
         self._note(TAKES[1])

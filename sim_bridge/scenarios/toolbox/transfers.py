@@ -90,7 +90,7 @@ class ToolboxTransfers:
         self, arm: SimulatedArm, seed: int, lever_m: float, tell: Callable[[bool], None]
     ) -> None:
         self._arm, self._lever_m, self._tell = arm, lever_m, tell
-        self._rng = np.random.default_rng([seed, 17])
+        self._seed, self._n_tasks = [seed, 17], 0
         self._fingers = Fingers(arm)
         self._grip = GripFollower(arm, self._fingers)
         self._wrist_m = np.zeros(3)
@@ -126,8 +126,8 @@ class ToolboxTransfers:
         """The tracker sees the wrist there (3,)."""
         self._wrist_m = np.array(position_m)
         if self._hand is None:
-            strength = Strength.draw(self._rng)
-            self._hand = CompliantHand(self._wrist_m, strength, self._rng)
+            rng = np.random.default_rng(self._seed)
+            self._hand = CompliantHand(self._wrist_m, Strength.draw(rng), rng)
 
     def set_task(self, task: str) -> None:
         """Take note of the task being executed, "" when idle; what is left of one is put away."""
@@ -138,7 +138,8 @@ class ToolboxTransfers:
         self.task = task
         if task and self._hand is not None:
             weight_n = THINGS[task].mass_kg * GRAVITY_M_S2
-            drawn = Manner.draw(self._rng, weight_n)
+            self._n_tasks += 1  # each has a manner of its own, whatever was before
+            drawn = Manner.draw(np.random.default_rng([*self._seed, self._n_tasks]), weight_n)
             self._manner = replace(
                 drawn, brought_m=BROUGHT_M, busy_s=0.0, reach_s=0.5 * drawn.reach_s
             )

@@ -6,11 +6,13 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.diagnostics import ENDED, values_of
-from intent_recognition.nodes.qos import SENSOR, STATE
+from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
+from intent_recognition.registry import ANSWERS
 from sim_bridge.coworker.session import SessionTiming, plan_session
 from sim_bridge.nodes.coworker_sim import SAMPLE_NS, CoworkerSim
 from sim_bridge.scenarios.assembly import session as assembly
@@ -115,6 +117,28 @@ def test_waits_for_subscribers_and_for_the_clock(harness):
         return node.first_stamp_ns
 
     assert harness.spin_until(begin, what="begin of the session") == 7_000_000_000
+
+
+def test_where_time_waits_for_answers_the_session_begins_with_a_time_of_the_clock(harness):
+    """Not between two of them, when the others may have gone on."""
+    harness.collect(JointState, ANSWERS, FEEDBACK)
+    harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
+    node = harness.add(make(use_sim_time=True))
+    clock = harness.publisher(Clock, "/clock", 10)
+    harness.connect(clock)
+    message = Clock()
+    message.clock.sec = 7
+    clock.publish(message)
+    harness.spin_until(
+        lambda: [s for r in reports for s in r.status if s.message == "running"],
+        what="a worker who is ready",
+    )
+    assert node.first_stamp_ns == 0
+    message.clock.nanosec = 5_000_000
+    clock.publish(message)
+    harness.spin_until(lambda: node.first_stamp_ns, what="begin of the session")
+    assert node.first_stamp_ns == 7_005_000_000
 
 
 @pytest.mark.parametrize(
