@@ -87,6 +87,8 @@ class MovementFilter:
     ):
         self.library, self.grid, n = library, grid, len(grid.duration_s)
         self._prunes = prune and n >= PRUNE_FROM
+        self._prune_below = PRUNE_BELOW / grid.task_evidence
+        self._negligible_below = NEGLIGIBLE_BELOW / grid.task_evidence
         self.table = HypothesisTable(n, library)
         self.births = Births(library, grid) if switching else None
         prior = library.observed_mean, library.observed_covariance
@@ -176,9 +178,9 @@ class MovementFilter:
         self._peaks = np.append(self._peaks, self._peaks[-1] + peak)
         if self._prunes:
             limit = self._limit()
-            self._catch_up(limit - NEGLIGIBLE_BELOW)
+            self._catch_up(limit - self._negligible_below)
             self._follows = self._seen == self.n_used
-            self._follows[:-1] &= self._bound()[:-1] > limit[:-1] - PRUNE_BELOW
+            self._follows[:-1] &= self._bound()[:-1] > limit[:-1] - self._prune_below
 
     def _catch_up(self, limit: NDArray[np.float64]) -> None:
         """Condition tasks on what they missed, until their bound is not above a limit, (K + 1,)."""
@@ -210,7 +212,7 @@ class MovementFilter:
         limit = np.minimum(exact.max(), weighed)
         if self.births is not None and len(exact) > MAX_TASKS:
             least = np.partition(exact, -MAX_TASKS)[-MAX_TASKS]
-            limit = np.minimum(limit, least + NEGLIGIBLE_BELOW)
+            limit = np.minimum(limit, least + self._negligible_below)
         return np.r_[limit, -np.inf]
 
     @property

@@ -29,6 +29,7 @@ class PriorGrid(NamedTuple):
         duration_s: duration of the whole interaction under each hypothesis, (B,).
         log_prior: log prior probability of each, (B,); sums to one as probabilities.
         duration_evidence: exponent of the evidence in the posterior of the duration.
+        task_evidence: exponent of the evidence of the tasks against each other.
         none_margin: evidence that a known task must have over none before it counts, in nats.
     """
 
@@ -36,6 +37,7 @@ class PriorGrid(NamedTuple):
     duration_s: NDArray[np.float64]
     log_prior: NDArray[np.float64]
     duration_evidence: float = 1.0
+    task_evidence: float = 1.0
     none_margin: float = 0.0
 
     @property
@@ -93,6 +95,7 @@ def make_prior_grid(
         np.exp(mean[:, None] + std[:, None] * offsets).ravel(),
         (log_task[:, None] + log_weight).ravel(),
         library.duration_evidence,
+        library.task_evidence,
         library.none_margin,
     )
 

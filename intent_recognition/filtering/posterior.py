@@ -6,12 +6,12 @@ next, which in log space is a running sum.
 
 People's progress is not linear in time, so that under every constant duration the innovations are
 correlated, and their product is surer of the duration than it should be. The posterior of the
-duration, and only this one, therefore takes the evidence to a power (`duration_evidence`; 1 is
-Bayes' rule as it stands).
+duration therefore takes the evidence to a power (`duration_evidence`; 1 is Bayes' rule as it
+stands).
 
-Evidence between the known tasks and `none` counts beyond a margin only, which is learned from
-movements of tasks that were left out (`learning.unknown_task`); the evidence of the tasks against
-each other is not touched.
+For the same reason the evidence of the tasks against each other counts to a power, too
+(`task_evidence`). Evidence between the known tasks together and `none` counts beyond a margin
+instead, which is learned from movements of tasks that were left out (`learning.unknown_task`).
 """
 
 from __future__ import annotations
@@ -110,7 +110,10 @@ def task_belief(
     with np.errstate(invalid="ignore"):
         log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
         log_task_evidence[-1] = counted_none(log_task_evidence, log_task_prior, grid.none_margin)
-        log_task[-1] = log_task_prior[-1] + log_task_evidence[-1]
+        log_task_evidence[:-1] = counted_tasks(
+            log_task_evidence[:-1], log_task_prior[:-1], grid.task_evidence
+        )
+        log_task = log_task_prior + log_task_evidence
     scale_weights = grid.duration_weights(log_evidence)
     probabilities = np.exp(log_task - np.max(log_task))
     probabilities /= probabilities.sum()
@@ -159,6 +162,25 @@ def counted_none(
     if not np.isfinite(total - log_evidence[-1]):
         return float(log_evidence[-1])
     return float(total - beyond_margin(total - log_evidence[-1], margin))
+
+
+def counted_tasks(
+    log_evidence: NDArray[np.float64], log_prior: NDArray[np.float64], power: float
+) -> NDArray[np.float64]:
+    """Log evidence of tasks that counts to a power among them; that of all together stays.
+
+    Args:
+        log_evidence: of the K tasks, (..., K).
+        log_prior: theirs, (K,).
+        power: in (0, 1].
+    """
+    counted = power * log_evidence
+    before, after = (
+        np.logaddexp.reduce(log_prior + some, axis=-1, keepdims=True)
+        for some in (log_evidence, counted)
+    )
+    possible = np.isfinite(before)
+    return counted + np.subtract(before, after, where=possible, out=np.zeros_like(before))
 
 
 def beyond_margin(log_factor: NDArray[np.float64], margin: float) -> NDArray[np.float64]:

@@ -86,6 +86,7 @@ def library_from_statistics(
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
         none_prior=settings.none_prior,
         duration_evidence=settings.duration_evidence or chosen.duration_evidence,
+        task_evidence=chosen.task_evidence,
         phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         evidence_freedom=EVIDENCE_FREEDOM,
         onset=preprocessing.onset,

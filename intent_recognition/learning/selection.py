@@ -35,6 +35,7 @@ from intent_recognition.learning.held_out import (
 )
 from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
+from intent_recognition.learning.task_evidence import expected_power, log_losses
 from intent_recognition.promp import (
     OTHERS_SAMPLE_SIZE,
     ResidualCoupling,
@@ -73,6 +74,7 @@ class Hyperparameters(NamedTuple):
         duration_evidence: exponent of the evidence in the posterior of the duration.
         borrowed: equivalent sample size of the other tasks in the target of each task's own
             covariance, in demonstrations.
+        task_evidence: exponent of the evidence of the tasks against each other.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
         score: both together, in nats; NaN where nothing could be left out.
@@ -82,6 +84,7 @@ class Hyperparameters(NamedTuple):
     noise_scale: float = 4.0
     duration_evidence: float = EXPONENTS[0]
     borrowed: float = OTHERS_SAMPLE_SIZE
+    task_evidence: float = 1.0
     log_loss: float = float("nan")
     error: float = float("nan")
     score: float = float("nan")
@@ -126,9 +129,10 @@ def choose(
     def scored(one: Hyperparameters) -> Hyperparameters:
         library, tasks = candidates[one.pace]
         scaled = replace(library, noise_scale=one.noise_scale)
-        log_loss, error = validate(scaled, left_out[one.pace, one.borrowed], tasks)
+        losses, error = validate(scaled, left_out[one.pace, one.borrowed], tasks)
+        log_loss, power = float(losses[-1].mean()), expected_power(losses)
         score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
-        return one._replace(log_loss=log_loss, error=error, score=score)
+        return one._replace(task_evidence=power, log_loss=log_loss, error=error, score=score)
 
     tried = [scored(Hyperparameters(pace, scale)) for pace in candidates for scale in NOISE_SCALES]
     best = min(tried, key=lambda one: one.score)
@@ -158,10 +162,11 @@ def _at_once(library: TaskLibrary, n_hypotheses: int) -> int:
 
 def validate(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
-) -> tuple[float, float]:
-    """Log loss of the task and relative error of the controlled agent, the duration known.
+) -> tuple[NDArray[np.float64], float]:
+    """Log losses of the task and relative error of the controlled agent, the duration known.
 
-    The error is that which the coupling of the residuals leaves.
+    The losses (A, n) are those under each of the powers of the evidence; the error is that which
+    the coupling of the residuals leaves.
     """
     variance = _variance(library, left_out)
     most = _at_once(library, 1 + max(len(one.rivals) for one in left_out))
@@ -178,15 +183,15 @@ def validate(
         np.concatenate(controlled, axis=1),
     )
     _, left = learn_coupling(residuals, variance, library.durations_s)
-    return float(np.concatenate(loss).mean()), float(np.mean(left / variance))
+    return np.concatenate(loss, axis=1), float(np.mean(left / variance))
 
 
 def _follow(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Log loss of demonstrations (n,), and residuals of both agents after each of `FRACTIONS`.
+    """Log losses of demonstrations (A, n), and residuals of both agents after `FRACTIONS`.
 
-    These are (f, n, s, P) and (f, n, s, Q).
+    The losses are means over the movement; the residuals are (f, n, s, P) and (f, n, s, Q).
     """
     prior, own = _priors(library, left_out, tasks)
     sizes = np.diff(np.append(own, len(prior.mean)))
@@ -194,17 +199,16 @@ def _follow(
     samples = np.swapaxes(samples, 0, 1)
     truth = np.array([one.truth for one in left_out])
     seen = np.array([one.seen for one in left_out])
-    loss, observed, controlled, shares = np.zeros(len(left_out)), [], [], list(FRACTIONS)
+    losses, observed, controlled, shares = [], [], [], list(FRACTIONS)
     for progress in filter_samples(library, prior, np.ones(len(prior.mean)), samples):
-        evidence = np.logaddexp.reduceat(progress.log_evidence, own)
-        loss += evidence - progress.log_evidence[own]
+        losses.append(log_losses(progress.log_evidence, own))
         share = (progress.n_samples + 0.5) / len(samples)
         while shares and (share > shares[0] or progress.n_samples == len(samples)):
             human, robot = _predict(library, left_out, progress, own)
             observed.append(seen - human)
             controlled.append(truth - robot)
             shares.pop(0)
-    return loss / len(samples), np.array(observed), np.array(controlled)
+    return np.mean(losses, axis=0), np.array(observed), np.array(controlled)
 
 
 def _at_scored_phases(samples: NDArray[np.float64]) -> NDArray[np.float64]:

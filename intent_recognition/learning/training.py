@@ -209,6 +209,7 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
         basis=preprocessing.basis_of(chosen.aligned),
         phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         duration_evidence=preprocessing.settings.duration_evidence or chosen.duration_evidence,
+        task_evidence=chosen.task_evidence,
         coupling=coupling,
         **learned_from(trained.tasks, preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},

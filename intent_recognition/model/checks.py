@@ -31,6 +31,7 @@ SCALARS = (
     "none_margin",
     "switch_margin",
     "duration_evidence",
+    "task_evidence",
 )
 
 
@@ -65,9 +66,8 @@ def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int,
 
 def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     """Make sure that variances are positive and probabilities are some."""
-    check_positive(
-        path, numbers, "noise_variance", "noise_scale", "correlation_time_s", "log_duration_std"
-    )
+    scales = "noise_variance", "noise_scale", "correlation_time_s", "log_duration_std"
+    check_positive(path, numbers, *scales, "task_evidence")
     for name in ("task_prior", "transition_prior"):
         prior = numbers[name]
         if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):

@@ -42,8 +42,8 @@ from intent_recognition.untrusted import UntrustedError, check_archive, load_jso
 
 FORMAT_VERSION = 3
 """Of the file; others are not read."""
-BEFORE_SWITCHES: dict[str, NDArray[Any]] = {"switch_margin": np.array(0.0)}
-"""What models hold that were written before changes of mind were followed."""
+ADDED: dict[str, NDArray[Any]] = {"switch_margin": np.array(0.0), "task_evidence": np.array(1.0)}
+"""What older models hold, which were written without these."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = BEFORE_SWITCHES | _read(path, (*SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING))
+    content = ADDED | _read(path, (*SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING))
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")

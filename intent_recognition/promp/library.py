@@ -85,6 +85,7 @@ class TaskLibrary:
         observed_groups: number of DOFs of each observed signal, in order; they sum to P.
         onset: how movement onset is detected, one for each observed signal.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration.
+        task_evidence: exponent of the evidence of the tasks against each other.
         observed_weight_covariance: prior covariance of the observed weights in the filter, which
             the tasks share but for the uncertainty of their means, (K, P N, P N); None for that of
             `weight_covariance`.
@@ -121,6 +122,7 @@ class TaskLibrary:
     observed_groups: tuple[int, ...]
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
+    task_evidence: float = 1.0
     none_margin: float = 0.0
     switch_margin: float = 0.0
     observed_weight_covariance: NDArray[np.float64] | None = None

@@ -166,6 +166,26 @@ def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):
         np.testing.assert_array_equal(found.log_evidence, exact.log_evidence)
 
 
+def test_the_evidence_of_the_tasks_against_each_other_can_be_taken_to_a_power(rng):
+    """Their log odds shrink; none, the durations and what is most probable stay."""
+    library = make_library(rng, n_tasks=3, n_basis=6)
+    hypotheses = make_prior_grid(library, np.array([0.5, 0.3, 0.2]), n_scales=5)
+    hypotheses = hypotheses._replace(none_margin=2.0)
+    evidence = rng.normal(size=20) * 4.0
+    exact = task_posterior(evidence, hypotheses, 0.5)
+    for power in (1.0, 0.6, 0.1):
+        found = task_posterior(evidence, hypotheses._replace(task_evidence=power), 0.5)
+        odds, whole = np.diff(found.log_evidence[:-1]), np.diff(exact.log_evidence[:-1])
+        np.testing.assert_allclose(odds, power * whole, atol=1e-10)
+        prior = np.diff(hypotheses.log_task_prior[:-1])
+        np.testing.assert_allclose(
+            np.diff(np.log(found.probabilities[:-1])), prior + power * whole, atol=1e-10
+        )
+        assert found.probabilities[-1] == pytest.approx(exact.probabilities[-1], rel=1e-9)
+        assert found.log_evidence[-1] == exact.log_evidence[-1]
+        np.testing.assert_array_equal(found.scale_weights, exact.scale_weights)
+
+
 factors = st.floats(-300.0, 300.0)
 margins = st.floats(0.0, 60.0)
 

@@ -17,7 +17,7 @@ from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.errors import DofError, ModelError
 from intent_recognition.model.coupling import COUPLING
 from intent_recognition.model.file import (
-    BEFORE_SWITCHES,
+    ADDED,
     DEVIATION_STD,
     FORMAT_VERSION,
     SHAPES,
@@ -226,7 +226,7 @@ def test_flipped_bits_are_an_error_or_harmless(model, written, tmp_path, data):
         np.testing.assert_array_equal(read.library.weight_mean, model.library.weight_mean)
 
 
-@pytest.mark.parametrize("name", sorted({*SHAPES, "header"} - {*BEFORE_SWITCHES}))
+@pytest.mark.parametrize("name", sorted({*SHAPES, "header"} - {*ADDED}))
 def test_a_missing_array_is_named(written, tmp_path, name):
     refused(rewritten(tmp_path / "m.npz", written, **{name: None}), name)
 

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much the evidence of the tasks against each other counts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import norm
+from simulation import make_library, simulate
+
+from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.learning.fitting import statistics_of
+from intent_recognition.learning.left_out import LeavingOut
+from intent_recognition.learning.left_out_odds import largest_odds_against
+from intent_recognition.learning.task_evidence import POWERS, expected_power, log_losses
+
+LEVELS = np.array([0.0, 0.15, 0.3])
+"""Of three tasks, in standard deviations of an innovation."""
+
+
+def losses_of_movements(rng, correlation, n_movements=300, n_samples=200):
+    """Log losses of the true of three tasks whose innovations are judged as independent ones."""
+    white = rng.normal(size=(n_movements, n_samples + 100)) * np.sqrt(1.0 - correlation**2)
+    noise = lfilter([1.0], [1.0, -correlation], white, axis=1)[:, 100:]
+    truth = np.arange(n_movements) % len(LEVELS)
+    values = LEVELS[truth][:, None] + noise
+    order = (truth[:, None] + np.arange(3)) % 3  # the own task first
+    density = norm.logpdf(values[:, None], LEVELS[order][..., None])
+    evidence = np.cumsum(density, axis=2)
+    own = np.arange(0, 3 * n_movements, 3)
+    over_time = np.moveaxis(evidence, 2, 0).reshape(n_samples, -1)
+    return np.mean([log_losses(after, own) for after in over_time], axis=0)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.3, 0.5, 0.7])
+def test_correlated_innovations_count_as_their_share_of_independent_ones(rng, correlation):
+    """The mean of n has the variance of (1 - c) / (1 + c) n independent ones."""
+    share = (1.0 - correlation) / (1.0 + correlation)
+    assert expected_power(losses_of_movements(rng, correlation)) == pytest.approx(share, abs=0.12)
+
+
+def test_the_last_power_is_all_of_the_evidence():
+    evidence = np.array([-1.0, -3.0, -2.0, 0.5, -np.inf])
+    losses = log_losses(evidence, np.array([0, 3]))
+    expected = [np.logaddexp.reduce(evidence[:3]) + 1.0, 0.0]
+    np.testing.assert_allclose(losses[-1], expected, atol=1e-12)
+    assert POWERS[-1] == 1.0
+
+
+def test_without_demonstrations_to_tell_it_is_the_mean_of_all():
+    assert expected_power(np.zeros((len(POWERS), 5))) == pytest.approx(POWERS.mean())
+
+
+@pytest.fixture(scope="module")
+def trained():
+    rng = np.random.default_rng(5)
+    truth = make_library(rng, n_tasks=2, groups=(2,), n_controlled=1, n_basis=6, spread=0.05)
+    recordings = [simulate(truth, i % 2, rng, name=f"{i:02d}", n_samples=40) for i in range(8)]
+    settings = TrainingSettings(n_basis=6, n_aligned_basis=6, segmentation="recording")
+    return learn_with_report(recordings, settings).trained
+
+
+def test_what_was_chosen_is_in_the_library(trained):
+    assert 0.1 < trained.chosen.task_evidence < 1.0
+    assert trained.library.task_evidence == trained.chosen.task_evidence
+
+
+def test_the_odds_that_the_risk_is_stated_from_count_as_much(trained):
+    """Of two tasks that are equally probable beforehand, the log odds are evidence alone."""
+    tasks = statistics_of(trained.tasks, trained.chosen.aligned)
+    example = tasks["task_1"].examples[0]
+    without = LeavingOut(trained.library, tasks).demonstration(1, example).as_library()
+    recorded = trained.tasks["task_1"].examples[0]
+    whole, half = (
+        largest_odds_against(replace(without, task_evidence=power), 1, recorded)
+        for power in (1.0, 0.5)
+    )
+    assert half == pytest.approx(0.5 * whole, abs=1e-9)
