@@ -67,6 +67,7 @@ class LeftOutExample(NamedTuple):
         covariance: of the observed weights, shared by the tasks, (P N, P N).
         gain: of the controlled weights on the observed ones, (Q N, P N).
         rivals: numbers of the other tasks it is compared with.
+        rival_means: their observed weights, without the person who was left out, (r, P N).
         observed: its samples, (m, P).
         seen: the same at the scored phases, (s, P).
         truth: of the controlled DOFs there, (s, Q).
@@ -79,6 +80,7 @@ class LeftOutExample(NamedTuple):
     covariance: NDArray[np.float64]
     gain: NDArray[np.float64]
     rivals: NDArray[np.int64]
+    rival_means: NDArray[np.float64]
     observed: NDArray[np.float64]
     seen: NDArray[np.float64]
     truth: NDArray[np.float64]

@@ -226,7 +226,7 @@ def _priors(
     mean, covariance = [], []
     for one in left_out:
         n = np.r_[max(count[one.task] - 1, 1), count[one.rivals]]
-        mean.append(np.vstack([one.mean[:size], library.weight_mean[one.rivals, :size]]))
+        mean.append(np.vstack([one.mean[:size], one.rival_means]))
         covariance.append(one.covariance * (1.0 + 1.0 / n)[:, None, None])
     own = np.cumsum([0, *(len(part) for part in mean[:-1])])
     return Gaussian(np.concatenate(mean), np.concatenate(covariance)), own
@@ -278,9 +278,10 @@ def _leave_out(
         found = {
             name: _of_others(rest, floor, units, borrowed) for name, rest in others.items() if rest
         }
+        means = {name: [task.mean for task in rest] for name, rest in found.items()}
         return [
-            _left_out(statistics, k, found[example.group][k], units, example, as_recorded)
-            for k, example, as_recorded in pairs
+            _left_out(statistics, k, found[one.group][k], means[one.group], units, one, as_recorded)
+            for k, one, as_recorded in pairs
         ]
     return [
         _without(statistics, k, pooled, floor, units, borrowed, example, as_recorded)
@@ -348,24 +349,27 @@ def _without(
     log_s = float(np.log(as_recorded.duration_s))
     log_duration = task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1)
     rest_of_task = _Rest(mean, shared, _gain(covariance, size), log_duration)
-    return _left_out(tasks, number, rest_of_task, units, example, as_recorded)
+    means = [one.mean.ravel() for one in tasks]
+    return _left_out(tasks, number, rest_of_task, means, units, example, as_recorded)
 
 
 def _left_out(
     tasks: Sequence[TaskStatistics],
     number: int,
     rest: _Rest,
+    means: Sequence[NDArray[np.float64]],
     units: Sequence[str],
     example: TrainingExample,
     as_recorded: TrainingExample,
 ) -> LeftOutExample:
     others = np.delete(np.arange(len(tasks)), number)
     rivals = nearest_tasks(tasks, example, others, units[: example.observed.shape[1]])
-    samples = as_recorded.observed
+    samples, size = as_recorded.observed, rest.gain.shape[1]
     return LeftOutExample(
         number,
         *rest[:3],
         rivals,
+        np.array([means[rival][:size] for rival in rivals]).reshape(-1, size),
         samples,
         _at_scored_phases(samples),
         as_recorded.controlled,

@@ -239,6 +239,9 @@ def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
             for label, task in people.items()
         }
         np.testing.assert_allclose(one.mean, rest[example.task].mean.ravel())
+        means = np.array([task.mean.ravel() for task in rest.values()])
+        observed = means[one.rivals, : one.rival_means.shape[1]]
+        np.testing.assert_allclose(one.rival_means, observed)
         assert one.log_duration == pytest.approx(rest[example.task].log_duration_mean)
     alone = {k: summarize([e._replace(group="") for e in t.examples]) for k, t in people.items()}
     for one, example in zip(selection._leave_out(alone, alone, UNITS), everyone, strict=True):
