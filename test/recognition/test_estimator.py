@@ -369,7 +369,7 @@ def test_an_answer_counts_as_evidence_until_the_movement_ends(library, truth, rn
             with pytest.raises(ArgumentError, match="nothing like it"):
                 estimator.answer("nothing like it")
             estimator.answer(library.labels[2])
-        elif now.moving and estimator.expectation._answer:
+        elif before.moving and now.moving and estimator.expectation._answer:
             gained = np.diff((now.log_evidence - before.log_evidence)[[0, 2]])[0]
             assert gained == pytest.approx(np.log(0.99 / (0.01 / 3.0)))
             expected = before.probabilities * np.array([0.01, 0.01, 2.97, 0.01])
