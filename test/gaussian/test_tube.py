@@ -14,7 +14,7 @@ COORDINATES = st.floats(-2.0, 2.0, allow_nan=False)
 @given(arrays(float, (7, 3), elements=COORDINATES), st.floats(0.001, 0.5))
 def test_every_vertex_is_as_many_standard_deviations_from_its_point(path, size):
     std = np.full((7, 3), size) * np.array([1.0, 2.0, 0.5])
-    rings = tube_rings(path, std, 2.0, n_rings=7)
+    rings = tube_rings(path, std, n_rings=7)
     distance = np.linalg.norm((rings - path[:, None]) / std[:, None], axis=-1)
     assert np.allclose(distance, 2.0, atol=1e-6)
 

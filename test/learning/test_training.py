@@ -199,6 +199,8 @@ def test_a_signal_that_stays_silent_is_a_reason_not_a_crash(truth, rng):
         ({"segmentation": "half"}, "segmentation: expected one of .*got half"),
         ({"none_prior": 0.0}, "none_prior: expected a probability"),
         ({"none_prior": 1.0}, "none_prior: expected a probability"),
+        ({"duration_evidence": 0.0}, "duration_evidence: expected an exponent"),
+        ({"duration_evidence": 1.1}, "duration_evidence: expected an exponent"),
     ],
 )
 def test_settings_out_of_range_are_named(options, words):
@@ -207,10 +209,11 @@ def test_settings_out_of_range_are_named(options, words):
 
 
 @pytest.mark.slow
-def test_the_basis_of_the_settings_is_used(truth, rng):
-    options = replace(WHOLE, n_basis=13, n_aligned_basis=17, width=1.4)
+def test_the_basis_and_the_exponent_of_the_settings_are_used(truth, rng):
+    options = replace(WHOLE, n_basis=13, n_aligned_basis=17, width=1.4, duration_evidence=0.37)
     report = learn_with_report(recordings(truth, rng, 2), options)
     n_basis = 17 if report.chosen.aligned else 13
     assert report.library.basis == NormalizedRBFBasis(n_basis, 1.4)
+    assert report.library.duration_evidence == 0.37
     preprocessing = report.trained.preprocessing
     assert [preprocessing.basis_of(aligned).n_basis for aligned in (False, True)] == [13, 17]

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Momentary stops of the hand, and movements that begin at one without a rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulation import draw_weights, make_library
@@ -14,12 +16,12 @@ SETTINGS = OnsetSettings(reference_speed=1.0)
 STEP_S = 0.01
 
 
-def stops(position, until_s):
+def stops(position, until_s, settings=SETTINGS):
     """Times at which a signal is found to stop, sample by sample."""
     times_s = np.arange(0.0, until_s, STEP_S)
     stamps_ns = np.round(times_s * 1e9).astype(np.int64) + 1
     values = np.array([position(t) for t in times_s])
-    seen, found = Stops(SETTINGS), []
+    seen, found = Stops(settings), []
     for last in range(1, len(times_s) + 1):
         stopped_ns = seen.stopped_ns(Samples(stamps_ns[:last], values[:last]))
         if stopped_ns is not None:
@@ -48,6 +50,13 @@ def test_what_never_slows_down_or_never_moves_has_no_stop(position):
 def test_a_long_stop_is_near_where_the_hand_moves_again():
     (found,) = stops(lambda t: (min(t, 1.0) + max(t - 3.0, 0.0), 0.0), 4.0)
     assert 3.0 - 0.5 * SETTINGS.max_backdate_s - 0.1 < found < 3.1
+
+
+@pytest.mark.parametrize(("again_s", "n_stops"), [(4.8, 0), (5.2, 1)])
+def test_a_stop_is_told_only_once_the_hand_has_moved_on_for_long_enough(again_s, n_stops):
+    settings = replace(SETTINGS, persistence_s=5.0)
+    found = stops(lambda t: (min(t, 6.0) + np.clip(t - 6.5, 0.0, again_s), 0.0), 13.0, settings)
+    assert len(found) == n_stops
 
 
 def blended(first, second, share):
