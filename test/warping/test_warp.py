@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scan_builder import scanned
@@ -144,12 +145,30 @@ def test_lip_follows_the_other_container_the_slope_or_the_handle(mug):
     centre, radius = warped.rim.centre, warped.rim.radius_m
     near = lip_point(warped, toward=centre + [0.0, 0.5, -0.1])
     assert near == pytest.approx(centre + [0.0, radius, 0.0], abs=0.004)
+    crest = warped.rim.crest
+    rim = crest + np.linspace(0.0, 1.0, 100)[:, None, None] * (np.roll(crest, -1, axis=0) - crest)
+    for angle in range(7):
+        beside = centre + 1.2 * radius * np.array([np.cos(angle), np.sin(angle), 0.0])
+        at = np.argmin(np.linalg.norm(rim.reshape(-1, 3) - beside, axis=1))
+        assert lip_point(warped, beside) == pytest.approx(rim.reshape(-1, 3)[at], abs=1e-4)
     tilted = np.array([-np.sin(0.5), 0.0, np.cos(0.5)])
     assert lip_point(warped, vertical=tilted)[0] > centre[0] + 0.9 * radius
     level = lip_point(warped, vertical=np.array([0.0, 0.0, 1.0]))
     np.testing.assert_array_equal(level, lip_point(warped))
     assert level[0] > centre[0] + 0.9 * radius
     assert tilt_reference(warped, near) == pytest.approx(tilt_reference(warped, level), abs=0.02)
+
+
+def test_at_the_reference_tilt_half_of_the_volume_is_below_the_lip(mug):
+    """Cut by trimesh; with the lip as apex, the cut itself spans no tetrahedra."""
+    warped = warp_object(mug, scanned("tea_cup"))
+    found, rim = pouring_parameters(warped), warped.rim
+    lip, tilt = found.lip_point, found.tilt_reference_rad
+    vertical = np.cos(tilt) * rim.up - np.sin(tilt) * rim.outward(lip)
+    cavity = trimesh.Trimesh(warped.cavity.vertices, warped.cavity.faces, process=False)
+    below = cavity.slice_plane(lip, -vertical)
+    volume = np.linalg.det(below.triangles - lip).sum() / 6.0
+    assert volume == pytest.approx(0.5 * found.volume_m3, rel=1e-6)
 
 
 def test_unknown_mapping_and_k_are_refused(mug):
