@@ -97,13 +97,15 @@ def test_moments_and_mixture_are_those_that_went_in(rng):
         np.testing.assert_allclose(ours, expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("n_deviations", [1, 3])
 @pytest.mark.parametrize(
     "bad", ["values", "rows", "noise_covariance", "negative noise", "own noise"]
 )
-def test_a_refused_measurement_leaves_everything_as_it_was(rng, bad):
-    batch, deviation = random_batch(rng), rng.dirichlet(np.ones(3), size=5)
+def test_a_refused_measurement_leaves_everything_as_it_was(rng, bad, n_deviations):
+    batch, deviation = random_batch(rng), rng.dirichlet(np.ones(n_deviations), size=5)
     before = batch.state.copy(), deviation.copy()
-    good = LinearMeasurement(np.arange(3), rng.normal(size=(5, 3, 20)), np.zeros(3), np.eye(3))
+    rows = rng.normal(size=(5, n_deviations, 20))
+    good = LinearMeasurement(np.arange(3), rows, np.zeros(3), np.eye(3))
     if bad == "negative noise":
         measurement = good._replace(noise_covariance=-1e6 * np.eye(3))
     elif bad == "own noise":

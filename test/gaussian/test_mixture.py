@@ -85,17 +85,18 @@ def test_scikit_learn_finds_the_same_labels_from_the_same_start(rng):
     np.testing.assert_array_equal(ours.labels[0], theirs.predict(points))
 
 
+@pytest.mark.parametrize("n", [4, 9], ids=["by_members", "by_axes"])
 @given(seed=st.integers(0, 1000), strength=st.sampled_from([0.0, 3.0]))
-def test_densities_are_those_of_the_covariances_written_out(seed, strength):
+def test_densities_are_those_of_the_covariances_written_out(n, seed, strength):
     rng = np.random.default_rng(seed)
-    points = rng.normal(size=(9, 5)) * np.array([3.0, 2.0, 1.0, 0.5, 0.2])
-    share = rng.dirichlet(np.ones(2), size=(2, 9))
+    points = rng.normal(size=(n, 5)) * np.array([3.0, 2.0, 1.0, 0.5, 0.2])
+    share = rng.dirichlet(np.ones(2), size=(2, n))
     prior = CovariancePrior(0.01, strength, 4.0)
     components = maximisation(points, share, prior)
     found = log_joint(points, components)
     scatters = [[np.cov(points.T, aweights=r, ddof=0) * r.sum() for r in fit.T] for fit in share]
     for b in range(2):
-        pooled = np.diag(sum(scatters[b])) / 9
+        pooled = np.diag(sum(scatters[b])) / n
         for k in range(2):
             m = share[b, :, k].sum()
             target = (np.diag(scatters[b][k]) + 4.0 * pooled) / (m + 4.0)
@@ -103,7 +104,7 @@ def test_densities_are_those_of_the_covariances_written_out(seed, strength):
             covariance += 0.01 * np.eye(5)
             np.testing.assert_allclose(components.covariance(points)[b, k], covariance, atol=1e-12)
             mean = share[b, :, k] @ points / m
-            expected = np.log(m / 9) + multivariate_normal(mean, covariance).logpdf(points)
+            expected = np.log(m / n) + multivariate_normal(mean, covariance).logpdf(points)
             np.testing.assert_allclose(found[b, :, k], expected, rtol=1e-9, atol=1e-9)
 
 
@@ -123,7 +124,8 @@ def test_a_batch_is_its_fits_one_by_one(rng, monkeypatch):
     starts = rng.dirichlet(np.ones(3), size=(7, len(points)))
     prior = CovariancePrior(0.01, 2.0, 1.0)
     together = fit_mixture(points, starts, prior)
-    monkeypatch.setattr(mixture, "NUMBERS_AT_ONCE", 1)
+    monkeypatch.setattr(mixture, "NUMBERS_AT_ONCE", 7)
+    assert list(mixture.batches(5, 3)) == [slice(0, 2), slice(2, 4), slice(4, 6)]
     apart = fit_mixture(points, starts, prior)
     np.testing.assert_allclose(together.responsibilities, apart.responsibilities, atol=1e-12)
     single = fit_mixture(points, starts[3:4], prior)
