@@ -9,6 +9,7 @@ from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian.mixture import fit_mixture, one_hot
 from intent_recognition.learning import mixture
 from intent_recognition.learning.mixture import (
+    Features,
     cluster,
     leave_each_out,
     left_out_labels,
@@ -72,6 +73,23 @@ def test_tasks_are_found_and_numbered_by_size(rng):
     found = cluster(features, 3, np.random.default_rng(0))
     assert same_partition(found.labels, tasks[order])
     assert np.bincount(found.labels).tolist() == [8, 7, 6]
+
+
+@pytest.mark.parametrize("seed", [5, 6, 8])
+def test_each_is_assigned_by_the_mixture_without_it_while_that_is_likelier(seed, monkeypatch):
+    """Of two clouds that overlap, where a demonstration stays in the component that it shaped."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(16, 8))
+    points[9:, 0] += 2.5
+    points -= points.mean(axis=0)
+    features = Features(points, 8, np.zeros((16, 0)), np.zeros((0, 0)))
+    found = cluster(features, 2, np.random.default_rng(0))
+    monkeypatch.setattr(mixture, "REASSIGNMENTS", 0)
+    assert found.log_likelihood > cluster(features, 2, np.random.default_rng(0)).log_likelihood
+    moved = left_out_labels(points, found.left_out)
+    again = fit_mixture(points, one_hot(moved[None], 2), features.prior)
+    sizes = np.bincount(again.labels[0], minlength=2)
+    assert sizes.min() < mixture.MIN_MEMBERS or again.log_likelihood[0] <= found.log_likelihood
 
 
 def test_the_same_generator_gives_the_same_components(rng):

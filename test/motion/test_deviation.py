@@ -64,5 +64,7 @@ def test_only_what_lasts_and_is_large_enough_counts():
 
 def test_too_few_executions_for_a_rate_are_refused():
     rng = np.random.default_rng(3)
-    with pytest.raises(ArgumentError, match="198 or more"):
-        calibrate_detector([execution(rng) for _ in range(10)], 0.01)
+    executions = [execution(rng) for _ in range(6)]
+    with pytest.raises(ArgumentError, match="6 or more"):
+        calibrate_detector(executions[:5], 0.3)
+    calibrate_detector(executions, 0.3)
