@@ -233,7 +233,7 @@ def fit_mixture(
     """
     n_fits, n, n_components = responsibilities.shape
     found = np.array(responsibilities, dtype=np.float64)
-    likelihood = np.full(n_fits, -np.inf)
+    likelihood = np.empty(n_fits)
     for part in batches(n_fits, n_components * n * max(n, points.shape[1])):
         found[part], likelihood[part] = _iterate(
             points, found[part], prior, n_iterations, tolerance

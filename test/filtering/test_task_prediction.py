@@ -232,7 +232,7 @@ def test_asking_late_equals_asking_all_the_time(rng):
     for observation in seen(library, rng, 20):
         late.observe(observation)
         always.observe(observation)
-        assert np.all(np.isfinite(always.controlled(0, 5).positions))
+        assert np.all(np.isfinite(always.controlled(0, 9).positions))
     start = StartPosture(np.zeros(2), np.full(2, 1e-4))
     ours, theirs = (run.controlled(0, 9, start) for run in (late, always))
     for one, other in zip(ours, theirs, strict=True):

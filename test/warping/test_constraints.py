@@ -108,8 +108,8 @@ def test_a_throw_moves_the_offset_along_to_where_it_lands():
     np.testing.assert_array_equal(thrown[:, 2:], plain[:, 2:])
 
 
-def test_the_throw_is_learned_and_holds_for_another_cup():
-    true_throw = 0.75
+@pytest.mark.parametrize("true_throw", [0.3, 0.75, 1.2])
+def test_the_throw_is_learned_and_holds_for_another_cup(true_throw):
 
     def filled(states, cup):
         along = FillingConstraint.features(states, cup, SECOND, throw=true_throw)[:, :4:2]
