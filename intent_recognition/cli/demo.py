@@ -10,7 +10,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_model import check_model, trained_model
-from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
+from intent_recognition.cli.demo_scene import CELL, LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import run_session
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, a_path, number
@@ -58,6 +58,10 @@ def add_parser(subparsers: Subparsers) -> None:
                 "intent demo --arm robot.urdf --base torso --tip left_gripper",
             ),
             ("four arms, and one report of all", "intent demo --arm lwr,panda,iiwa,xarm"),
+            (
+                "a work plan, boxes on the way, and objects that change hands by force",
+                "intent demo --scenario cell --arm panda",
+            ),
             ("objects change hands by force", "intent demo --transfers --arm panda"),
             (
                 "an arm in the second of two people's place",
@@ -83,9 +87,10 @@ def add_parser(subparsers: Subparsers) -> None:
         "--scenario",
         choices=SCENARIOS,
         default="toolbox",
-        help="toolbox (default): hand over parts; assembly: learned from two people, the arm takes"
-        " the place of the second one; pouring: the arm pours with containers it was not"
-        " taught with, --interactions times (default: 2)",
+        help="toolbox (default): hand over parts; cell: the same by a work plan of 20 steps, with"
+        " boxes on the arm's way and objects handed over by force; assembly: learned from two"
+        " people, the arm takes the place of the second one; pouring: the arm pours with containers"
+        " it was not taught with, --interactions times (default: 2)",
     )
     session.add_argument(
         "--pour",
@@ -146,8 +151,8 @@ def add_parser(subparsers: Subparsers) -> None:
     session.add_argument(
         "--transfers",
         action="store_true",
-        help="objects are held by fingers and change hands by force, in the scenario toolbox: who"
-        " takes one pulls, and the robot feels it",
+        help="objects are held by fingers and change hands by force: who takes one pulls, and the"
+        " robot feels it; for the scenario toolbox, and always in the scenario cell",
     )
     session.add_argument(
         "--seed", type=number(int, 0), default=1, help="random seed of the session (default: 1)"
@@ -226,6 +231,7 @@ def run(args: argparse.Namespace) -> int:
         return run_recordings(args, console)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
+    args.transfers |= args.scenario == CELL
     if args.scenario == "pouring":
         from intent_recognition.cli.demo_pouring import run_pouring
 
@@ -279,15 +285,14 @@ def _check(args: argparse.Namespace) -> None:
     Raises:
         IntentError: the model cannot be used, or the page's port is taken.
     """
-    for option, usual, scenario in (
-        ("pour", "empty", "pouring"),
-        ("pair", None, "pouring"),
-        ("transfers", False, "toolbox"),
-    ):
-        if getattr(args, option) != usual and args.scenario != scenario:
-            cure = f"Add --scenario {scenario}."
-            expected = f"--scenario {scenario} with it"
+    for option, usual in (("pour", "empty"), ("pair", None)):
+        if getattr(args, option) != usual:
+            cure = "Add --scenario pouring."
+            expected = "--scenario pouring with it"
             raise ArgumentError.about(f"--{option}", expected, args.scenario, cure)
+    if args.transfers and args.scenario not in (CELL, "toolbox"):
+        cure = "Leave one of them out."
+        raise ArgumentError.about("--transfers", "the scenario toolbox", args.scenario, cure)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -343,7 +348,7 @@ def _run_one(
     for line in table_lines(records) if args.json != PRINTED else ():
         say(console, line)
     told = f"session of {duration_s:.0f} s in simulated time"
-    if args.scenario == "toolbox":  # beside the paper's figures
+    if args.scenario != "assembly":  # beside the paper's figures
         report = args.output / "report.html"
         say(console, "drawing the report ...")
         write_demo_report(report, records, summary, traces, settings)

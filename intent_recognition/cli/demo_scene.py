@@ -11,18 +11,30 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED
+from intent_recognition.nodes.graph import ARMS
+from intent_recognition.plans import read_plan
+from intent_recognition.share import share_path
+from intent_recognition.untrusted import read_text
 
 if TYPE_CHECKING:
     from sim_bridge.arm import Robot
     from sim_bridge.coworker import SessionPlan
     from sim_bridge.scenarios.toolbox import Scoring, ToolboxArm
 
-LIVE = ("toolbox", "assembly")
+CELL = "cell"
+LIVE = ("toolbox", "assembly", CELL)
 """Scenarios with a worker and an arm in a graph of nodes."""
 LWR = "lwr"
 BASES_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.5, -0.1, 0.15))
 """Where the base of a user's arm may stand, world [m]: the first from where it reaches all places.
 Convention: toward the worker; an arm of 0.4 m reaches them from the last."""
+CELL_PLAN = "config/examples/cell_plan.yaml"
+"""Work plan of the scenario `cell`."""
+CELL_BOXES = ("bin 0.60 -0.13 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.535 0.06 0.05 0.10")
+"""Boxes on the way of its arm. Convention: below the way to the screwdriver, and above that to the
+plates and the screws; nearly all ways can be bent around them."""
+CELL_CLEARANCE_M = 0.02
+"""Distance that its arm keeps from them [m]. Convention: that of config/examples/boxes."""
 TRANSFER_HOLD_S = (5.0, 6.0)
 """Shortest and longest time for which the worker stays where an object is handed over [s].
 Convention: an arm that is late, and both of them taking their time."""
@@ -71,8 +83,12 @@ def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
     Raises:
         ArgumentError: an entry is not possible, or there are fewer than shall be changed.
     """
-    from sim_bridge.coworker import change_some, parse_task_list
+    from sim_bridge.coworker import change_some, parse_task_list, work_order
 
+    if args.scenario == CELL and args.task_list == "habit":
+        plan = read_plan(read_text(share_path(CELL_PLAN)))
+        tasks = work_order(plan, args.seed)[: args.interactions or None]
+        return change_some(tasks, args.seed, args.changes)
     tasks = parse_task_list(args.task_list, args.seed, args.interactions)
     return change_some(tasks, args.seed, args.changes)
 
@@ -106,6 +122,12 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         tip = find_robot(args.arm, base=args.base, tip=args.tip).tip
         of_arm |= {"tip": tip, "base_position": list(arm.robot.base_position_m)}
     own = {"primitive_activation": {"home": home}, "arm_sim": of_arm}
+    if args.scenario == CELL:
+        named["plan"] = str(share_path(CELL_PLAN))
+        things = {"boxes": list(CELL_BOXES)}
+        for arm_node in ARMS:
+            own[arm_node] = {**own.get(arm_node, {}), **things}
+        own["primitive_activation"] |= {**things, "clearance": CELL_CLEARANCE_M}
     if args.transfers:
         robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
         fingers = finger_joints(robot)

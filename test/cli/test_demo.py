@@ -190,7 +190,7 @@ def test_a_port_in_use_is_told_before_the_training(run):
 
 def test_its_model_can_be_added_to(tmp_path):
     options = {"scenario": "toolbox", "arm": "lwr", "task_list": "habit", "seed": 1, "changes": 0}
-    options |= {"base": "", "tip": ""}
+    options |= {"base": "", "tip": "", "transfers": False}
     scene = make_scene(argparse.Namespace(interactions=1, **options))
     scene = scene._replace(bags="bags/toolbox/test")  # fewer
     path = trained_model(tmp_path / "model.npz", Console(file=io.StringIO()), scene)

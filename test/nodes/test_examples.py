@@ -149,6 +149,7 @@ def test_nodes_recognise_and_predict_with_the_example(harness, trained):
 
 ELSEWHERE = {
     "boxes.params.yaml": "test/nodes/test_clear_of_things.py",
+    "cell_plan.yaml": "test/sim_bridge/coworker/test_work.py",
     "link_pose.dofs.yaml": "test/nodes/test_pose_graph.py",
     "toolbox_sequence.yaml": "test/composing/test_sequences.py",
     "moved_box.dofs.yaml": "test/demonstrations/test_context.py",

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The worker of a plan does each step once, after what it needs."""
+
+from collections import Counter
+
+import pytest
+
+from intent_recognition.plans import WorkProgress, read_plan
+from intent_recognition.share import share_path
+from sim_bridge.coworker import work_order
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return read_plan(share_path("config/examples/cell_plan.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_order_is_allowed_and_does_all(plan, seed):
+    tasks = work_order(plan, seed)
+    assert Counter(tasks) == Counter(step.task for step in plan.steps)
+    done, times = set(), Counter()
+    for task in tasks:
+        times[task] += 1  # the k-th time that it is done is its k-th step
+        names = [step.name for step in plan.steps if step.task == task]
+        name = names[times[task] - 1]
+        assert {a for (a, b) in plan.by_hand if b == name} <= done, (name, done)
+        done.add(name)
+
+
+def test_the_seed_decides(plan):
+    orders = {work_order(plan, seed) for seed in range(20)}
+    assert len(orders) > 10
+    assert work_order(plan, 3) == work_order(plan, 3)
+
+
+def test_the_plan_has_twenty_steps_and_begins_with_a_plate(plan):
+    assert len(plan.steps) == 20
+    labels = ("plate_handover", "screw_handover", "hold_screwdriver")
+    expected = WorkProgress(plan, labels).next_tasks()
+    assert expected.argmax() == 0
