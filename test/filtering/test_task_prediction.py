@@ -238,6 +238,13 @@ def test_asking_late_equals_asking_all_the_time(rng):
     for one, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
     assert late.prediction(0) is late.prediction(0)
+    times, share = np.linspace(0.1, 0.9, 4), np.zeros(len(library.labels))
+    share[:2] = 0.3, 0.7
+    of_first, of_second = (np.array(late.prediction(k).mixture_at(times)) for k in range(2))
+    own_mean, own_square = 0.3 * of_first + 0.7 * of_second
+    mean, std = late.mixture_at(times, share)
+    np.testing.assert_allclose(mean, own_mean, rtol=1e-9)
+    np.testing.assert_allclose(std**2, own_square - own_mean**2, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(late.prediction(0).controlled(9, start).positions, ours.positions)
     assert late.end_std(0, start) == {"rad": pytest.approx(ours.std[-1].max())}
 
