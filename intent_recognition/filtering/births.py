@@ -17,25 +17,54 @@ This is a critically damped spring of rate r (a and b: the offset and its veloci
 an initial push that fades as fast (c). a, b and c are weights beside w, so that the same Gaussian
 update filters them (Maeda et al. 2014, Eq. 6).
 
+Who turns may also begin anew, and reach for another task's goal as for any, within the time T of a
+reach, by a fresh course or straight to the course's end:
+
+    y(t + s) = psi(s / T) w + h(s / T) (a, b T, c T^2)    or    psi(1) w + h(s / T) (a, b T, c T^2),
+
+with the quintics h of least jerk, that end at rest.
+
 After a delay a person goes on with the same movement. Such a hypothesis is a copy of the most
 probable one, with all that the path has told of its weights, whose clock is set back; a small
 offset makes up for the step.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations
+from intent_recognition.filtering.grid import (
+    PriorGrid,
+    duration_offsets,
+    log_durations,
+    log_pace,
+)
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
+from intent_recognition.filtering.posterior import BornBelief
+from intent_recognition.filtering.table import (
+    OFFSET_BASIS,
+    REACH,
+    STRAIGHT,
+    HypothesisTable,
+    with_offsets,
+)
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
 SWITCH_RATE = 0.04
 """Rate at which a person turns to another task, per usual duration of the tasks
 (docs/decisions/change_of_mind.md)."""
+REACH_RATE = 0.0025
+"""Rate at which a person begins anew with another task, likewise, half of them straight."""
+REACH_UNTIL = 0.6
+"""Part of a usual duration after which nobody does: of who turns later too little is seen to tell
+the goal (docs/decisions/change_of_mind.md)."""
+REACH_PART = 0.87
+"""Part of its task's duration that a reach afresh takes. Convention: no rest, and a shorter way."""
+REACH_OFFSETS = np.array([-1.0, 0.0, 1.0])
+"""Durations of these, in standard deviations of the task's log duration. Convention."""
+REACH_SCALE = np.array([1.0, 2.0, 4.0])
+"""Standard deviations of a, b T and c T^2, in those of the offset a. Convention: as of least jerk.
+"""
 DETOUR_RATE = 0.03
 """Rate at which a person goes on with the same task in another way, likewise."""
 DELAY_RATE = 0.3
@@ -79,33 +108,6 @@ NEGLIGIBLE_SHARE = 1e-4
 a prediction. Convention."""
 
 
-class BornBelief(NamedTuple):
-    """What born hypotheses make of a movement's task and timing; zero where there are none.
-
-    Attributes:
-        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
-        staying: log probability with which a task of the onset passed nothing on.
-        duration_s: expected duration given the task, (K + 1,).
-        task: number of the task of each hypothesis, (n,).
-        weight: their probabilities given the task, (n,).
-        begin_s: when the course of each began, after onset, (n,).
-        course_s: how long it takes, (n,).
-    """
-
-    log_joint: NDArray[np.float64]
-    staying: float
-    duration_s: NDArray[np.float64]
-    task: NDArray[np.int64]
-    weight: NDArray[np.float64]
-    begin_s: NDArray[np.float64]
-    course_s: NDArray[np.float64]
-
-    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
-        """Expected phase given the task, so long after onset, (K + 1,)."""
-        phase = np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0)
-        return np.bincount(self.task, self.weight * phase, len(self.log_joint)).astype(np.float64)
-
-
 class Births:
     """The born hypotheses of one movement after the other, in memory that is used again.
 
@@ -128,14 +130,17 @@ class Births:
         size = n_dofs * self._width
         fitting = MAX_FLOATS // (size * (size + 1 + n_dofs))
         self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
-        n_born = (min(library.n_tasks, MAX_TASKS) + 1) * len(self._offsets) + len(DELAYS)
-        room = self._n_kept + n_born * len(FADINGS) * -(-SETTLING // BIRTHS_EVERY)
+        n_tasks = min(library.n_tasks, MAX_TASKS)
+        n_born = ((n_tasks + 1) * len(self._offsets) + len(DELAYS)) * len(FADINGS)
+        n_born += n_tasks * 2 * len(REACH_OFFSETS)
+        room = self._n_kept + n_born * -(-SETTLING // BIRTHS_EVERY)
         self._table = HypothesisTable(room, library, offsets=True)
         none_variance = np.diag(library.none_covariance).reshape(n_dofs, -1)
         std = np.sqrt(none_variance.mean(axis=1))[:, None]
         powers = self._rates[:, None, None] ** np.arange(OFFSET_BASIS)
         self._offset_variance = (std * powers) ** 2  # (R, P, 3)
         self._offset_variance[..., -1] *= PUSH**2
+        self._reach_variance = (std * REACH_SCALE / self.usual_s ** np.arange(3)) ** 2  # (P, 3)
         self._log_mean, self._log_std = log_durations(library)
         known = grid.log_task_prior[:-1]
         self._log_prior = known - np.logaddexp.reduce(known)
@@ -152,7 +157,7 @@ class Births:
         known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
         self._log_weight = np.append(np.maximum(known, LEAST_LOG_WEIGHT), 0.0)
         self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
-        self._made: dict[tuple[int, ...], NDArray[np.float64]] = {}
+        self._made: dict[tuple[int, ...], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
 
     @property
@@ -170,8 +175,10 @@ class Births:
     @property
     def staying(self) -> float:
         """Log probability with which a task of the onset passed nothing on to tasks."""
-        rate = SWITCH_RATE * float(np.exp(-self._library.switch_margin)) + DETOUR_RATE + DELAY_RATE
-        return -rate * self._last_s / self.usual_s
+        passed = self._last_s / self.usual_s
+        turned = SWITCH_RATE * passed + REACH_RATE * min(passed, REACH_UNTIL)
+        turned *= float(np.exp(-self._library.switch_margin))
+        return -turned - (DETOUR_RATE + DELAY_RATE) * passed
 
     def left(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
@@ -221,8 +228,9 @@ class Births:
         if self._n_used % self._every == 0:
             self._between_s = max(measurement.elapsed_s - self._last_birth_s, 0.0)
             self._last_birth_s = max(measurement.elapsed_s, self._last_birth_s)
-            new = self._give_birth(measurement.elapsed_s, log_evidence)
-            table.condition(measurement, np.arange(new.start, new.stop))
+            first = table.n
+            self._give_birth(measurement.elapsed_s, log_evidence)
+            table.condition(measurement, np.arange(first, table.n))
             self._give_birth_to_delays(measurement.elapsed_s, log_evidence, onset)
 
     def belief(self) -> BornBelief:
@@ -260,8 +268,8 @@ class Births:
             hopeless[kept[worst]] = True
         return hopeless
 
-    def _give_birth(self, birth_s: float, log_evidence: NDArray[np.float64]) -> slice:
-        """Add newborn hypotheses of the most probable tasks, and of none; returns where."""
+    def _give_birth(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
+        """Add newborn hypotheses of the most probable tasks, and of none."""
         n_tasks, n_rates, n_durations = self._library.n_tasks, len(FADINGS), len(self._offsets)
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
@@ -272,8 +280,9 @@ class Births:
         task, offset = tasks[which // n_rates], self._offsets[duration]
         is_none = task == n_tasks
         pace = log_pace(self._grid, log_evidence, self._offsets) - np.log(n_rates)
-        return self._table.add(
-            self._states(tasks)[which],
+        states, reaching = self._states(tasks)
+        self._table.add(
+            states[which],
             task=task,
             kind=task,
             settling=self._settling,
@@ -282,6 +291,26 @@ class Births:
             birth_s=birth_s,
             rate=self._rates[which % n_rates],
             log_share=pace[is_none.astype(np.int64), duration],
+            log_prior=-np.inf,
+        )
+        if birth_s > REACH_UNTIL * self.usual_s:
+            return
+        pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0] - np.log(2.0)
+        shape = len(tasks) - 1, len(REACH_OFFSETS), 2
+        which, duration, straight = (index.ravel() for index in np.indices(shape))
+        task, offset = tasks[which], REACH_OFFSETS[duration]
+        duration_s = REACH_PART * np.exp(self._log_mean[task] + self._log_std[task] * offset)
+        self._table.add(
+            reaching[which],
+            task=task,
+            kind=2 * n_tasks + 1 + task,
+            settling=self._settling,
+            onset_s=birth_s,
+            duration_s=duration_s,
+            birth_s=birth_s,
+            rate=1.0 / duration_s,
+            form=np.where(straight, STRAIGHT, REACH),
+            log_share=pace[duration],
             log_prior=-np.inf,
         )
 
@@ -299,7 +328,7 @@ class Births:
         row, course = table.rows[best].copy(), table.courses(np.array([best]))
         delay, rate = np.divmod(np.arange(len(DELAYS) * len(FADINGS)), len(FADINGS))
         self._table.add(
-            self._with_offset(*course.moments(), DELAY_OFFSET)[rate],
+            with_offsets(*course.moments(), DELAY_OFFSET**2 * self._offset_variance)[rate],
             task=row["task"],
             kind=n_tasks + 1 + row["task"],
             settling=self._settling,
@@ -320,8 +349,11 @@ class Births:
             self._first.append((measurement.dofs[new], measurement.values[new], noise))
             self._made.clear()
 
-    def _states(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
-        """States of some tasks by the rates of fading, before anything is seen of the offset."""
+    def _states(self, tasks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """States of some tasks and none by the rates of fading, and of the tasks' reaches afresh.
+
+        Before anything is seen of the offset.
+        """
         key = tuple(tasks)
         if key not in self._made:
             library, basis = self._library, self._library.basis
@@ -333,44 +365,9 @@ class Births:
             row = basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
             for dofs, values, noise in self._first:
                 known.condition(LinearMeasurement(dofs, row, values, noise))
-            self._made = {key: self._with_offset(*courses.moments())}
+            reaching = with_offsets(*known.moments(), self._reach_variance[None])
+            self._made = {key: (with_offsets(*courses.moments(), self._offset_variance), reaching)}
         return self._made[key]
-
-    def _with_offset(
-        self, mean: NDArray[np.float64], covariance: NDArray[np.float64], scale: float = 1.0
-    ) -> NDArray[np.float64]:
-        """States of courses by the rates of fading, with weights of an offset beside theirs."""
-        n, p, n_basis, width = len(mean), self._library.n_observed, self._width - 3, self._width
-        means = np.zeros((n, len(FADINGS), p, width))
-        means[..., :n_basis] = mean.reshape(n, 1, p, n_basis)
-        spread = np.zeros((n, len(FADINGS), p, width, p, width))
-        own = covariance.reshape(n, 1, p, n_basis, p, n_basis)
-        spread[:, :, :, :n_basis, :, :n_basis] = own
-        dof, offset = np.arange(p)[:, None], np.arange(n_basis, width)
-        spread[:, :, dof, offset, dof, offset] = scale**2 * self._offset_variance
-        size = p * width
-        flat = means.reshape(-1, size), spread.reshape(-1, size, size)
-        return GaussianBatch.of(*flat, width).state
-
-
-def log_pace(
-    grid: PriorGrid, log_evidence: NDArray[np.float64], offsets: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Log probability of the durations of newborn hypotheses of a task, and of none, (2, S').
-
-    Args:
-        grid: of the hypotheses of the onset.
-        log_evidence: density of all observations under them, (B,).
-        offsets: of the durations, in standard deviations of their logarithm, (S',).
-    """
-    at, log_prior = duration_offsets(grid.n_scales)
-    joint = (grid.log_prior + log_evidence).reshape(-1, len(at))[:-1]
-    own = np.logaddexp.reduce(joint, axis=1)
-    tempered = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
-    tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
-    so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
-    table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
-    return np.asarray(table - np.logaddexp.reduce(table, axis=1, keepdims=True))
 
 
 def birth_shares(
@@ -381,9 +378,9 @@ def birth_shares(
     none_margin: float = 0.0,
     switch_margin: float = 0.0,
 ) -> NDArray[np.float64]:
-    """Log of what passes to newborn hypotheses in a time, (2 K + 1,).
+    """Log of what passes to newborn hypotheses in a time, (3 K + 1,).
 
-    First what passes to each task and to none, then to each task after a delay.
+    First what passes to each task and to none, then to each task after a delay and begun anew.
 
     Args:
         total: log joint of the tasks and none, everything together, (K + 1,).
@@ -399,4 +396,5 @@ def birth_shares(
         turning = others + log_prior + np.log(SWITCH_RATE * n_tasks / max(n_tasks - 1, 1))
         own = np.logaddexp(known + np.log(DETOUR_RATE), turning - switch_margin)
         none, delayed = everything + np.log(NONE_RATE) - none_margin, known + np.log(DELAY_RATE)
-        return np.r_[own, none, delayed] + np.log(passed)
+        afresh = turning - switch_margin + np.log(REACH_RATE / SWITCH_RATE)
+        return np.r_[own, none, delayed, afresh] + np.log(passed)

@@ -121,3 +121,23 @@ def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.flo
     offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
     log_weight = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
     return offsets, log_weight - np.logaddexp.reduce(log_weight)
+
+
+def log_pace(
+    grid: PriorGrid, log_evidence: NDArray[np.float64], offsets: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Log probability of the durations of newborn hypotheses of a task, and of none, (2, S').
+
+    Args:
+        grid: of the hypotheses of the onset.
+        log_evidence: density of all observations under them, (B,).
+        offsets: of the durations, in standard deviations of their logarithm, (S',).
+    """
+    at, log_prior = duration_offsets(grid.n_scales)
+    joint = (grid.log_prior + log_evidence).reshape(-1, len(at))[:-1]
+    own = np.logaddexp.reduce(joint, axis=1)
+    tempered = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
+    tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
+    so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
+    table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
+    return np.asarray(table - np.logaddexp.reduce(table, axis=1, keepdims=True))

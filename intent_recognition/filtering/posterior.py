@@ -21,11 +21,37 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.births import BornBelief
 from intent_recognition.filtering.grid import PriorGrid
 
 ANSWER_TRUST = 0.99
 """Probability with which somebody who is asked names the right task. Convention."""
+
+
+class BornBelief(NamedTuple):
+    """What born hypotheses make of a movement's task and timing; zero where there are none.
+
+    Attributes:
+        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
+        staying: log probability with which a task of the onset passed nothing on.
+        duration_s: expected duration given the task, (K + 1,).
+        task: number of the task of each hypothesis, (n,).
+        weight: their probabilities given the task, (n,).
+        begin_s: when the course of each began, after onset, (n,).
+        course_s: how long it takes, (n,).
+    """
+
+    log_joint: NDArray[np.float64]
+    staying: float
+    duration_s: NDArray[np.float64]
+    task: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    begin_s: NDArray[np.float64]
+    course_s: NDArray[np.float64]
+
+    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
+        """Expected phase given the task, so long after onset, (K + 1,)."""
+        phase = np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0)
+        return np.bincount(self.task, self.weight * phase, len(self.log_joint)).astype(np.float64)
 
 
 class TaskPosterior(NamedTuple):

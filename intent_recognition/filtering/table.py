@@ -38,12 +38,17 @@ ROW = np.dtype(
         ("duration_s", np.float64),
         ("birth_s", np.float64),
         ("rate", np.float64),  # at which its offset fades [1/s]
+        ("form", np.int64),  # one of the three below
         ("log_share", np.float64),  # of what passes to its kind
         ("log_prior", np.float64),
         ("log_evidence", np.float64),  # density of the measurements that it is judged by
     ]
 )
 """Columns of a hypothesis beside its state and the probabilities of its phase deviation."""
+
+SPRING, REACH, STRAIGHT = range(3)
+"""Forms of a hypothesis: a course with an offset that fades as a spring, or one that ends at rest
+after 1 / rate; or such an offset from the course's end alone."""
 
 
 class Deviations(NamedTuple):
@@ -140,6 +145,7 @@ class HypothesisTable:
         """A measurement as the hypotheses of some rows (n,) take it."""
         model, basis, duration_s = self._model, self._basis, rows["duration_s"]
         into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
+        into = np.where(rows["form"] == STRAIGHT, inf, into)
         phase = reference_phase(model, into)
         if measurement.derivative:
             rate = np.where((into >= 0.0) & (into <= 1.0), 1.0 / duration_s, 0.0)
@@ -149,6 +155,10 @@ class HypothesisTable:
         if self._own is not None:
             since_s = measurement.elapsed_s - rows["birth_s"]
             offset = fading(since_s, rows["rate"], derivative=measurement.derivative)
+            some = rows["form"] != SPRING
+            offset[some] = ending(
+                since_s[some], rows["rate"][some], derivative=measurement.derivative
+            )
             course = np.concatenate([course, offset[:, None]], axis=2)
         transition = None
         if phase.shape[1] > 1 and measurement.interval_s < inf:
@@ -199,6 +209,31 @@ class HypothesisTable:
         return Deviations(np.maximum.accumulate(times_s), np.array(filtered), np.array(likelihood))
 
 
+def with_offsets(
+    mean: NDArray[np.float64], covariance: NDArray[np.float64], variance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """States of weights, each with those of R offsets beside its own, (n R, ...).
+
+    Args:
+        mean: of the weights of P DOFs, DOF by DOF, (n, P M).
+        covariance: theirs, (n, P M, P M).
+        variance: of the weights of the offsets, (R, P, 3).
+    """
+    n, (n_offsets, p, _) = len(mean), variance.shape
+    n_basis = mean.shape[1] // p
+    width = n_basis + OFFSET_BASIS
+    means = np.zeros((n, n_offsets, p, width))
+    means[..., :n_basis] = mean.reshape(n, 1, p, n_basis)
+    spread = np.zeros((n, n_offsets, p, width, p, width))
+    own = covariance.reshape(n, 1, p, n_basis, p, n_basis)
+    spread[:, :, :, :n_basis, :, :n_basis] = own
+    dof, offset = np.arange(p)[:, None], np.arange(n_basis, width)
+    spread[:, :, dof, offset, dof, offset] = variance
+    size = p * width
+    flat = means.reshape(-1, size), spread.reshape(-1, size, size)
+    return GaussianBatch.of(*flat, width).state
+
+
 def fading(
     since_s: NDArray[np.float64], rate: NDArray[np.float64], *, derivative: bool = False
 ) -> NDArray[np.float64]:
@@ -218,3 +253,29 @@ def fading(
     else:
         shapes = [1.0 + rate * s, s, 0.5 * s**2]
     return np.stack(shapes, axis=1) * np.exp(-rate * s)[:, None]
+
+
+def ending(
+    since_s: NDArray[np.float64], rate: NDArray[np.float64], *, derivative: bool = False
+) -> NDArray[np.float64]:
+    """What remains of an offset of one, of its velocity and of its acceleration, (n, 3).
+
+    The quintics of least jerk that end at rest after T = 1 / rate (Flash and Hogan 1985).
+
+    Args:
+        since_s: time since birth, (n,); less than zero counts as zero.
+        rate: of the reach [1/s], (n,).
+        derivative: that by the time instead [1/s].
+    """
+    powers = np.clip(since_s * rate, 0.0, 1.0)[:, None] ** np.arange(6)
+    if derivative:
+        shapes = powers[:, :5] @ (_ENDING * np.arange(6))[:, 1:].T * rate[:, None]
+    else:
+        shapes = powers @ _ENDING.T
+    return np.asarray(shapes / rate[:, None] ** np.arange(3))
+
+
+_ENDING = np.array(
+    [[1, 0, 0, -10, 15, -6], [0, 1, 0, -6, 8, -3], [0, 0, 0.5, -1.5, 1.5, -0.5]], dtype=np.float64
+)
+"""Coefficients of their powers of s / T."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import bank_of
+from scipy.interpolate import BPoly
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
@@ -16,7 +17,7 @@ from intent_recognition.filtering import (
     make_prior_grid,
 )
 from intent_recognition.filtering.births import birth_shares
-from intent_recognition.filtering.table import fading
+from intent_recognition.filtering.table import ending, fading
 from intent_recognition.signals.observation import Observation
 
 RATE = np.array([2.0, 5.0, 11.0])
@@ -69,14 +70,27 @@ def test_at_birth_the_weights_are_position_velocity_and_push():
     np.testing.assert_allclose(fading(zero, RATE, derivative=True), np.eye(3)[[1] * 3])
 
 
+def test_what_is_left_of_a_reach_afresh_fades_by_least_jerk():
+    left_s, since_s = 1.3, np.linspace(0.0, 1.6, 9)
+    rate = np.full(9, 1.0 / left_s)
+    for k, state in enumerate(np.eye(3)):
+        course = BPoly.from_derivatives([0.0, left_s], [state, np.zeros(3)])
+        at = np.minimum(since_s, left_s)
+        np.testing.assert_allclose(ending(since_s, rate)[:, k], course(at), atol=1e-12)
+        speed = ending(since_s, rate, derivative=True)[:, k]
+        np.testing.assert_allclose(speed, course(at, nu=1), atol=1e-12)
+
+
 def test_what_passes_on_is_what_the_rates_say(rng):
     total = rng.normal(size=5)
     passed = np.exp(birth_shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
     known = np.exp(total[:-1]).sum()
     rate = births.SWITCH_RATE + births.DETOUR_RATE
+    turning = passed[:4] - 0.02 * births.DETOUR_RATE * np.exp(total[:-1])
     assert np.isclose(passed[:4].sum(), 0.02 * rate * known)
     assert np.isclose(passed[4], 0.02 * births.NONE_RATE * np.exp(-1.5) * known)
-    np.testing.assert_allclose(passed[5:], 0.02 * births.DELAY_RATE * np.exp(total[:-1]))
+    np.testing.assert_allclose(passed[5:9], 0.02 * births.DELAY_RATE * np.exp(total[:-1]))
+    np.testing.assert_allclose(passed[9:], births.REACH_RATE / births.SWITCH_RATE * turning)
 
 
 def test_a_margin_makes_turning_to_another_task_rarer(rng):
@@ -120,6 +134,7 @@ def evidence_of(run, task):
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
+    monkeypatch.setattr(births, "REACH_UNTIL", -1.0)
     monkeypatch.setattr(births, "DELAY_RATE", 0.0)
     monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
@@ -175,6 +190,7 @@ def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "DELAYS", (0.12,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
+    monkeypatch.setattr(births, "REACH_UNTIL", -1.0)
     monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 5)
@@ -246,7 +262,7 @@ def test_a_movement_of_one_task_stays_one(library, rng):
 
 
 def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
-    for name in ("SWITCH_RATE", "DETOUR_RATE", "DELAY_RATE", "NONE_RATE"):
+    for name in ("SWITCH_RATE", "REACH_RATE", "DETOUR_RATE", "DELAY_RATE", "NONE_RATE"):
         monkeypatch.setattr(births, name, 1e-30)
     times_s = np.arange(0.0, 1.5, 0.05)
     values = changed(library, rng, (0, 0), 5.0, times_s)
