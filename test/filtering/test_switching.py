@@ -17,7 +17,7 @@ from intent_recognition.filtering import (
     make_prior_grid,
 )
 from intent_recognition.filtering.births import birth_shares
-from intent_recognition.filtering.table import ending, fading
+from intent_recognition.filtering.table import REACH, STRAIGHT, ending, fading
 from intent_recognition.signals.observation import Observation
 
 RATE = np.array([2.0, 5.0, 11.0])
@@ -184,6 +184,49 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     np.testing.assert_allclose(
         later.mean[at], (mean + gain @ (y - h @ mean))[: p * n], rtol=1e-6, atol=1e-8
     )
+
+
+@pytest.mark.parametrize("form", [REACH, STRAIGHT])
+def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, form):
+    monkeypatch.setattr(births, "FADINGS", (12.0,))
+    monkeypatch.setattr(births, "N_DURATIONS", 1)
+    monkeypatch.setattr(births, "REACH_OFFSETS", np.zeros(1))
+    monkeypatch.setattr(births, "DELAY_RATE", 0.0)
+    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
+    monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
+    times_s, born = np.arange(0.0, 1.3, 0.1), 4
+    values = changed(library, rng, (0, 1), 0.4, times_s)
+    run, density = filtered(library, times_s[:-1], values[:-1]), []
+    for _ in range(2):
+        rows = run.births._table.rows
+        of_it = (rows["task"] == 1) & (rows["form"] == form)
+        (found,) = rows["log_evidence"][of_it & np.isclose(rows["birth_s"], times_s[born])]
+        density.append(found)
+        run.observe(Observation(START_NS + round(times_s[-1] * 1e9), 0, values[-1]))
+
+    p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
+    reach_s = births.REACH_PART * float(np.exp(library.log_duration_mean[1]))
+    std = np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(axis=1))
+    scale = births.REACH_SCALE / run.births.usual_s ** np.arange(3)
+    offset = np.diag(np.outer(std, scale).ravel() ** 2)
+    covariance = block_diag(library.observed_covariance[1], offset)
+    seen = times_s[born:] - times_s[born]
+    phase = np.ones(len(seen)) if form == STRAIGHT else np.minimum(seen / reach_s, 1.0)
+    design = library.basis.design_matrix(np.append(0.0, phase))
+    fades = np.vstack([np.zeros(3), ending(seen, np.full(len(seen), 1.0 / reach_s))])
+    blocks = [
+        np.hstack([np.kron(np.eye(p), a), np.kron(np.eye(p), b)])
+        for a, b in zip(design, fades, strict=True)
+    ]
+    h = np.vstack(blocks)
+    y = np.concatenate([values[0], *values[born:]])
+    mean = h[:, : p * n] @ library.observed_mean[1]
+    joint = h @ covariance @ h.T + noise * np.eye(len(y))
+
+    def log_density(m):
+        return multivariate_normal.logpdf(y[:m], mean[:m], joint[:m, :m])
+
+    assert np.isclose(density[1] - density[0], log_density(len(y)) - log_density(len(y) - p))
 
 
 def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch):
