@@ -64,8 +64,8 @@ class SessionObserver(Node):
             (JointTrajectory, "intent/robot_trajectory", self._take_prediction, qos.COMMAND),
             (Path, "intent/human_path", self._take_path, qos.COMMAND),
             (String, "coworker/task", self._take_truth, qos.STATE),
-            (JointState, "coworker/hand", partial(self._keep, self._contacts), qos.STATE),
-            (JointState, "intent/transfer", partial(self._keep, self._transfers), qos.STATE),
+            (JointState, "coworker/hand", partial(self._keep, self._contacts, 3), qos.STATE),
+            (JointState, "intent/transfer", partial(self._keep, self._transfers, 5), qos.STATE),
         )
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
@@ -177,8 +177,11 @@ class SessionObserver(Node):
             points = np.array([position_array(pose.pose) for pose in message.poses])
             self._paths.append((now, points))
 
-    def _keep(self, rows: list[tuple[int, str, NDArray[np.float64]]], message: JointState) -> None:
-        rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
+    def _keep(
+        self, rows: list[tuple[int, str, NDArray[np.float64]]], width: int, message: JointState
+    ) -> None:
+        if len(message.position) == width:
+            rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
 
     def _take_truth(self, message: String) -> None:
         self._on_task(message.data)

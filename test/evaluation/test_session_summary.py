@@ -254,6 +254,7 @@ def test_the_table_shows_the_numbers():
         "movement": "1.40",
         "hand error": "2.0",
         "arrival": "+0.25",
+        "handed over": None,
         "note": "hesitated",
     }
     assert record_line(one).endswith("hesitated")

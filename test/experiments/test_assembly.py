@@ -75,7 +75,9 @@ def test_probabilities_sum_to_one(found):
 
 def test_first_observation_by_itself_is_the_first_of_all(found):
     library, recorded = found.first.library, found.first.left_out[0]
-    library = replace(library, phase_deviation=STEADY, evidence_freedom=inf)  # as in Eq. 10
+    library = replace(
+        library, phase_deviation=STEADY, evidence_freedom=inf, task_evidence=1.0
+    )  # as in Eq. 10
     observations = spread_observations(recorded)
     duration_s = (recorded.end_ns - recorded.start_ns) * 1e-9
     _, evidence = watch(library, fixed_prior_grid(library, duration_s), recorded, observations[:1])

@@ -2,6 +2,7 @@
 """Via points told to a running estimator: by parameter, by command, by hand of an arm."""
 
 import argparse
+from functools import partial
 
 import numpy as np
 import pytest
@@ -39,8 +40,8 @@ def test_by_command_the_path_passes_until_the_point_is_removed(harness, folder):
 
     def run(*words):
         args = parsed(*words)
-        change = lambda points: args.change(args, points)  # noqa: E731
-        return via.change_via_points(harness.probe, harness.executor, change)
+        (change,) = args.run.args
+        return via.change_via_points(harness.probe, harness.executor, partial(change, args))
 
     library = folder.model.library
     at = controlled_at(library, 0, 1.0)
