@@ -2,9 +2,9 @@
 """What must speak for a change of mind before it counts.
 
 Hypotheses that are born on the way fit people who do not quite move as they were taught, too. So
-the filter follows demonstrations, with a library that does not know them: how probable does it ever
-hold other tasks that were born, compared with all the rest? A change of mind has to be more
-probable than that (docs/decisions/change_of_mind.md).
+the filter follows demonstrations, with a library that knows neither them nor, where others were
+recorded, the person: how probable does it ever hold other tasks that were born, compared with all
+the rest? A change of mind has to be more probable than that (docs/decisions/change_of_mind.md).
 """
 
 from collections.abc import Iterator, Mapping
@@ -50,9 +50,9 @@ def learn_switch_margin(
         return 0.0
     leaving_out = LeavingOut(library, tasks)
     odds = [
-        largest_odds(leaving_out.demonstration(k, example).as_library(), k, as_recorded)
+        largest_odds(without.as_library(), k, as_recorded)
         for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED)
-        if leaving_out.can_spare_one_of(k)
+        if (without := leaving_out.unseen(k, example)) is not None
     ]
     if len(odds) < 2:
         return 0.0

@@ -9,7 +9,7 @@ from scipy.special import expit
 from simulation import make_library, simulate
 
 from intent_recognition.filtering import MovementFilter, make_prior_grid
-from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.learning import TrainingSettings, learn_with_report, switch_margin
 from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
@@ -20,6 +20,7 @@ from intent_recognition.learning.switch_margin import (
     largest_odds,
     learn_switch_margin,
 )
+from intent_recognition.promp import conformal_bound
 from intent_recognition.signals import observations_of
 
 WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
@@ -61,21 +62,43 @@ def test_a_movement_that_becomes_another_task_has_higher_odds_than_any_that_does
     assert largest_odds(library, 0, changed) > max(0.0, *unchanged)
 
 
+def shown_by(people, tasks):
+    """Statistics of examples that these people have shown in turn; c moves half as in the next."""
+    found, labels = {}, list(tasks)
+    for n, (label, task) in enumerate(tasks.items()):
+        other, shown = tasks[labels[n - 1]].examples[0], []
+        for k, one in enumerate(task.examples):
+            part = 0.5 if people[k % len(people)] == "c" else 0.0
+            weights = one.weights + part * (other.weights - one.weights)
+            observed = one.observed + part * (other.observed - one.observed)
+            shown.append(
+                one._replace(group=people[k % len(people)], weights=weights, observed=observed)
+            )
+        found[label] = summarize(shown)
+    return found
+
+
 @pytest.mark.slow
-def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(trained, tasks):
+@pytest.mark.parametrize("people", ["", "abc"])
+def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(
+    trained, tasks, people, monkeypatch
+):
+    monkeypatch.setattr(switch_margin, "MAX_FOLLOWED", 18)
+    whose = people or [""]
+    tasks, recorded = shown_by(whose, tasks), shown_by(whose, trained.tasks)
     leaving_out = LeavingOut(trained.library, tasks)
-    odds = [
-        largest_odds(leaving_out.demonstration(k, example).as_library(), k, as_recorded)
-        for k, label in enumerate(tasks)
-        for example, as_recorded in zip(
-            tasks[label].examples, trained.tasks[label].examples, strict=True
-        )
-    ]
-    margin = learn_switch_margin(trained.library, tasks, trained.tasks)
-    assert margin >= max(0.0, *odds)  # 18 are too few for 5 % to lie above
-    assert trained.library.switch_margin == margin
+    odds = []
+    for k, label in enumerate(tasks):
+        examples = zip(tasks[label].examples, recorded[label].examples, strict=True)
+        for example, as_recorded in examples:
+            person = leaving_out.group(example.group)
+            assert (person is not None) == bool(people)
+            without = person or leaving_out.demonstration(k, example)
+            odds.append(largest_odds(without.as_library(), k, as_recorded))
+    margin = learn_switch_margin(trained.library, tasks, recorded)
+    assert margin == max(0.0, conformal_bound(np.array(odds), 0.05))
     wary = replace(trained.library, switch_margin=margin + 3.0)
-    assert learn_switch_margin(wary, tasks, trained.tasks) == margin
+    assert learn_switch_margin(wary, tasks, recorded) == margin
 
 
 def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
