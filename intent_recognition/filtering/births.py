@@ -32,12 +32,7 @@ offset makes up for the step.
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering.grid import (
-    PriorGrid,
-    duration_offsets,
-    log_durations,
-    log_pace,
-)
+from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.posterior import BornBelief
 from intent_recognition.filtering.table import (

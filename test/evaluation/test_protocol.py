@@ -74,7 +74,9 @@ def test_identical_demonstrations_are_predicted_perfectly(identical):
     for phase in ("known_phase", "unknown_phase"):
         for fraction in ("0.1", "0.5", "1.0"):
             assert identical["recognition"][phase][fraction]["accuracy"] == 1.0
-            assert identical["recognition"][phase][fraction]["log_loss"] < 0.1
+            early = fraction == "0.1"  # and the evidence of few counts less
+            limit = 0.1 if early else 0.05
+            assert identical["recognition"][phase][fraction]["log_loss"] < limit
     for fraction in ("0.25", "0.5", "0.75", "1.0"):
         row = identical["prediction"]["known_phase"][fraction]
         for key in ("rmse", "end_rmse", "rmse_inferred_task"):

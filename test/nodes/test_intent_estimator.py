@@ -47,7 +47,9 @@ def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist, task):
     estimates = expected(wrist.model, observations)
     check_tasks(graph.tasks, estimates, wrist.model.labels)
     moving = [m for m, e in zip(graph.tasks, estimates, strict=True) if e.moving]
-    assert np.argmax(moving[-1].position) == task and moving[-1].position[task] > 0.9
+    believed = np.array(moving[-1].position)
+    others = np.delete(believed, task)  # beside each of which it has more than 97 %
+    assert np.all(believed[task] > 0.97 * (believed[task] + others))
     assert all(m.position[-1] == 1.0 for m in graph.tasks[:20])  # at rest
     phases = [m.velocity[task] for m in moving]
     assert phases[-1] > 0.9 and np.all(np.diff(phases) > -0.05)
