@@ -10,7 +10,13 @@ from intent_recognition.kinematics.forward import (
     hand_position,
     jacobian,
 )
-from intent_recognition.kinematics.inverse import Branch, follow_poses, inverse_kinematics, solve
+from intent_recognition.kinematics.inverse import (
+    Branch,
+    follow_poses,
+    inverse_kinematics,
+    reach_position,
+    solve,
+)
 from intent_recognition.kinematics.limits import (
     POSITION_TOLERANCE_RAD,
     RATE_TOLERANCE,
@@ -26,7 +32,6 @@ from intent_recognition.kinematics.lwr import (
     N_JOINTS,
 )
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
-from intent_recognition.kinematics.refinement import reach_position
 from intent_recognition.kinematics.urdf import read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (
     DEFAULT_EFFORT,

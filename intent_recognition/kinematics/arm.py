@@ -14,7 +14,12 @@ from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
 from intent_recognition.kinematics.links import Links
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
-from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, PoseTarget, Solution
+from intent_recognition.kinematics.pose_search import (
+    REACHED,
+    PoseSearch,
+    Solution,
+    checked_target,
+)
 from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
 from intent_recognition.kinematics.urdf_tree import LINK
@@ -288,22 +293,3 @@ class Arm:
             pose, R = self._from_base * pose, self._from_base.rotation
             J = np.vstack([R @ J[:3], R @ J[3:]])
         return pose.homogeneous, J
-
-
-def checked_target(target: ArrayLike) -> PoseTarget:
-    """A pose or position to reach.
-
-    Raises:
-        ShapeError: neither a finite rigid transform (4, 4) nor a finite position (3,).
-    """
-    array = np.asarray(target, dtype=np.float64)
-    if array.shape not in ((4, 4), (3,)) or not np.all(np.isfinite(array)):
-        expected = "a pose (4, 4) or a position (3,), finite"
-        raise ShapeError.about("target", expected, array.shape, "Give one of them.")
-    if array.ndim == 1:
-        return PoseTarget(array, None)
-    rotation = array[:3, :3]
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
-        cure = "Orthonormalise it, for instance by scipy's Rotation."
-        raise ShapeError.about("target", "a rotation in rows 0-2", rotation.tolist(), cure)
-    return PoseTarget(array[:3, 3], rotation)

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import KinematicsError, ShapeError
-from intent_recognition.kinematics.forward import joint_vector
+from intent_recognition.kinematics.forward import forward_kinematics, jacobian, joint_vector
 from intent_recognition.kinematics.limits import JointLimits, within_position_limits
 from intent_recognition.kinematics.lwr import (
     FOREARM_M,
@@ -23,6 +24,7 @@ from intent_recognition.kinematics.lwr import (
     SHOULDER_HEIGHT_M,
     UPPER_ARM_M,
 )
+from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, checked_target
 
 _SHOULDER = np.array([0.0, 0.0, SHOULDER_HEIGHT_M])
 _REACH_M = UPPER_ARM_M + FOREARM_M
@@ -69,15 +71,10 @@ def swivel_angle(q: ArrayLike) -> float:
     It is measured about the line from shoulder to wrist, from the posture with q3 = 0.
     """
     q = joint_vector(q)
-    upper = _rotation_z(q[0]) @ _rotation_y(-q[1]) @ _rotation_z(q[2])
+    upper = Rotation.from_euler("ZYZ", [q[0], -q[1], q[2]]).as_matrix()
     wrist = upper @ _wrist_in_upper_arm(q[3])
-    reference = _reference_rotation(wrist, q[3])
-    turn = upper @ reference.T
-    axis = wrist / np.linalg.norm(wrist)
-    sine = axis @ np.array(
-        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    )
-    return float(np.arctan2(0.5 * sine, 0.5 * (np.trace(turn) - 1.0)))
+    turn = Rotation.from_matrix(upper @ _reference_rotation(wrist, q[3]).T)
+    return float(turn.as_rotvec() @ wrist / np.linalg.norm(wrist))
 
 
 def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> NDArray[np.float64]:
@@ -146,6 +143,33 @@ def follow_poses(poses: NDArray[np.float64], seed: NDArray[np.float64]) -> NDArr
     return joints
 
 
+_SEARCH = PoseSearch(
+    lambda q: (forward_kinematics(q), jacobian(q)),
+    LWR_LIMITS.lower,
+    LWR_LIMITS.upper,
+    np.zeros(7, bool),
+)
+
+
+def reach_position(position_m: ArrayLike, seed: ArrayLike) -> NDArray[np.float64]:
+    """Joint angles (7,) [rad] near the seed with the hand at position_m (3,) [m], however turned.
+
+    Raises:
+        KinematicsError: out of reach; names the distance left.
+        ShapeError: not three finite numbers, or no joint vector.
+    """
+    target = checked_target(position_m, "position_m")
+    found = _SEARCH.descend(target, joint_vector(seed, "seed"))
+    if found.distance_m > REACHED:
+        raise KinematicsError.about(
+            "position_m",
+            "a position within reach and joint limits",
+            f"one still {found.distance_m:.4f} m away",
+            "Start from a nearer seed or bring the position nearer.",
+        )
+    return found.q
+
+
 class _ElbowCircle(NamedTuple):
     """All elbow positions of one hand pose and elbow angle.
 
@@ -166,7 +190,7 @@ def _elbow_circle(pose: NDArray[np.float64], elbow_sign: int) -> _ElbowCircle:
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     terms = np.stack([np.eye(3) + K @ K, K, -K @ K])  # Rodrigues
     shoulder = terms @ _reference_rotation(wrist, elbow_angle)
-    forearm = shoulder @ _rotation_y(elbow_angle)
+    forearm = shoulder @ Rotation.from_euler("y", elbow_angle).as_matrix()
     return _ElbowCircle(elbow_angle, shoulder, np.swapaxes(forearm, -1, -2) @ pose[:3, :3])
 
 
@@ -305,7 +329,8 @@ def _reference_rotation(wrist: NDArray[np.float64], elbow_angle: float) -> NDArr
     lateral = float(np.hypot(wrist[0], wrist[1]))
     azimuth = float(np.arctan2(wrist[1], wrist[0])) if lateral > _ON_AXIS_M else 0.0
     polar = np.arctan2(lateral, wrist[2])
-    return _rotation_z(azimuth) @ _rotation_y(polar - np.arctan2(in_arm[0], in_arm[2]))
+    angles = [azimuth, polar - np.arctan2(in_arm[0], in_arm[2])]
+    return Rotation.from_euler("ZY", angles).as_matrix()
 
 
 def _spherical_angles(
@@ -338,13 +363,3 @@ def checked_pose(pose: ArrayLike) -> NDArray[np.float64]:
         cure = "Check the transform's source."
         raise KinematicsError.about("pose", "finite values", matrix, cure)
     return matrix
-
-
-def _rotation_z(angle: float) -> NDArray[np.float64]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _rotation_y(angle: float) -> NDArray[np.float64]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

@@ -14,9 +14,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dposv
 from scipy.spatial import KDTree
+
+from intent_recognition.errors import ShapeError
 
 REACHED = 1e-6
 """A pose is reached with an error of at most this (m, and rad of the orientation)."""
@@ -57,6 +59,25 @@ class PoseTarget(NamedTuple):
 
     position: NDArray[np.float64]
     rotation: NDArray[np.float64] | None
+
+
+def checked_target(target: ArrayLike, argument: str = "target") -> PoseTarget:
+    """A pose or position to reach.
+
+    Raises:
+        ShapeError: neither a finite rigid transform (4, 4) nor a finite position (3,).
+    """
+    array = np.asarray(target, dtype=np.float64)
+    if array.shape not in ((4, 4), (3,)) or not np.all(np.isfinite(array)):
+        expected = "a pose (4, 4) or a position (3,), finite"
+        raise ShapeError.about(argument, expected, array.shape, "Give one of them.")
+    if array.ndim == 1:
+        return PoseTarget(array, None)
+    rotation = array[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
+        cure = "Orthonormalise it, for instance by scipy's Rotation."
+        raise ShapeError.about(argument, "a rotation in rows 0-2", rotation.tolist(), cure)
+    return PoseTarget(array[:3, 3], rotation)
 
 
 class Solution(NamedTuple):

@@ -17,6 +17,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
 from intent_recognition.kinematics.urdf_tree import ASSUMED, end_of, parse_urdf, separate_names
+from intent_recognition.signals import OFTEN_TAKEN, length_misfit, taken_for
 
 UNLIMITED_RAD = 1e6
 """Position limit of a continuous joint [rad], which has none. Convention."""
@@ -91,8 +92,7 @@ def read_ranges(source: str | Path) -> Ranges:
     """
     ranges, reach_m = {}, 0.0
     for joint in parse_urdf(source).findall("joint"):
-        if (origin := joint.find("origin")) is not None:
-            reach_m += float(np.linalg.norm(np.array((origin.get("xyz") or "0").split(), float)))
+        reach_m += _length_m(joint)
         limit = joint.find("limit")
         if joint.get("type") not in ("revolute", "prismatic") or limit is None:
             continue
@@ -113,7 +113,7 @@ def read_chain(
     """The chain between two links, and beyond its tip if that is asked for; see `Arm.from_urdf`.
 
     Raises:
-        ArgumentError: no URDF, no such link, no chain, or a joint without limits.
+        ArgumentError: no URDF, no such link, no chain, a joint without limits, or other units.
     """
     root = parse_urdf(source)
     joints = [joint for joint in root.findall("joint") if joint.get("type")]
@@ -146,6 +146,7 @@ def read_chain(
     missing = [name for name in names if name not in by_name]
     if missing:
         raise ArgumentError.about("mimic", "a joint of the URDF", missing[0], "Correct it.")
+    _check_lengths(way, tip)
     moved = [by_name[name] for name in names]
     limits = _limits(moved, acceleration_rad_s2)
     limits = _with_mimics(limits, names, by_name, [mimics[m] for m in _names(way) if m in mimics])
@@ -154,6 +155,22 @@ def read_chain(
     return UrdfChain(
         _bare(root), base, tip, tuple(names), continuous, limits, tuple(mimics.values()), assumed
     )
+
+
+def _length_m(joint: ET.Element) -> float:
+    """Distance of a joint from the one before it."""
+    origin = joint.find("origin")
+    xyz = None if origin is None else origin.get("xyz")
+    return float(np.linalg.norm(np.array((xyz or "0").split(), float)))
+
+
+def _check_lengths(way: list[ET.Element], tip: str) -> None:
+    """Refuse an arm that is too long, from its first joint that moves, for metres."""
+    first = next(k for k, joint in enumerate(way) if joint.get("type") in MOVING)
+    length_m = sum(map(_length_m, way[first + 1 :]))
+    said = f"{length_m:.4g} m from joint {_names(way)[first]} to {tip}"
+    if (found := length_misfit(length_m, said, "write")) is not None:
+        raise ArgumentError.about("robot", "an arm in metres", said, found.likely)
 
 
 def _names(joints: list[ET.Element]) -> list[str]:
@@ -223,7 +240,7 @@ def _limits(joints: list[ET.Element], acceleration_rad_s2: float) -> JointLimits
             kind = joint.get("type")
             value = bound if kind == "continuous" else _number(joint, limit, name)
             if kind == "revolute" and LIKELY_DEGREES[0] < abs(value) <= LIKELY_DEGREES[1]:
-                cure = "Likely degrees: multiply it by pi / 180."
+                cure = taken_for("rad", OFTEN_TAKEN["rad"], "write")
                 got = f"{value:g}"
                 raise ArgumentError.about(_names([joint])[0], f"{name} in radians", got, cure)
             values[name].append(value)

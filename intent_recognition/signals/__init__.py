@@ -49,13 +49,16 @@ from intent_recognition.signals.turns import (
     whole_turns,
 )
 from intent_recognition.signals.units import (
+    OFTEN_TAKEN,
     SPATIAL_UNITS,
     Known,
     Misfit,
     commensurate,
     is_spatial,
     learned_misfit,
+    length_misfit,
     misfit,
     place_misfit,
+    taken_for,
     time_misfit,
 )

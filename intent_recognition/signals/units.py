@@ -147,7 +147,7 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
     name, factor = _nearest_usual(unit, extent)
     certain = unit == "m"  # a joint without limits may turn as far, a toy's as fast
-    likely = _taken(unit, {name: factor})
+    likely = taken_for(unit, {name: factor})
     text = f"{reason}: the unit cannot be {NAMES[unit]}. {likely}"
     return Misfit(text, factor, certain, likely)
 
@@ -195,20 +195,31 @@ def learned_misfit(
         f"{names[farthest]} is at {values[farthest]:.3g} {unit}, and was learned between"
         f" {lower[farthest]:.3g} and {upper[farthest]:.3g} {unit}"
     )
-    return Misfit(f"{reason}. {_taken(unit, likely)}", next(iter(likely.values())), certain=True)
+    return Misfit(f"{reason}. {taken_for(unit, likely)}", next(iter(likely.values())), certain=True)
 
 
 def place_misfit(position_m: NDArray[np.float64]) -> Misfit | None:
     """Why the place of a tracked body (3,) is hardly in metres; None where it may be."""
-    distance = float(np.linalg.norm(position_m))
-    if distance <= WIDEST["m"]:
+    distance_m = float(np.linalg.norm(position_m))
+    return length_misfit(distance_m, f"is {distance_m:.3g} m from the origin of its frame")
+
+
+def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | None:
+    """Why one length is hardly in metres; None where it may be.
+
+    Args:
+        length_m: of a place from its origin, or of an arm.
+        said: the same in words.
+        do: what helps, in metres.
+    """
+    if length_m <= WIDEST["m"]:
         return None
-    name, factor = _nearest_usual("m", distance)
+    name, factor = _nearest_usual("m", length_m)
     likely = {name: factor}
-    if distance / max(OFTEN_TAKEN["m"].values()) < FEWEST_M:  # one place says no more
+    if length_m / max(OFTEN_TAKEN["m"].values()) < FEWEST_M:  # one length says no more
         likely = OFTEN_TAKEN["m"]
-    reason = f"is {distance:.3g} m from the origin of its frame. {_taken('m', likely)}"
-    return Misfit(reason, factor, certain=False)
+    text = taken_for("m", likely, do)
+    return Misfit(f"{said}. {text}", factor, certain=False, likely=text)
 
 
 def _nearest_usual(unit: str, length: float) -> tuple[str, float]:
@@ -242,7 +253,7 @@ def _outside(signal: Signal, known: Known) -> Misfit | None:
         own = values / factor
         fits = np.all(np.maximum(known.lower - own, own - known.upper) <= OUTSIDE_RAD)
         if fits or excess.max() > WIDEST[unit]:
-            return Misfit(f"{where}. {_taken(unit, {name: factor})}", factor, certain=True)
+            return Misfit(f"{where}. {taken_for(unit, {name: factor})}", factor, certain=True)
     cause = "another arm than the URDF's, or whole turns that were counted"
     return Misfit(f"{where}. Likely {cause}.", np.nan, certain=False)
 
@@ -272,12 +283,13 @@ def differing_unit(one: Size, usual: Size) -> Misfit | None:
             if np.abs(ratio - sign * np.log(factor)).max() < np.log(SAME_SCALE):
                 reason = (
                     f"is in numbers {np.exp(ratio[1]):.3g} times as large as in the other"
-                    f" recordings. {_taken(one.unit, {name: factor})[:-1]}, {where}."
+                    f" recordings. {taken_for(one.unit, {name: factor})[:-1]}, {where}."
                 )
                 return Misfit(reason, factor if sign > 0.0 else 1.0 / factor, certain=False)
     return None
 
 
-def _taken(unit: str, likely: Mapping[str, float]) -> str:
+def taken_for(unit: str, likely: Mapping[str, float], do: str = "record") -> str:
+    """Which units were likely taken for another, and what to do instead, in words."""
     taken, factors = " or ".join(likely), " or ".join(f"{one:.4g}" for one in likely.values())
-    return f"Likely {taken} for {NAMES[unit]} (a factor of {factors}): record {NAMES[unit]}."
+    return f"Likely {taken} for {NAMES[unit]} (a factor of {factors}): {do} {NAMES[unit]}."

@@ -12,12 +12,12 @@ from intent_recognition.kinematics.inverse import (
     BRANCHES,
     branch_of,
     inverse_kinematics,
+    reach_position,
     solve,
     swivel_angle,
 )
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from intent_recognition.kinematics.refinement import reach_position
 
 shares = tuples(*[floats(-0.98, 0.98)] * 7)
 postures = builds(lambda share: np.array(share) * LWR_LIMITS.upper, shares)
@@ -125,7 +125,7 @@ def test_folded_beyond_the_elbow_limit():
         inverse_kinematics(pose, READY)
 
 
-def test_refinement_out_of_reach_names_the_distance():
+def test_a_position_out_of_reach_names_the_distance():
     with pytest.raises(KinematicsError, match=r"m away"):
         reach_position(np.array([1.5, 0.0, 0.3]), READY)
 
@@ -135,3 +135,5 @@ def test_bad_poses():
         inverse_kinematics(np.eye(3), READY)
     with pytest.raises(KinematicsError, match="finite"):
         inverse_kinematics(np.full((4, 4), np.nan), READY)
+    with pytest.raises(ShapeError, match="position_m"):
+        reach_position(np.full(3, np.nan), READY)

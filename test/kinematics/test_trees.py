@@ -69,9 +69,30 @@ def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp
 
 def test_limits_in_degrees_are_refused():
     limits = LIMITS | {"r": '<limit lower="-170" upper="170" velocity="2" effort="60"/>'}
-    with pytest.raises(ArgumentError, match="j1: expected lower in radians, got -170"):
+    said = r"j1: expected lower in radians, got -170. Likely degrees for radians .*57.3"
+    with pytest.raises(ArgumentError, match=said):
         Arm.from_urdf(urdf((row("base", "", 6),), limits))
 
+
+@pytest.mark.parametrize("reach_m", [0.3, 0.85, 3.5])
+def test_lengths_in_millimetres_are_refused(reach_m):
+    text = urdf((row("base", "", 6),), length_m=1000 * reach_m / 5)
+    said = f"an arm in metres, got {1000 * reach_m:g} m from joint j1 to .* of 1000"
+    with pytest.raises(ArgumentError, match=said):
+        Arm.from_urdf(text)
+
+
+@pytest.mark.parametrize("reach_m", [0.15, 3.5])
+def test_small_and_large_arms_are_taken(reach_m):
+    arm = Arm.from_urdf(urdf((row("base", "", 6),), length_m=reach_m / 5))
+    height_m = arm.forward_kinematics(np.zeros(6))[2, 3]
+    np.testing.assert_allclose(height_m, 6 * reach_m / 5)
+
+
+def test_an_arm_far_from_the_origin_is_taken():
+    """Where a base stands in a hall, and how long its rail is, is no length of the arm."""
+    text = urdf((row("base", "", 6),)).replace('xyz="0 0 0.16"', 'xyz="0 0 90"', 1)
+    assert Arm.from_urdf(text).n_joints == 6
 
 def test_a_xacro_file_is_expanded(tmp_path):
     text = urdf((row("base", "", 6),)).replace('velocity="2"', 'velocity="${2 * speed}"')
