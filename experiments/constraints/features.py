@@ -12,16 +12,18 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND, container
-from experiments.constraints.trials_file import Trials
-from intent_recognition.warping import (
+from experiments.constraints.spilling import (
     NO_REFERENCES,
     FillingConstraint,
     FillingState,
-    ObjectCloud,
-    ObjectModel,
     PouringConstraint,
     PouringState,
+)
+from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND, container
+from experiments.constraints.trials_file import Trials
+from intent_recognition.warping import (
+    ObjectCloud,
+    ObjectModel,
     References,
     pouring_parameters,
     references,

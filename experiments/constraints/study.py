@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from experiments.constraints.features import ConstraintSamples
 from experiments.constraints.roc import on_grid, roc_curve
+from experiments.constraints.spilling import RIDGE, FillingConstraint, landing
 from intent_recognition.errors import TrainingError
-from intent_recognition.warping import RIDGE, FillingConstraint, fit_logistic, landing
+from intent_recognition.warping import fit_logistic
 from sim_bridge.containers import CONTAINER_NAMES
 
 N_TRAINING = 50

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND
-from experiments.constraints.trials_file import TRIALS_FILE, read_trials
-from intent_recognition.share import share_path
-from intent_recognition.warping import (
+from experiments.constraints.spilling import (
     FillingConstraint,
     FillingState,
     PouringConstraint,
     PouringState,
-    References,
     spill_risk,
 )
+from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND
+from experiments.constraints.trials_file import TRIALS_FILE, read_trials
+from intent_recognition.share import share_path
+from intent_recognition.warping import References
 from sim_bridge.containers import CONTAINER_NAMES
 from sim_bridge.scenarios.pouring import HALF_FULL, PourPath, Seen
 

@@ -2,21 +2,9 @@
 """Warped parameters: what one annotated object tells about the next."""
 
 from intent_recognition.warping.clipping import half_volume_angle, surface_volume
-from intent_recognition.warping.constraints import (
-    NO_REFERENCES,
-    RIDGE,
-    FillingConstraint,
-    FillingState,
-    PouringConstraint,
-    PouringState,
-    References,
-    landing,
-    references,
-    spill_risk,
-)
 from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.grasp_warp import warp_grasp
-from intent_recognition.warping.logistic import fit_logistic
+from intent_recognition.warping.logistic import LogisticModel, fit_logistic
 from intent_recognition.warping.object_model import (
     AnnotatedObject,
     ObjectCloud,
@@ -24,7 +12,12 @@ from intent_recognition.warping.object_model import (
     with_estimated_normals,
 )
 from intent_recognition.warping.object_warp import Mapping, ObjectModel, WarpedObject, warp_object
-from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
+from intent_recognition.warping.parameters import (
+    PouringParameters,
+    References,
+    pouring_parameters,
+    references,
+)
 from intent_recognition.warping.pour_level import (
     EMPTY,
     FULL_SHARE,

@@ -36,7 +36,7 @@ def shares_left(
     left = []
     for normal in np.outer(np.cos(tilts_rad), up) - np.outer(np.sin(tilts_rad), outward):
         cut = triangles - above_m * normal
-        left.append(_below(cut, _signed_volumes(cut), normal))
+        left.append(_below(cut @ normal, _signed_volumes(cut)))
     return np.array(left) / float(_signed_volumes(triangles).sum())
 
 
@@ -65,7 +65,7 @@ def half_volume_angle(
 
     def surplus(angle: float) -> float:
         normal = np.cos(angle) * up - np.sin(angle) * outward
-        return _below(triangles, volumes, normal) - half
+        return _below(triangles @ normal, volumes) - half
 
     if not half > 0.0 or surplus(0.0) <= 0.0 or surplus(np.pi) >= 0.0:
         raise ArgumentError.about(
@@ -78,40 +78,28 @@ def half_volume_angle(
     return float(brentq(surplus, 0.0, np.pi, xtol=1e-6))
 
 
-def _below(
-    triangles: NDArray[np.float64], volumes: NDArray[np.float64], normal: NDArray[np.float64]
-) -> float:
-    """Volume below the plane through the origin, whose tetrahedra have these volumes (m,)."""
-    heights = triangles @ normal
+def _below(heights: NDArray[np.float64], volumes: NDArray[np.float64]) -> float:
+    """Volume below a plane through the origin: of tetrahedra between it and triangles.
+
+    Where the plane cuts a triangle, one corner is alone on its side. What it cuts off there is that
+    share of the two edges, and of the tetrahedron, whose third corner is on the plane.
+
+    Args:
+        heights: of the triangles' corners above the plane (m, 3).
+        volumes: of the tetrahedra (m,).
+    """
     n_below = (heights < 0.0).sum(1)
-    total = volumes[n_below == 3].sum()
-    one = n_below == 1
-    if one.any():
-        corner, left, right, towards_left, towards_right = _cut(triangles[one], heights[one], True)
-        total += _signed_volumes(np.stack([corner, towards_left, towards_right], 1)).sum()
-    two = n_below == 2
-    if two.any():
-        corner, left, right, towards_left, towards_right = _cut(triangles[two], heights[two], False)
-        total += _signed_volumes(np.stack([towards_left, left, right], 1)).sum()
-        total += _signed_volumes(np.stack([towards_left, right, towards_right], 1)).sum()
-    return float(total)
+    cut = (n_below == 1) | (n_below == 2)
+    at = heights[cut]
+    lone = ((at < 0.0) == (n_below[cut] == 1)[:, None]).argmax(1)[:, None]
+    own = np.take_along_axis(at, lone, 1)
+    apart = own - at
+    np.put_along_axis(apart, lone, 1.0, 1)
+    share = own[:, 0] ** 2 / np.prod(apart, axis=1)
+    share = np.where(n_below[cut] == 1, share, 1.0 - share)
+    return float(volumes[n_below == 3].sum() + share @ volumes[cut])
 
 
 def _signed_volumes(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Volume (m,) of the tetrahedra between triangles (m, 3, 3) and the origin."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = triangles.transpose(1, 2, 0)
-    return (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / 6.0
-
-
-def _cut(
-    triangles: NDArray[np.float64], heights: NDArray[np.float64], below: bool
-) -> tuple[NDArray[np.float64], ...]:
-    """The corner alone on its side, the two others in order, and the cuts toward both."""
-    lone = np.argmax((heights < 0.0) == below, axis=1)
-    rows = np.arange(len(triangles))
-    order = [(lone + step) % 3 for step in range(3)]
-    corner, left, right = (triangles[rows, index] for index in order)
-    at_corner, at_left, at_right = (heights[rows, index] for index in order)
-    towards_left = corner + (at_corner / (at_corner - at_left))[:, None] * (left - corner)
-    towards_right = corner + (at_corner / (at_corner - at_right))[:, None] * (right - corner)
-    return corner, left, right, towards_left, towards_right
+    return np.linalg.det(triangles) / 6.0

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import expit
 
-from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
+from intent_recognition.errors import TrainingError
 
 MOST_STEPS, CONVERGED = 100, 1e-9
 """Newton steps at most, and the change of a weight, in parts of the largest one, at which they end.
@@ -33,11 +33,6 @@ class LogisticModel:
 
     def log_odds(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log odds (n,) at features (n, d)."""
-        features = np.asarray(features, dtype=float)
-        if features.ndim != 2 or features.shape[1] != len(self.weights):
-            cure = "Compute the features in the way they were computed for learning."
-            expected = f"shape (n, {len(self.weights)})"
-            raise ShapeError.about("features", expected, features.shape, cure)
         return self.bias + (features - self.offset) @ (self.weights / self.scale)
 
     def probability(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -55,15 +50,16 @@ def fit_logistic(
 
     Args:
         features: (n, d), finite.
-        labels: (n,), 0 or 1 (or booleans), both present.
+        labels: (n,), 0 or 1, or booleans.
         ridge: strength of the penalty, above 0.
 
     Raises:
-        ShapeError: shapes do not fit.
-        ArgumentError: a value is not finite, a label is not 0 or 1, or ridge is not above 0.
         TrainingError: only one label is present, or no step count sufficed.
     """
-    features, labels = _checked(features, labels, ridge)
+    labels = np.asarray(labels, dtype=float)
+    if not 0.0 < labels.sum() < len(labels):
+        got = f"{np.count_nonzero(labels)} of {len(labels)} with label 1"
+        raise TrainingError.about("labels", "both 0 and 1", got, "Add samples of the other.")
     offset, scale = features.mean(axis=0), features.std(axis=0)
     scale = np.where(scale > 1e-12 * (1.0 + np.abs(offset)), scale, 1.0)
     design = np.column_stack([np.ones(len(features)), (features - offset) / scale])
@@ -96,29 +92,3 @@ def fit_logistic(
     got = f"a step of {np.abs(step).max():.3g} after {MOST_STEPS}"
     cure = "Raise ridge."
     raise TrainingError.about("labels", "converging weights", got, cure)
-
-
-def _checked(
-    features: NDArray[np.float64], labels: NDArray[np.float64], ridge: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The arguments as float arrays of fitting shapes."""
-    features, labels = np.asarray(features, dtype=float), np.asarray(labels, dtype=float)
-    if features.ndim != 2 or not len(features):
-        cure = "Pass one row of features per sample."
-        raise ShapeError.about("features", "shape (n, d) with n > 0", features.shape, cure)
-    if labels.shape != (len(features),):
-        cure = "Pass one per row of features."
-        raise ShapeError.about("labels", f"shape ({len(features)},)", labels.shape, cure)
-    if not np.isfinite(features).all():
-        bad = f"{np.count_nonzero(~np.isfinite(features))} others"
-        raise ArgumentError.about("features", "finite values", bad, "Leave those samples out.")
-    if not np.isin(labels, (0.0, 1.0)).all():
-        others = np.setdiff1d(labels, (0.0, 1.0))[:3]
-        raise ArgumentError.about("labels", "0 or 1", others, "Fit one model per label.")
-    if not (np.isfinite(ridge) and ridge > 0.0):
-        cure = "A small one, 1e-6, is nearly none."
-        raise ArgumentError.about("ridge", "a value above 0", ridge, cure)
-    if not 0.0 < labels.sum() < len(labels):
-        got = f"{np.count_nonzero(labels)} of {len(labels)} with label 1"
-        raise TrainingError.about("labels", "both 0 and 1", got, "Add samples of the other.")
-    return features, labels

@@ -76,12 +76,9 @@ def _among_all(
     extended = np.column_stack([candidates, (candidates * candidates).sum(1)])
     distance = np.column_stack([-2.0 * points, np.ones(len(points))]) @ extended.T
     masked = np.where(normals @ candidate_normals.T > 0.0, distance, np.inf)
-    if k == 1:
-        near = masked.argmin(1)[:, None]
-    else:
-        near = np.argpartition(masked, k - 1, axis=1)[:, :k]
-        order = np.argsort(np.take_along_axis(masked, near, 1), axis=1, kind="stable")
-        near = np.take_along_axis(near, order, 1)
+    near = np.argpartition(masked, k - 1, axis=1)[:, :k]
+    order = np.argsort(np.take_along_axis(masked, near, 1), axis=1, kind="stable")
+    near = np.take_along_axis(near, order, 1)
     n_agreeing = np.isfinite(np.take_along_axis(masked, near, 1)).sum(1)
     none = n_agreeing == 0
     near[none] = distance[none].argmin(1)[:, None]

@@ -20,6 +20,22 @@ LEVEL_RAD = 0.05
 """An opening tilted by less is level [rad]."""
 
 
+class References(NamedTuple):
+    """What the variables of one container are divided by.
+
+    Attributes:
+        opening_radius_m: for horizontal distances from its opening.
+        volume_m3: for amounts in it.
+        height_m: for vertical distances.
+        tilt_rad: for its tilt.
+    """
+
+    opening_radius_m: float
+    volume_m3: float
+    height_m: float
+    tilt_rad: float
+
+
 class PouringParameters(NamedTuple):
     """The parameters of pouring, of one container.
 
@@ -93,4 +109,14 @@ def pouring_parameters(
     tilt_rad = tilt_reference(warped, lip)
     return PouringParameters(
         rim.radius_m, cavity.volume_m3, cavity.height_m, rim.centre, lip, tilt_rad
+    )
+
+
+def references(parameters: PouringParameters) -> References:
+    """Reference values of a warped container."""
+    return References(
+        parameters.opening_radius_m,
+        parameters.volume_m3,
+        parameters.height_m,
+        parameters.tilt_reference_rad,
     )

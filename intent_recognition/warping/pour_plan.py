@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import InteractionProMP, via_point
-from intent_recognition.warping.constraints import References
+from intent_recognition.warping.parameters import References
 from intent_recognition.warping.pour_level import Emptying, Reached, amount_to_leave, tilts_to_level
 from intent_recognition.warping.primitives import N_WARPED, WarpedPrimitive
 

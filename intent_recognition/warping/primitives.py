@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ShapeError, TrainingError
 from intent_recognition.gaussian import Gaussian, covariance_root
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, fit_weights
-from intent_recognition.warping.constraints import References
+from intent_recognition.warping.parameters import References
 
 WARPED_NAMES = ("along", "across", "up", "tilt")
 N_WARPED = len(WARPED_NAMES)

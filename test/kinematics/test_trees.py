@@ -94,6 +94,7 @@ def test_an_arm_far_from_the_origin_is_taken():
     text = urdf((row("base", "", 6),)).replace('xyz="0 0 0.16"', 'xyz="0 0 90"', 1)
     assert Arm.from_urdf(text).n_joints == 6
 
+
 def test_a_xacro_file_is_expanded(tmp_path):
     text = urdf((row("base", "", 6),)).replace('velocity="2"', 'velocity="${2 * speed}"')
     head = '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro">'

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ShapeError, TrainingError
-from intent_recognition.warping.constraints import NO_REFERENCES, References
+from intent_recognition.warping.parameters import References
 from intent_recognition.warping.primitives import WarpedPrimitive, from_warped, to_warped
 
 CUP = References(0.04, 4e-4, 0.1, 0.8)
@@ -30,7 +30,8 @@ def test_there_and_back(size, seed):
     back = from_warped(to_warped(offset, tilt, larger, SECOND), larger, SECOND)
     np.testing.assert_allclose(back[0], offset)
     np.testing.assert_allclose(back[1], tilt)
-    plain = to_warped(offset, tilt, NO_REFERENCES, NO_REFERENCES)
+    ones = References(1.0, 1.0, 1.0, 1.0)
+    plain = to_warped(offset, tilt, ones, ones)
     np.testing.assert_array_equal(plain, np.column_stack([offset, tilt]))
 
 

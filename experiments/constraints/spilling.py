@@ -12,30 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.warping.logistic import LogisticModel, fit_logistic
-from intent_recognition.warping.parameters import PouringParameters
+from intent_recognition.warping import LogisticModel, References, fit_logistic
 
 RIDGE = 0.1
 """Penalty on weights per standard deviation of a feature: 50 samples may be separable."""
 
 THROWS = np.linspace(0.0, 1.8, 13)
 """Tried when it is learned how far is thrown."""
-
-
-class References(NamedTuple):
-    """What the variables of one container are divided by.
-
-    Attributes:
-        opening_radius_m: for horizontal distances from its opening.
-        volume_m3: for amounts in it.
-        height_m: for vertical distances.
-        tilt_rad: for its tilt.
-    """
-
-    opening_radius_m: float
-    volume_m3: float
-    height_m: float
-    tilt_rad: float
 
 
 NO_REFERENCES = References(1.0, 1.0, 1.0, 1.0)
@@ -156,17 +139,6 @@ class FillingConstraint:
         return np.sqrt(cup.height_m * above) / second.opening_radius_m
 
     @classmethod
-    def learn(
-        cls, features: NDArray[np.float64], filled: NDArray[np.float64]
-    ) -> "FillingConstraint":
-        """Learn from features (n, 8) without throw and labels (n,), 1 where nothing fell beside.
-
-        Raises:
-            TrainingError: only one label is present.
-        """
-        return cls(fit_logistic(features, filled, ridge=RIDGE))
-
-    @classmethod
     def learn_throw(
         cls,
         features: NDArray[np.float64],
@@ -215,16 +187,6 @@ def spill_risk(
     """
     leaves = pouring.probability(PouringState(states.fluid_m3, states.tilt_rad), cup)
     return leaves * (1.0 - filling.probability(states, cup, second))
-
-
-def references(parameters: PouringParameters) -> References:
-    """Reference values of a warped container."""
-    return References(
-        parameters.opening_radius_m,
-        parameters.volume_m3,
-        parameters.height_m,
-        parameters.tilt_reference_rad,
-    )
 
 
 def landing(features: NDArray[np.float64], ahead: NDArray[np.float64]) -> NDArray[np.float64]:

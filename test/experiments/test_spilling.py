@@ -6,16 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from intent_recognition.errors import ShapeError, TrainingError
-from intent_recognition.warping.constraints import (
+from experiments.constraints.spilling import (
     NO_REFERENCES,
+    RIDGE,
     FillingConstraint,
     FillingState,
     PouringConstraint,
     PouringState,
-    References,
     spill_risk,
 )
+from intent_recognition.errors import ShapeError, TrainingError
+from intent_recognition.warping import References, fit_logistic
 
 CUP = References(0.04, 4e-4, 0.1, 0.8)
 SECOND = References(0.06, 5e-4, 0.06, 0.4)
@@ -31,6 +32,10 @@ def filling_states(count=200, seed=0):
     rng = np.random.default_rng(seed)
     offset = rng.uniform((-0.1, -0.1, 0.0), (0.1, 0.1, 0.1), (count, 3))
     return FillingState(3e-5, 4e-4 * rng.random(count), 2.1, offset)
+
+
+def without_throw(features, filled):
+    return FillingConstraint(fit_logistic(features, filled, ridge=RIDGE))
 
 
 def scaled(references, size):
@@ -90,7 +95,7 @@ def test_filling_is_likely_over_the_middle_and_not_beside():
     states = filling_states(400)
     inside = np.linalg.norm(states.offset_m[:, :2], axis=1) < SECOND.opening_radius_m
     features = FillingConstraint.features(states, CUP, SECOND)
-    learned = FillingConstraint.learn(features, inside.astype(float))
+    learned = without_throw(features, inside.astype(float))
     places = np.array([[0.0, 0.0, 0.05], [0.12, 0.0, 0.05], [0.0, -0.12, 0.05]])
     found = learned.probability(FillingState(3e-5, 1e-4, 2.1, places), CUP, SECOND)
     assert found[0] > 0.9
@@ -122,7 +127,7 @@ def test_the_throw_is_learned_and_holds_for_another_cup(true_throw):
     assert abs(learned.throw - true_throw) < 0.16
     bowl = CUP._replace(height_m=0.04)
     found = learned.probability(other, bowl, SECOND) > 0.5
-    plain = FillingConstraint.learn(features, filled(seen, CUP))
+    plain = without_throw(features, filled(seen, CUP))
     without = plain.probability(other, bowl, SECOND) > 0.5
     truth = filled(other, bowl).astype(bool)
     assert np.mean(found == truth) > max(0.93, np.mean(without == truth) + 0.02)
@@ -131,9 +136,7 @@ def test_the_throw_is_learned_and_holds_for_another_cup(true_throw):
 def test_tilting_on_the_way_is_risky_and_over_the_opening_is_not():
     states = filling_states(400)
     inside = np.linalg.norm(states.offset_m[:, :2], axis=1) < SECOND.opening_radius_m
-    filling = FillingConstraint.learn(
-        FillingConstraint.features(states, CUP, SECOND), inside.astype(float)
-    )
+    filling = without_throw(FillingConstraint.features(states, CUP, SECOND), inside.astype(float))
     tilted = pouring_states(400)
     features = PouringConstraint.features(tilted, CUP)
     pouring = PouringConstraint.learn(features, (features[:, 0] > 1.0).astype(float))
