@@ -93,4 +93,4 @@ def draws_tables(
     columns = [Column(name, unit(name), form=f".{digits[name]}f") for name in table]
     rows = [(draw.seed, *(draw.numbers[name] for name in table)) for draw in draws]
     last = ("all", *(spread(table[name], digits[name]) for name in table))
-    return (TableBlock.of([Column("seed"), *columns], [*rows, last], caption, strong=[len(draws)]),)
+    return (TableBlock([Column("seed"), *columns], [*rows, last], caption, strong=[len(draws)]),)

@@ -25,7 +25,6 @@ SUBTITLE = (
     " demonstrations made by its own physics, beside what the paper reports."
 )
 VERDICTS = {True: "yes", False: "no", None: "not like for like"}
-SUFFIXES = {"image/svg+xml": "svg", "image/png": "png"}
 
 
 def write_experiments_report(
@@ -55,7 +54,7 @@ def write_figures(folder: Path, name: str, result: ExperimentResult) -> list[Pat
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for number, figure in enumerate(_figures(result.blocks), 1):
-        path = folder / f"{name}_{number}.{SUFFIXES[figure.media_type]}"
+        path = folder / f"{name}_{number}.{figure.suffix}"
         path.write_bytes(figure.data)
         written.append(path)
     return written
@@ -75,7 +74,7 @@ def findings_table(result: ExperimentResult) -> TableBlock:
         for f in result.findings
     )
     missed = (k for k, f in enumerate(result.findings) if f.holds is False)
-    return TableBlock.of(columns, rows, marked=missed)
+    return TableBlock(columns, rows, marked=missed)
 
 
 def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, str]) -> Section:
@@ -102,7 +101,7 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
     for result in results.values():
         verdicts = [f.holds for f in result.findings]
         rows.append((result.title, result.source, *map(verdicts.count, (True, False, None))))
-    blocks.append(TableBlock.of(columns, rows))
+    blocks.append(TableBlock(columns, rows))
     blocks += [Paragraph(f"{name} broke off: {reason}") for name, reason in failures.items()]
     return Section("Overview", tuple(blocks))
 

@@ -231,7 +231,7 @@ def _known_table(known: Mapping[str, MethodScore]) -> TableBlock:
         "Known timing: medians over data sets of 40 movements; the longest are the worst. The truth"
         " stands still where one of the two recordings has not begun or has ended."
     )
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)
 
 
 def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> TableBlock:
@@ -254,7 +254,7 @@ def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> TableBl
         " timing explains little of how their wrists differ; and part of the variance that goes is"
         " that of ends which a warp leaves out."
     )
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)
 
 
 def conditions(there: bool) -> tuple[str, ...]:

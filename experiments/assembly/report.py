@@ -217,7 +217,7 @@ def _arm_table(numbers: dict) -> TableBlock:
         "The arm's hand against where the assistant's wrist was; times from the start of the"
         " recording, 0.4 s before the worker's onset."
     )
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)
 
 
 def _arm_figures(found: AssemblyStudy, labels: Sequence[str]) -> tuple[Figure, ...]:

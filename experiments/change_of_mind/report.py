@@ -222,7 +222,7 @@ def _table(study: ChangeStudy) -> TableBlock:
         Column("never meant", "%", form=".0f"),
         Column("hand error", "cm"),
     )
-    return TableBlock.of(
+    return TableBlock(
         columns,
         (_row(change, study.cell(change)) for change in study.changed),
         "let go: of those in which the old task was active after the change. delay: median, from"

@@ -140,7 +140,7 @@ def _blocks(runs: Sequence[ClearanceRun]) -> tuple[Block, ...]:
         " arm would be inside a box.",
     )
     moved = sorted(of_outcome["replanned"], key=lambda one: one.free_m)
-    table = TableBlock.of(columns, rows, "What became of the runs.")
+    table = TableBlock(columns, rows, "What became of the runs.")
     if not moved:
         return nearest, table
     courses = Figure(

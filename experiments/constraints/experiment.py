@@ -212,7 +212,7 @@ def _area_table(scores: Mapping[str, CurveTable]) -> TableBlock:
             novel = by_test[NOVEL]
             areas = by_test[SAME].area, novel.area, novel.areas.min()
             rows.append((name, method, *areas, 100 * novel.early.mean()))
-    return TableBlock.of(columns, rows, "Areas below the ROC curves, means over the training sets.")
+    return TableBlock(columns, rows, "Areas below the ROC curves, means over the training sets.")
 
 
 def _object_table(scores: Mapping[str, CurveTable]) -> TableBlock:
@@ -222,9 +222,7 @@ def _object_table(scores: Mapping[str, CurveTable]) -> TableBlock:
         (readable(name), *(of.areas[of.trained_on == index].mean() for of in novel.values()))
         for index, name in enumerate(CONTAINER_NAMES)
     )
-    return TableBlock.of(
-        columns, rows, "Area on the nine other objects, by the object learned from."
-    )
+    return TableBlock(columns, rows, "Area on the nine other objects, by the object learned from.")
 
 
 def conditions(trials: Trials) -> tuple[str, ...]:

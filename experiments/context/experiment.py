@@ -182,7 +182,7 @@ def _table(study: Sequence[DrawnSet]) -> TableBlock:
         "Error of the hand's predicted end, mean over the tests, by share of the movement seen;"
         f" median (range) over {len(study)} draws."
     )
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)
 
 
 def _decisions(study: Sequence[DrawnSet]) -> TableBlock:
@@ -201,4 +201,4 @@ def _decisions(study: Sequence[DrawnSet]) -> TableBlock:
         Column("inside two standard deviations", "%", form=".0f"),
     )
     caption = f"Decisions of all draws; the box that comes late comes after {LATE:.0%}."
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)

@@ -225,4 +225,4 @@ def _ratio_table(ratios: Sequence[NDArray[np.float64]]) -> TableBlock:
     joints = (Column(f"joint {k + 1}", form=".2f") for k in range(len(ratios[0])))
     columns = (Column("std of the arm / the primitive's", align="left"), *joints)
     rows = ((name, *ratio) for name, ratio in zip(CONTROLLERS, ratios, strict=True))
-    return TableBlock.of(columns, rows, "Root mean square over the movement.")
+    return TableBlock(columns, rows, "Root mean square over the movement.")

@@ -132,4 +132,4 @@ def _table(trials: Sequence[Trial]) -> TableBlock:
         some = [t for t in trials if t.subject.name == name]
         held = (sum(t.held for t in some if t.manner == manner) for manner in MANNERS)
         rows.append((readable(name), len(some) // len(MANNERS), *held))
-    return TableBlock.of(columns, rows, "Lifts that held, by container.")
+    return TableBlock(columns, rows, "Lifts that held, by container.")

@@ -213,9 +213,7 @@ def _growth_table(
         ends = (1e3 * mean[k, -1] for k in (0, -1)), (1e3 * error[k, -1] for k in (0, -1))
         both = (f"{m:.1f} \N{PLUS-MINUS SIGN} {e:.1f}" for m, e in zip(*ends, strict=True))
         rows.append((method, *both, str(growth[method])))
-    return TableBlock.of(
-        columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error."
-    )
+    return TableBlock(columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error.")
 
 
 def conditions(plan: Plan) -> tuple[str, ...]:

@@ -248,4 +248,4 @@ def _table(
         axes = 200.0 * np.sqrt(np.linalg.eigvalsh(one.spread_m2))[::-1]
         values = (100.0 * of[k] for of in distances.values())
         rows.append((f"#{one.index + 1}", *values, f"{axes[0]:.1f}, {axes[1]:.1f}"))
-    return TableBlock.of(columns, rows, "Errors on the table's plane.")
+    return TableBlock(columns, rows, "Errors on the table's plane.")

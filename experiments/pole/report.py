@@ -146,7 +146,6 @@ def _scene(study: PoleStudy) -> Figure:
     return Figure(
         to_png(scene_figure(images)),
         "One spot behind the pole, pointed at by either way, as in the paper's Fig. 2.",
-        media_type="image/png",
     )
 
 
@@ -203,7 +202,7 @@ def _table(study: PoleStudy) -> TableBlock:
         errors = tried.nll.mean(), _one_sigma(tip_rms_m), tried.joint_rms_rad.mean()
         others = other.sum(), (other & ~study.both).sum()
         rows.append((tried.number, *errors, *others, n_through(tried.predicted)))
-    return TableBlock.of(columns, rows, "Predictions, before execution.", strong=[study.chosen - 1])
+    return TableBlock(columns, rows, "Predictions, before execution.", strong=[study.chosen - 1])
 
 
 def _one_sigma(errors_m: NDArray[np.float64]) -> str:

@@ -262,7 +262,7 @@ def _table(pours: Sequence[RecordedPour]) -> TableBlock:
         ]
         rows.append((pair_name(pair), *(cell for one in found for cell in _cells(one))))
     caption = "Balls after each pour, of 40, and the probability of a spill expected before it."
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)
 
 
 def _level_table(pours: Sequence[RecordedPour]) -> TableBlock:
@@ -275,7 +275,7 @@ def _level_table(pours: Sequence[RecordedPour]) -> TableBlock:
         balls = p.wanted, p.kept, p.spilled
         rows.append((pair_name(p.order.pair), asked, *balls, 100.0 * p.level_error))
     caption = "Balls after pours to a level, of 40; the error is in shares of the cup's volume."
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)
 
 
 def _cells(pour: RecordedPour | None) -> tuple[float | None, ...]:

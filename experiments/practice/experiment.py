@@ -137,7 +137,7 @@ def _table(done: Sequence[Practised]) -> TableBlock:
     for pair in zip(*(of_method(done, method) for method in METHODS), strict=True):
         after = (value for one in pair for value in (one.settled, one.spilled[1]))
         rows.append((pair[0].seed, pair[0].start, *after))
-    return TableBlock.of(columns, rows, "Cost and spilled balls of fresh pours, means.")
+    return TableBlock(columns, rows, "Cost and spilled balls of fresh pours, means.")
 
 
 def _numbers(done: Sequence[Practised]) -> dict[str, object]:

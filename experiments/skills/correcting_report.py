@@ -121,7 +121,7 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | TableBlock, ...]:
     caption = f"Dots: executions; lines: means; dashed: {most:.1f} cm, wanted at most."
     figure = Figure(to_svg(errors_figure(study)), caption)
     caption = "Mean error of the hand at the new place, of executions that nobody touched."
-    return figure, TableBlock.of(columns, rows, caption)
+    return figure, TableBlock(columns, rows, caption)
 
 
 @styled

@@ -94,7 +94,7 @@ def _blocks(study: PractisingStudy) -> tuple[Figure | TableBlock, ...]:
             cells += [SHOWN[cost][0] * np.mean(values) for values in means]
         rows.append((readable(one.task), *cells, *(np.median(late) for late in one.late_s)))
     caption = "Cheapest rollout so far over the first's, mean of the seeds; dashed: random search."
-    table = TableBlock.of(columns, rows, "Mean costs of executions beside other people.")
+    table = TableBlock(columns, rows, "Mean costs of executions beside other people.")
     return Figure(to_svg(curves_figure(study)), caption), table
 
 

@@ -243,6 +243,6 @@ def _table(
         (count, *(line.mean[k] for line in lines.values()), *100 * share[k], *100 * wrong[k, ::-1])
         for k, count in enumerate(counts)
     )
-    return TableBlock.of(
+    return TableBlock(
         columns, rows, "Controlled agent's error, calibration, and error of the spline."
     )

@@ -254,7 +254,7 @@ def _table(study: ToolboxStudy) -> TableBlock:
         errors = t.nll.mean(), t.joint_rms_rad.mean(), end_rms_rad.mean()
         members = ", ".join(str(n) for n in np.bincount(t.labels))
         rows.append((t.number, *errors, purity(study.tasks.tolist(), t.labels), members))
-    return TableBlock.of(columns, rows, strong=[study.chosen - 1])
+    return TableBlock(columns, rows, strong=[study.chosen - 1])
 
 
 def _end_alone(study: ToolboxStudy) -> Paragraph:
@@ -290,4 +290,4 @@ def _executions(study: ToolboxStudy) -> TableBlock:
         error = two_sigma(errors) if errors.size else None
         rows.append((readable(task), len(own), sum(e.right for e in own), decided, error))
     caption = "Executions before the online estimator; wrong at any time counts as wrong."
-    return TableBlock.of(columns, rows, caption)
+    return TableBlock(columns, rows, caption)

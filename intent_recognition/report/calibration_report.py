@@ -128,7 +128,7 @@ def _left_out_table(left_out: Mapping) -> html.TableBlock:
     for task, own in left_out.items():
         shares = 100 * own["above_threshold"], 100 * own["activated"]
         rows.append((readable(task), own["n"], own["area"], *shares))
-    return html.TableBlock.of(columns, rows, "Each task left out")
+    return html.TableBlock(columns, rows, "Each task left out")
 
 
 def _accuracy_table(accuracy: Mapping) -> html.TableBlock:
@@ -143,7 +143,7 @@ def _accuracy_table(accuracy: Mapping) -> html.TableBlock:
         both = [table.get(fraction, {}) for table in accuracy.values()]
         shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
         rows.append([100 * float(fraction), *(100 * share for share in shares)])
-    return html.TableBlock.of(
+    return html.TableBlock(
         columns, rows, "Accuracy on known tasks, without the answer none and with it"
     )
 

@@ -24,6 +24,7 @@ from intent_recognition.evaluation import (
 from intent_recognition.promp import NONE
 from intent_recognition.report import figures_session
 from intent_recognition.report.drawing import readable, to_svg
+from intent_recognition.report.figures_calibration import confusion_shares_figure
 from intent_recognition.report.figures_evaluation import reliability_figure
 from intent_recognition.report.figures_interaction import (
     joint_figure,
@@ -217,11 +218,10 @@ def _figures_of_posteriors(
 ) -> tuple[Block, ...]:
     if not records:
         return ()
-    figure = figures_session.confusion_figure(
-        *figures_session.confusion_counts(
-            [r.task for r in records], [r.recognised for r in records]
-        )
+    rows, columns, counts = figures_session.confusion_counts(
+        [r.task for r in records], [r.recognised for r in records]
     )
+    figure = confusion_shares_figure(counts, rows, columns)
     confusion = _figure(figure, "What each task was recognised as.")
     both = [(r, by_index[r.index]) for r in records if _has_posterior(by_index.get(r.index))]
     if not both:
@@ -337,14 +337,14 @@ def _sentence(record: InteractionRecord) -> str:
 
 
 def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> TableBlock:
-    columns = tuple(Column(field.title, field.unit, field.align) for field in FIELDS)
-    missed = frozenset(row for row, record in enumerate(records) if not record.right)
+    columns = [Column(field.title, field.unit, field.align) for field in FIELDS]
+    missed = [row for row, record in enumerate(records) if not record.right]
     of_changed = summary.n_changed - summary.changes_followed
     caption = (
         "decided: after onset. share: of the human's movement at the decision. arrival: after the"
         f" human's end. {summary.missed + of_changed} missed."
     )
-    return TableBlock(columns, tuple(cells(record) for record in records), caption, missed)
+    return TableBlock(columns, map(cells, records), caption, missed)
 
 
 def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:

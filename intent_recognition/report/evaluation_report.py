@@ -154,7 +154,7 @@ def _recognition(recognition: Mapping, segment: str) -> tuple[html.Block, ...]:
             row.append(_known(number(scores.get("log_loss"), "")))
         rows.append(row)
     caption = f"Accuracy and mean log loss over the share of the {segment} observed."
-    return html.Figure(to_svg(figure), caption), html.TableBlock.of(columns, rows)
+    return html.Figure(to_svg(figure), caption), html.TableBlock(columns, rows)
 
 
 def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") -> html.Section:
@@ -199,7 +199,7 @@ def _online(online: Mapping) -> tuple[html.Block, ...]:
     for phase, scores in phases.items():
         values = [100 * number(scores.get(name), "") for name in ONLINE_COLUMNS]
         rows.append((PHASE_NAMES[phase], *map(_known, values)))
-    return html.TableBlock.of((html.Column("", align="left"), *shares), rows), html.Paragraph(
+    return html.TableBlock((html.Column("", align="left"), *shares), rows), html.Paragraph(
         ONLINE_EXPLANATION, small=True
     )
 

@@ -108,7 +108,7 @@ def _blocks(one: Explanation) -> tuple[html.Block, ...]:
         html.Column("evidence", "nat", form=".1f"),
         html.Column("without it", align="left"),
     )
-    table = html.TableBlock.of(columns, without_rows(one))
+    table = html.TableBlock(columns, without_rows(one))
     blocks: tuple[html.Block, ...] = (
         html.Row(tuple(html.Figure(to_svg(figure)) for figure in drawn)),
         table,

@@ -194,43 +194,13 @@ def posterior_figure(
     return figure
 
 
-@styled
-def confusion_figure(
-    rows: Sequence[str], columns: Sequence[str], counts: NDArray[np.float64]
-) -> "Figure":
-    """How often each true task (row) was recognised as what (column), (R, C) counts."""
-    counts = np.asarray(counts)
-    figure, axes = new_axes(5.6, max(3.7, 1.2 + 0.5 * len(rows)))
-    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.25, aspect="auto")
-    for (row, column), count in np.ndenumerate(counts):
-        axes.text(
-            column,
-            row,
-            str(int(count)),
-            ha="center",
-            va="center",
-            fontsize=12,
-            fontweight="bold" if count else "normal",
-            color="white" if shares[row, column] > 0.55 else (INK if count else "#aab4bf"),
-        )
-    axes.set_xticks(range(len(columns)), [readable(c).replace(" ", "\n") for c in columns])
-    axes.set_yticks(range(len(rows)), [readable(r) for r in rows])
-    axes.set(xlabel="recognised", ylabel="true task")
-    axes.grid(visible=False)
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    return figure
-
-
 def confusion_counts(
     true: Sequence[str], recognised: Sequence[str]
 ) -> tuple[list[str], list[str], NDArray[np.float64]]:
     """Rows (true tasks), columns (those and what else was recognised, none last) and counts."""
     recognised = [name or NONE for name in recognised]
     rows = sorted(set(true))
-    others = sorted((set(recognised) | set(rows)) - {NONE})
-    columns = [*others, *([NONE] if NONE in recognised else [])]
+    columns = [*sorted((set(recognised) | set(rows)) - {NONE}), NONE]
     counts = np.zeros((len(rows), len(columns)), dtype=int)
     for task, name in zip(true, recognised, strict=True):
         counts[rows.index(task), columns.index(name)] += 1

@@ -5,17 +5,15 @@ A page is a tree of frozen values; `render` turns it into text. Everything given
 """
 
 import base64
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import chain, repeat
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from intent_recognition.errors import ArgumentError, ResourceBusyError, ShapeError
+from intent_recognition.errors import ResourceBusyError, ShapeError
 from intent_recognition.report.stylesheet import STYLESHEET
 
-MEDIA_TYPES = ("image/svg+xml", "image/png")
 ABSENT = "\N{EN DASH}"
 
 
@@ -35,7 +33,7 @@ class Column:
         title: its text.
         unit: of its numbers.
         align: of heading and cells.
-        form: how `TableBlock.of` writes its numbers, as `format` takes it.
+        form: of its numbers, as `format` takes it.
     """
 
     title: str
@@ -46,7 +44,7 @@ class Column:
 
 @dataclass(frozen=True)
 class TableBlock:
-    """Rows of ready-made texts; None is shown as a dash.
+    """Rows of cells: texts, numbers, which are written as their column says, and None, a dash.
 
     Attributes:
         columns: C headings.
@@ -54,46 +52,31 @@ class TableBlock:
         caption: what the table shows.
         marked: indices of rows to be set off (misses, say).
         strong: indices of rows in bold (totals, say).
+
+    Raises:
+        ShapeError: a row has more or fewer cells than there are columns.
     """
 
-    columns: tuple[Column, ...]
-    rows: tuple[tuple[str | None, ...], ...]
+    columns: Sequence[Column]
+    rows: Iterable[Sequence[object]]
     caption: str = ""
-    marked: frozenset[int] = frozenset()
-    strong: frozenset[int] = frozenset()
+    marked: Collection[int] = ()
+    strong: Collection[int] = ()
 
     def __post_init__(self) -> None:
-        """Check that every row has as many cells as there are columns."""
+        """Write the cells as texts."""
+        rows = []
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):
-                expected = f"{len(self.columns)} cells, one per column"
-                raise ShapeError.about(
-                    f"row {number}", expected, len(row), "Use None for an empty cell."
-                )
+                expected, cure = f"{len(self.columns)} cells", "Use None for an empty cell."
+                raise ShapeError.about(f"row {number}", expected, len(row), cure)
+            forms = (column.form for column in self.columns)
+            rows.append(tuple(map(_written, row, forms)))
+        object.__setattr__(self, "rows", tuple(rows))
 
-    @classmethod
-    def of(
-        cls,
-        columns: Sequence[Column],
-        rows: Iterable[Sequence[object]],
-        caption: str = "",
-        marked: Iterable[int] = (),
-        strong: Iterable[int] = (),
-    ) -> "TableBlock":
-        """A table of values: numbers are written as their column says, texts and None stay.
 
-        Raises:
-            ShapeError: a row has more or fewer values than there are columns.
-        """
-        forms = [column.form for column in columns]
-        texts = tuple(
-            tuple(
-                value if value is None or isinstance(value, str) else format(value, form)
-                for value, form in zip(row, chain(forms, repeat("")), strict=False)
-            )
-            for row in rows
-        )
-        return cls(tuple(columns), texts, caption, frozenset(marked), frozenset(strong))
+def _written(value: object, form: str) -> str | None:
+    return value if value is None or isinstance(value, str) else format(value, form)
 
 
 @dataclass(frozen=True)
@@ -103,20 +86,15 @@ class Figure:
     Attributes:
         data: the bytes of an SVG or PNG file.
         caption: what it shows, below it.
-        media_type: "image/svg+xml" or "image/png".
     """
 
     data: bytes
     caption: str = ""
-    media_type: str = MEDIA_TYPES[0]
 
-    def __post_init__(self) -> None:
-        """Check the media type, and that there is an image."""
-        if self.media_type not in MEDIA_TYPES:
-            cure = "Render the figure as one of these."
-            raise ArgumentError.about("media_type", " or ".join(MEDIA_TYPES), self.media_type, cure)
-        if not self.data:
-            raise ArgumentError.about("data", "an image", "no bytes", "Leave the figure out.")
+    @property
+    def suffix(self) -> str:
+        """Of a file with these bytes: svg or png."""
+        return "png" if self.data.startswith(b"\x89PNG") else "svg"
 
 
 @dataclass(frozen=True)
@@ -229,7 +207,7 @@ def _table(block: TableBlock) -> str:
         f'<th scope="col" class="{column.align}">{escape(column.title)}{_unit(column.unit)}</th>'
         for column in block.columns
     )
-    body = "\n".join(_table_row(block, number) for number in range(len(block.rows)))
+    body = "\n".join(_table_row(block, number, row) for number, row in enumerate(block.rows))
     return (
         f'<div class="table"><table>{caption}<thead><tr>{head}</tr></thead>\n'
         f"<tbody>\n{body}\n</tbody></table></div>"
@@ -240,14 +218,14 @@ def _unit(unit: str) -> str:
     return f' <span class="unit">[{escape(unit)}]</span>' if unit else ""
 
 
-def _table_row(block: TableBlock, number: int) -> str:
+def _table_row(block: TableBlock, number: int, row: Sequence[Any]) -> str:
     names = [
         n for n, rows in (("marked", block.marked), ("strong", block.strong)) if number in rows
     ]
     kind = f' class="{" ".join(names)}"' if names else ""
     cells = "".join(
         f'<td class="{column.align}">{escape(ABSENT if cell is None else cell)}</td>'
-        for column, cell in zip(block.columns, block.rows[number], strict=True)
+        for column, cell in zip(block.columns, row, strict=True)
     )
     return f"<tr{kind}>{cells}</tr>"
 
@@ -256,9 +234,8 @@ def _figure(block: Figure) -> str:
     data = base64.b64encode(block.data).decode("ascii")
     caption = f"<figcaption>{escape(block.caption)}</figcaption>" if block.caption else ""
     alt = escape(block.caption)
-    return (
-        f'<figure><img alt="{alt}" src="data:{block.media_type};base64,{data}">{caption}</figure>'
-    )
+    kind = {"svg": "svg+xml"}.get(block.suffix, block.suffix)
+    return f'<figure><img alt="{alt}" src="data:image/{kind};base64,{data}">{caption}</figure>'
 
 
 def _row(block: Row) -> str:

@@ -84,7 +84,7 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
     sections = []
     for title, (names, *rows) in tables.items():
         columns = [html.Column(name.removeprefix(">"), align="left") for name in names]
-        block: tuple[html.Block, ...] = (html.TableBlock.of(columns, rows),)
+        block: tuple[html.Block, ...] = (html.TableBlock(columns, rows),)
         sections.append(html.Section(title.capitalize(), block))
     if worst:
         drawn = html.Figure(to_svg(worst_figure(worst)), CAPTION)

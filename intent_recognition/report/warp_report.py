@@ -47,7 +47,7 @@ def write_warp_report(
         subtitle=f"{content['source']} onto {content['target']}",
         sections=(
             html.Section("Parameters", (html.KeyNumbers(numbers),)),
-            html.Section("Parts", (html.Figure(parts, "Points by part.", media_type="image/png"),)),
+            html.Section("Parts", (html.Figure(parts, "Points by part."),)),
             html.Section("Cavity", (html.Figure(cut, caption),)),
             html.Section("As JSON", (table,)),
         ),

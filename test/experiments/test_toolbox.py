@@ -89,7 +89,7 @@ def test_median_and_range_of_draws_stand_below_them():
     draws = [Draw(k, {"a": float(k), "b": k / 4}) for k in (1, 2, 6)]
     (table,) = draws_tables(draws, {"a": "", "b": "cm"}.get, "")
     assert table.rows[-1] == ("all", "2 (1 to 6)", "0.5 (0.2 to 1.5)")
-    assert table.rows[2] == ("6", "6", "1.5") and table.strong == {3}
+    assert table.rows[2] == ("6", "6", "1.5") and table.strong == [3]
 
 
 def test_draws_that_come_out_otherwise_say_why(study):

@@ -21,7 +21,7 @@ from intent_recognition.report.drawing import (
     to_png,
     to_svg,
 )
-from intent_recognition.report.figures_calibration import regions_figure
+from intent_recognition.report.figures_calibration import confusion_shares_figure, regions_figure
 from intent_recognition.report.figures_evaluation import (
     coverage_figure,
     recognition_figure,
@@ -81,7 +81,7 @@ def all_figures(per_task, trace, rng):
         "posterior": figures.posterior_figure(
             ["plate", "screw"], [*TASKS, "none"], [share] * 2, [posterior] * 2, [0.4, None]
         ),
-        "confusion": figures.confusion_figure(*figures.confusion_counts(TASKS, TASKS)),
+        "confusion": confusion_shares_figure(np.eye(3, 4), TASKS, (*TASKS, "none")),
         "wrist": wrist_figure(trace),
         "joints": joint_figure(trace),
         "over_time": posterior_over_time_figure(trace, 2.0),

@@ -106,7 +106,7 @@ def test_the_demo_table_is_the_records(session, page):
     records, _ = session
     table = blocks_of(page, TableBlock)[0]
     assert table.rows == tuple(cells(record) for record in records)
-    assert table.marked == {4}
+    assert table.marked == [4]
 
 
 @pytest.mark.slow
