@@ -111,15 +111,6 @@ def test_a_path_into_a_thing_of_the_planning_scene_waits_until_it_is_gone(harnes
     assert graph.node.diagnostics.rejected("would_touch")
 
 
-def test_a_path_beside_a_box_is_executed(harness):
-    graph = Graph(harness, clearance=0.02, boxes=[box_at(HOME + [1.5, 0, 0, 0, 0, 0, 0])])
-    graph.describe(ROBOT.description)
-    for _ in range(4):
-        graph.step()
-    graph.harness.spin_until(lambda: graph.commands)
-    np.testing.assert_allclose(trajectory_arrays(graph.commands[0])[1][-1], GOAL, atol=1e-6)
-
-
 def test_without_the_arms_shape_nothing_moves(harness):
     graph = Graph(harness, clearance=0.02)
     graph.step()

@@ -25,7 +25,7 @@ from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
-from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
+from intent_recognition.recognition.estimator import IntentEstimator
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +39,9 @@ def mixed(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task", [0, 1, 2])
+@pytest.mark.parametrize("task", [0, 2])
 def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist, task):
-    graph = Graph(harness, wrist)
+    graph = Graph(harness, wrist, publish_rate=10.0)
     observations = wrist.observations(task)
     graph.feed(observations)
     estimates = expected(wrist.model, observations)
@@ -51,6 +51,8 @@ def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist, task):
     others = np.delete(believed, task)  # beside each of which it has more than 97 %
     assert np.all(believed[task] > 0.97 * (believed[task] + others))
     assert all(m.position[-1] == 1.0 for m in graph.tasks[:20])  # at rest
+    times_s = [e.stamp_ns * 1e-9 for e in estimates if e.moving]
+    assert len(graph.robot) == pytest.approx(10.0 * (times_s[-1] - times_s[0]), abs=2)
     phases = [m.velocity[task] for m in moving]
     assert phases[-1] > 0.9 and np.all(np.diff(phases) > -0.05)
 
@@ -83,16 +85,6 @@ def test_trajectory_is_filled_as_the_contract_says(harness, wrist):
     final = graph.robot[-1].points[-1].positions
     truth = perform(wrist.truth, 1, 100).controlled[0].values[-1]
     np.testing.assert_allclose(final, truth, atol=0.1)
-
-
-@pytest.mark.slow
-def test_trajectories_come_at_the_rate_asked_for(harness, wrist):
-    graph = Graph(harness, wrist, publish_rate=10.0)
-    observations = wrist.observations(2)
-    graph.feed(observations)
-    moving = [e.stamp_ns for e in expected(wrist.model, observations) if e.moving]
-    span_s = (moving[-1] - moving[0]) * 1e-9
-    assert 10.0 * span_s - 2 <= len(graph.robot) <= 10.0 * span_s + 2
 
 
 def spoiled(observation, fault):
@@ -213,22 +205,6 @@ def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
 
 
 @pytest.mark.slow
-def test_a_clock_that_was_set_back_is_followed(harness, wrist):
-    graph = Graph(harness, wrist)
-    observations = wrist.observations(0, rest_before_s=2.0)
-    graph.feed(observations[:160])
-    again = shifted(observations, -1000.0)
-    late = 0
-    while not graph.send(message_for(DOFS, again[late])):
-        late += 1
-    assert late == CLOCK_RESET_AFTER - 1 == graph.rejected("stamp_not_increasing")
-    del graph.tasks[:-1], graph.robot[:]
-    graph.feed(again[late + 1 :])
-    check_tasks(graph.tasks, expected(wrist.model, again[late:]), wrist.model.labels)
-    harness.spin_until(lambda: len(graph.robot) > 10)
-
-
-@pytest.mark.slow
 def test_a_model_of_other_dofs_is_refused_and_the_old_one_kept(harness, wrist, mixed):
     graph = Graph(harness, wrist)
     observations = wrist.observations(1)
@@ -329,18 +305,3 @@ def test_an_activation_that_fails_half_way_leaves_nothing_subscribed(harness, tm
         assert not node.active
         topics = sorted(subscription.topic_name for subscription in node.subscriptions)
         assert topics == before
-
-
-@pytest.mark.slow
-def test_observed_topics_of_three_kinds_work_together(harness, mixed):
-    graph = Graph(harness, mixed)
-    observations = mixed.observations(2)
-    graph.feed(observations)
-    check_tasks(graph.tasks, expected(mixed.model, observations), mixed.model.labels)
-    moving = [m for m in graph.tasks if m.position[-1] < 1.0]
-    assert np.argmax(moving[-1].position) == 2
-    drawn = np.array([[p.x, p.y, p.z] for p in graph.markers[-1].markers[0].points])
-    wrist = np.array([o.values for o in observations if o.group == 2])
-    apart = np.linalg.norm(drawn[:, None] - wrist, axis=2)  # the body that is predicted, alone
-    assert np.all(np.min(apart, axis=1) < 1e-12)
-    assert graph.robot and graph.path

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import yaml
 from model_builder import GLOVE, WRIST, make_dofs, true_library
-from ros_harness import NodeProcess
 
-from intent_recognition.demonstrations.entry import DofEntry
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes.intent_estimator import main
 from intent_recognition.nodes.observation_input import human_topic
@@ -33,36 +32,31 @@ def start(capfd, **parameters) -> str:
     return lines[0]
 
 
-def dof_file(folder, dofs):
-    path = folder / "mine.yaml"
-    path.write_text(yaml.safe_dump(dofs.to_dict()))
-    return path
-
-
 def test_without_a_model(capfd):
     line = start(capfd)
     assert "parameter model" in line and "intent train" in line
 
 
-def test_a_model_that_is_not_there(capfd, tmp_path):
-    assert str(tmp_path / "no.npz") in start(capfd, model=tmp_path / "no.npz")
+@pytest.mark.parametrize("name", ["model", "dofs"])
+def test_a_file_that_is_not_there(capfd, model, name):
+    assert "/no.file" in start(capfd, **{"model": model, name: "/no.file"})
 
 
-def test_a_dof_file_of_other_dofs_names_both_sides(capfd, model, tmp_path):
-    line = start(capfd, model=model, dofs=dof_file(tmp_path, make_dofs(WRIST)))
-    assert "mine.yaml: observed" in line
-    assert "thumb" in line and line.count("/mocap/wrist/pose") == 2
+OTHER = DofEntry("joint_states", "sensor_msgs/msg/JointState", joints=("a", "b"), unit="rad")
 
 
-def test_a_dof_file_of_other_joints_names_both_sides(capfd, model, tmp_path):
-    robot = DofEntry("joint_states", "sensor_msgs/msg/JointState", joints=("a", "b"), unit="rad")
-    other = type(DOFS)(DOFS.observed, (robot,))
-    line = start(capfd, model=model, dofs=dof_file(tmp_path, other))
-    assert "mine.yaml: controlled" in line and "lwr_a1_joint" in line and '["a", "b"]' in line
-
-
-def test_a_dof_file_that_is_not_there(capfd, model):
-    assert "/nowhere.yaml" in start(capfd, model=model, dofs="/nowhere.yaml")
+@pytest.mark.parametrize(
+    ("dofs", "said"),
+    [
+        (make_dofs(WRIST), ("mine.yaml: observed", "thumb", "/mocap/wrist/pose")),
+        (DofSpec(DOFS.observed, (OTHER,)), ("mine.yaml: controlled", "lwr_a1_joint", '["a", "b"]')),
+    ],
+)
+def test_a_dof_file_of_other_dofs_names_both_sides(capfd, model, tmp_path, dofs, said):
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(dofs.to_dict()))
+    line = start(capfd, model=model, dofs=path)
+    assert all(word in line for word in said)
 
 
 def test_a_model_from_the_future_names_both_versions(capfd, model):
@@ -85,13 +79,6 @@ def test_a_type_that_is_not_installed(capfd, tmp_path):
 @pytest.mark.parametrize("rate", ["0.0", "-1.0", ".nan"])
 def test_an_impossible_rate(capfd, model, rate):
     assert "publish_rate" in start(capfd, model=model, publish_rate=rate)
-
-
-@pytest.mark.slow
-def test_a_process_that_cannot_start_ends_with_one_line_and_code_one():
-    with NodeProcess("intent_recognition.nodes.intent_estimator") as node:
-        assert node.wait() == 1
-    assert len(node.errors.splitlines()) == 1 and "parameter model" in node.errors
 
 
 def test_it_listens_to_what_ingest_makes_of_a_raw_pose():

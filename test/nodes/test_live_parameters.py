@@ -9,6 +9,7 @@ from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 
 from intent_recognition.activation.states import Homing, Idle
+from intent_recognition.errors import BagError
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
@@ -83,6 +84,9 @@ def test_every_parameter_is_described_and_those_that_cannot_change_are_read_only
         assert descriptor.type, name
         assert not descriptor.dynamic_typing, name
         assert descriptor.read_only == (name not in LIVE[kind]), name
+        # one without a value of its type makes `ros2 param dump` print `{}` for the whole node
+        value = node.get_parameter(name).get_parameter_value()
+        assert value.type == descriptor.type, name
     for name in set(names) - LIVE[kind]:
         value = node._parameters[name]
         if value.type_ != Parameter.Type.NOT_SET:
@@ -150,3 +154,15 @@ def test_player_goes_on_at_another_rate(harness, tmp_path):
     assert change(harness, node, rate=0.0) == ""
     harness.spin_until(node.finished.is_set)
     assert node.published == 60
+
+
+@pytest.mark.parametrize("kind", [BagRecorder, TaskTeacher])
+def test_a_label_that_cannot_name_a_task_is_refused(harness, tmp_path, model, kind):
+    node = harness.node(kind, **needed(kind, tmp_path, model))
+    for label in ("bad/label", "x" * 300, "a\x1b[2J", ".."):
+        reason = change(harness, node, task=label)
+        assert "label" in reason and "\x1b" not in reason
+    assert change(harness, node, task="give_cup") == ""
+    if kind is BagRecorder:
+        with pytest.raises(BagError, match="label"):
+            harness.node(kind, task="bad/label")

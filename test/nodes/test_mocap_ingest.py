@@ -103,12 +103,6 @@ def test_bodies_are_independent(harness):
     assert far[0].child_frame_id == "elbow_world_aligned"
 
 
-def test_namespace_applies(harness):
-    harness.add(MocapIngest(namespace="/cell"))
-    publisher = harness.publisher(PoseStamped, "/cell/mocap/wrist/pose", qos.SENSOR)
-    harness.connect(publisher)
-
-
 def test_when_the_clock_goes_back_the_first_pose_counts(harness):
     node = start(harness, use_sim_time=True)
     clock = harness.publisher(Clock, "/clock", 10)

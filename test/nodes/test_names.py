@@ -105,17 +105,6 @@ def test_every_name_is_in_the_namespace_but_clock_and_diagnostics(harness, bag, 
     assert offered >= {f"/cell1/{name}/{service}" for service in SERVICES.get(name, ())}
 
 
-@pytest.mark.parametrize("name", NODES)
-def test_every_parameter_has_a_value_of_its_type(harness, bag, name):
-    """One without makes `ros2 param dump` print `{}` for the whole node."""
-    node = make(harness, name, bag)
-    names = node.list_parameters([], depth=0).names
-    for found, descriptor in zip(
-        node.get_parameters(names), node.describe_parameters(names), strict=True
-    ):
-        assert found.get_parameter_value().type == descriptor.type != Parameter.Type.NOT_SET.value
-
-
 @pytest.mark.parametrize("name", OFFERED)
 def test_topics_are_offered_as_the_contract_says(harness, bag, name):
     profiles = {p.topic_name: p.qos_profile for p in make(harness, name, bag).publishers}
@@ -126,10 +115,10 @@ def test_topics_are_offered_as_the_contract_says(harness, bag, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NODES)
-def test_every_node_ends_quietly_when_asked_to(harness, bag, name):
-    kind = NODES[name][0]
-    module = kind.__module__
+@pytest.mark.parametrize("name", ["mocap_ingest", "object_warper", "object_transfer"])
+def test_a_node_ends_quietly_when_asked_to(harness, bag, name):
+    """The others: test/docs/test_run.py."""
+    module = NODES[name][0].__module__
     pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in needed(name, bag).items())
     arguments = ["--ros-args", *(word for pair in pairs for word in pair)]
     reports = harness.collect(DiagnosticArray, "/diagnostics")

@@ -35,7 +35,6 @@ HAND_RATE = DofEntry(
     unit="m/s",
     of=(HAND.names[2], HAND.names[0]),
 )
-GLOVE_RATE = replace(GLOVE, quantity="velocity", unit="rad/s", of=GLOVE.joints, std=0.05)
 MS = 1_000_000
 
 
@@ -156,16 +155,6 @@ def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harne
 
 
 @pytest.mark.slow
-def test_one_body_that_comes_late_behind_the_other(harness, bodies):
-    seen = bodies.observations(2)
-    delayed = plain(bodies, seen, lambda group: 70 * MS * group)
-    rows, _ = run(harness, bodies, delayed, bodies=("wrist", "elbow"))
-    stamps = [row["stamp"] for row in rows]
-    assert len(rows) == len(seen) and stamps != sorted(stamps)
-    assert winner(rows) == "task_2"
-
-
-@pytest.mark.slow
 def test_stamps_before_the_last_of_the_same_body_are_dropped(harness, bodies):
     seen = bodies.observations(0)
     for k in range(20, len(seen) - 2, 15):  # they change places with the next of their topic
@@ -253,20 +242,6 @@ def test_velocities_measured_beside_the_positions(harness, tmp_path):
     assert winner(without) == "task_1"
     surely = [max(r["probabilities"].values()) for r in (rows[len(rows) // 2], without[-60])]
     assert surely[0] != surely[1]
-
-
-@pytest.mark.slow
-def test_velocities_of_joints_with_the_deviation_of_the_dof_file(harness, tmp_path):
-    subject = Subject(tmp_path, replace(make_dofs(GLOVE), velocities=(GLOVE_RATE,)))
-    messages, seen = [], subject.observations()
-    for k, (log_ns, entry, fields) in enumerate(plain(subject, seen)):
-        step = seen[min(k + 1, len(seen) - 1)].values - seen[max(k - 1, 0)].values
-        velocity = [] if k % 3 else (step / 0.04).tolist()
-        messages.append((log_ns, entry, fields | {"velocity": velocity}))
-    rows, nodes = run(harness, subject, messages)
-    third = len(range(0, len(messages), 3))
-    assert nodes.rejected() == {"missing_dof": len(messages) - third}
-    assert len(rows) == len(messages) + third and winner(rows) == "task_1"
 
 
 @pytest.mark.slow

@@ -17,10 +17,10 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 
 from intent_recognition.errors import ArgumentError, ModelError
-from intent_recognition.nodes import qos
+from intent_recognition.nodes import mocap_ingest, qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare_one
-from intent_recognition.nodes.runtime import _Signals, run, settle, when_clock_goes_back
+from intent_recognition.nodes.runtime import _Signals, run, when_clock_goes_back
 from intent_recognition.parameter_table import ParameterSpec
 from intent_recognition.registry import ANSWERS
 
@@ -113,17 +113,13 @@ def test_programming_errors_are_not_hidden():
         run(Buggy, [])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "override", ["max_speed:=-1.0", "max_speed:=fast", "max_gap:=.nan", "bodies:=[a, a]"]
 )
-def test_bad_parameter_is_one_line(override):
-    node = NodeProcess("intent_recognition.nodes.mocap_ingest", "--ros-args", "-p", override)
-    with node:
-        assert node.wait() == 1
-    assert len(node.errors.splitlines()) == 1
-    assert override.split(":")[0] in node.errors
-    assert "[FATAL]" in node.errors and "[mocap_ingest]" in node.errors
+def test_bad_parameter_is_one_line(capfd, override):
+    assert mocap_ingest.main(["mocap_ingest", "--ros-args", "-p", override]) == 1
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "[FATAL]" in line and "[mocap_ingest]" in line and override.split(":")[0] in line
 
 
 @pytest.mark.slow
@@ -137,7 +133,7 @@ def test_why_it_cannot_start_is_logged_under_the_name_it_was_given():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("domain", ["999", "-1", "mine"])
+@pytest.mark.parametrize("domain", ["999", "mine"])
 def test_bad_domain_is_one_line(domain):
     with NodeProcess(
         "intent_recognition.nodes.mocap_ingest", environment={"ROS_DOMAIN_ID": domain}
@@ -180,7 +176,7 @@ def test_two_interrupts_within_milliseconds_are_one(harness, executable, name):
         interrupt_twice(node)
 
 
-@pytest.mark.parametrize("n_imports", [0, 150, 400, 700])
+@pytest.mark.parametrize("n_imports", [0, 400])
 def test_interrupts_while_a_node_starts_are_quiet(executable, n_imports):
     environment = {"PYTHONPATH": str(ROOT), "PYTHONVERBOSE": "1"}
     with NodeProcess(executable("mocap_ingest"), environment=environment) as node:
@@ -324,14 +320,6 @@ def test_diagnostics_go_on_while_simulated_time_stands_still(harness):
     Diagnostics(node_with(harness, use_sim_time=True), period_s=0.02)
     harness.spin_until(lambda: len(reports) > 2, what="reports")
     assert [status.name for status in reports[0].status] == ["owner"]
-
-
-@pytest.mark.slow
-def test_what_stays_is_passed_over_by_the_collector():
-    gc.unfreeze()  # what a test before has left
-    before = gc.get_freeze_count()
-    settle()
-    assert gc.get_freeze_count() > before + 1000
 
 
 @pytest.mark.parametrize("back_s", [0.05, 0.2, 30.0])
