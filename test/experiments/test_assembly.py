@@ -11,7 +11,6 @@ import pytest
 from experiments.assembly import experiment as assembly
 from experiments.assembly.aligned import aligned_evidence, spread_rows
 from experiments.assembly.scores import (
-    N_OBSERVATIONS,
     TRUTH_PHASES,
     at_phase,
     observations_to_certainty,
@@ -21,14 +20,11 @@ from experiments.assembly.scores import (
     spread_observations,
     watch,
 )
-from experiments.assembly.study import arrival_s, fold_numbers, study
+from experiments.assembly.study import arrival_s, study
 from experiments.settings import Settings
-from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.filtering.grid import fixed_prior_grid
 from intent_recognition.gaussian.normal import Gaussian, log_density
-from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.promp.phase_deviation import STEADY
-from intent_recognition.share import share_path
 from sim_bridge.scenarios.assembly.styles import TASKS
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
@@ -40,37 +36,12 @@ def found():
     return study(Settings(quick=True))
 
 
-def test_folds_leave_out_each_task_alike(found):
-    together = [*found.first.training, *found.first.left_out]
-    numbers = fold_numbers(together, 4)
-    for task in TASKS:
-        mine = [part for d, part in zip(together, numbers, strict=True) if d.task == task]
-        assert np.ptp(np.bincount(mine, minlength=4)) <= 1
-    assert sorted(d.task for d in found.first.left_out) == sorted(TASKS)
-
-
 def test_nothing_left_out_was_learned_from(found):
     learned = {d.name for d in found.first.training}
     assert learned.isdisjoint(d.name for d in found.first.left_out)
     assert set(found.first.library.provenance.get("bags", ())).isdisjoint(
         d.name for d in found.first.left_out
     )
-
-
-def test_observations_are_spread_over_the_whole_movement(found):
-    recorded = found.first.left_out[0]
-    observations = spread_observations(recorded)
-    even = (np.arange(N_OBSERVATIONS) + 0.5) / N_OBSERVATIONS
-    np.testing.assert_allclose(phases_of(recorded, observations), even, atol=0.04)
-
-
-def test_probabilities_sum_to_one(found):
-    for scored in found.scored:
-        for way in (scored.known, scored.unknown):
-            np.testing.assert_allclose(way.probabilities.sum(axis=1), 1.0, atol=1e-9)
-        np.testing.assert_allclose(scored.aligned.sum(axis=1), 1.0, atol=1e-9)
-        np.testing.assert_allclose(scored.single.sum(axis=1), 1.0, atol=1e-9)
-        np.testing.assert_allclose(scored.forgetting.sum(axis=1), 1.0, atol=1e-9)
 
 
 def test_first_observation_by_itself_is_the_first_of_all(found):
@@ -128,17 +99,6 @@ def test_prediction_after_some_observations_is_what_was_scored(found):
     assert distance[-1] == pytest.approx(scored.known.end_m[7])
     assert np.sqrt(np.mean(distance**2)) == pytest.approx(scored.known.path_m[7])
     assert mean.shape == std.shape == (len(TRUTH_PHASES), 3)
-
-
-def test_model_of_two_humans_comes_back_from_its_file(found, tmp_path):
-    dofs = load_dofs(share_path("config/dofs_two_humans.yaml"))
-    save_model(tmp_path / "two.npz", Model(found.first.library, dofs))
-    loaded = load_model(tmp_path / "two.npz")
-    assert loaded.dofs == dofs
-    assert loaded.library.controlled_units == ("m", "m", "m")
-    np.testing.assert_array_equal(
-        loaded.library.weight_covariance, found.first.library.weight_covariance
-    )
 
 
 def test_certain_means_from_then_on():

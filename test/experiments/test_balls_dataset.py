@@ -7,7 +7,7 @@ import pytest
 from experiments.constraints import dataset
 from experiments.constraints.trials import COLUMNS, blocks
 from experiments.constraints.trials_file import read_trials, write_trials
-from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError
+from intent_recognition.errors import ModelError
 
 
 def rows(seed=0, count=6):
@@ -39,31 +39,6 @@ def test_goes_on_where_it_was_interrupted(tmp_path):
     assert trials.origin["seed"] == 3
     assert trials.tables["filling"]["object"][-1] == 9.0
     assert trials.tables["filling"]["through_wall"][-1] == 0.0
-
-
-def test_refuses_to_mix_settings(tmp_path):
-    unfinished(tmp_path / "trials.npz", 3, done=1)
-    with pytest.raises(ResourceBusyError, match="delete"):
-        dataset.generate(tmp_path / "trials.npz", 4, trials=1)
-
-
-def test_what_is_finished_can_be_written_before_the_end(tmp_path):
-    output = tmp_path / "trials.npz"
-    parts = unfinished(output, 3, done=19)
-    with pytest.raises(ArgumentError, match="go on"):
-        dataset.write_finished(output, 3, trials=1)
-    last = blocks(3, 1)[-1]
-    np.save(dataset._part(parts, last), np.zeros((1, len(COLUMNS[last.experiment]))))
-    rows = dataset.write_finished(output, 3, trials=1)
-    assert {name: len(table) for name, table in rows.items()} == {"pouring": 10, "filling": 10}
-    assert len(read_trials(output).tables["filling"]["object"]) == 10
-    assert parts.is_dir()
-
-
-@pytest.mark.parametrize("wrong", [{"jobs": 0}, {"trials": 0}, {"seed": -1}])
-def test_refuses_senseless_numbers(tmp_path, wrong):
-    with pytest.raises(ArgumentError):
-        dataset.generate(**({"output": tmp_path / "t.npz", "seed": 1} | wrong))
 
 
 def test_equal_tables_give_equal_bytes(tmp_path):

@@ -78,21 +78,11 @@ def test_a_task_that_is_let_go_of_and_one_that_was_never_meant(said):
     assert not one.new_active and not one.old_kept
 
 
-def test_what_was_active_when_the_estimator_called_it_over_counts(said):
-    one = said((0.2, OLD, "activated"), (0.6, NEW, "switched"), (1.05, "", "over"))
-    assert one.new_active
-
-
 def test_a_movement_called_over_half_way_is_not_the_end(said):
     one = said((0.2, OLD, "activated"), (0.3, "", "over"), (0.6, NEW, "activated"))
     assert one.new_active and not one.old_kept
     one = said((0.2, NEW, "activated"), (0.3, "", "over"), (0.6, "", ""))
     assert not one.new_active
-
-
-def test_without_any_activity_nothing_is_late(said):
-    one = said((0.5, "", ""))
-    assert np.isnan(one.release_s) and np.isnan(one.delay_s) and one.final == ""
 
 
 def test_a_cell_counts_what_was_active_alone():

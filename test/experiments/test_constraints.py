@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The task constraints' experiment on the shipped trials."""
+"""The task constraints' experiment on the shipped trials, and its ROC curves."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from experiments.constraints.experiment import run
 from experiments.constraints.features import LABEL, STANDARD, ConstraintSamples
+from experiments.constraints.roc import on_grid, roc_curve
 from experiments.constraints.study import NOVEL, SAME, score
 from experiments.settings import Settings
 
@@ -30,11 +33,6 @@ def test_warped_features_carry_over(outcome):
     assert outcome.numbers["areas"]["pouring"][LABEL][NOVEL] > 0.95
 
 
-def test_every_finding_is_reported(outcome):
-    assert all(finding.ours for finding in outcome.findings)
-    assert outcome.blocks[0].data.startswith(b"<?xml")
-
-
 def samples(shift):
     """Two objects whose labels turn at zero and at `shift`."""
     rng = np.random.default_rng(0)
@@ -50,3 +48,22 @@ def test_scores_of_one_rule_and_of_two():
     assert found[NOVEL].trained_on.tolist() == [0, 0, 0, 1, 1, 1]
     again = score(samples(0.0), 3, np.random.default_rng(1))
     np.testing.assert_array_equal(again[SAME].curves, found[SAME].curves)
+
+
+SAMPLES = st.lists(st.tuples(st.integers(-3, 3), st.booleans()), min_size=2, max_size=40).filter(
+    lambda rows: len({label for _, label in rows}) == 2
+)
+
+
+@given(SAMPLES)
+def test_area_is_how_often_a_positive_scores_higher(rows):
+    scores, labels = (np.array(column) for column in zip(*rows, strict=True))
+    pairs = scores[labels][:, None] - scores[~labels][None]
+    expected = np.mean((pairs > 0) + 0.5 * (pairs == 0))
+    curve = roc_curve(scores, labels)
+    assert curve.area == pytest.approx(expected)
+    for rates in (curve.false_positive, curve.true_positive, on_grid(curve)):
+        assert np.all(np.diff(rates) >= 0.0)
+        assert rates[-1] == 1.0
+    flipped = roc_curve(-scores, labels)
+    assert flipped.area == pytest.approx(1.0 - curve.area)

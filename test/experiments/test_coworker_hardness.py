@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shortcut on the position fails, the history tells: on the shipped seed and on fresh ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,12 @@ from experiments.teaching.hardness import (
     measure_hardness,
     nearest_mean_labels,
 )
+from intent_recognition.demonstrations import read_demonstrations
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid, task_posterior
+from intent_recognition.learning import TrainingSettings, learn
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Demonstration, merge
 
 
 def measured_with(seed):
@@ -68,3 +76,37 @@ def test_classifiers_on_plain_cases():
 @pytest.mark.slow
 def test_table_in_the_readme_is_what_is_measured(repository):
     assert hardness_table(1) in (repository / "bags" / "README.md").read_text()
+
+
+def human_movement(demonstration: Demonstration) -> Demonstration:
+    """The recording from the onset to the end of the coworker's reach, as its metadata say."""
+    return replace(
+        demonstration,
+        start_ns=int(demonstration.metadata["human_onset_ns"]),
+        end_ns=int(demonstration.metadata["human_end_ns"]),
+    )
+
+
+def _recognise(library: TaskLibrary, demonstration: Demonstration, share: float) -> int:
+    duration = (demonstration.end_ns - demonstration.start_ns) * 1e-9
+    until = demonstration.start_ns + round(share * duration * 1e9)
+    seen = [s.between(demonstration.start_ns, until) for s in demonstration.observed]
+    hypotheses = fixed_prior_grid(library, duration)
+    run = MovementFilter(library, hypotheses, demonstration.start_ns)
+    for observation in merge(seen):
+        run.observe(observation)
+    posterior = task_posterior(run.log_evidence, hypotheses, share * duration)
+    return int(np.argmax(posterior.probabilities[:-1]))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_basis_functions")
+def test_the_library_recognises_where_a_shortcut_on_the_position_fails(repository):
+    """The shortcut is measured in test_coworker_hardness.py: right in at most 0.85."""
+    train, test = (
+        [human_movement(d) for d in read_demonstrations(folder, load_dofs())[0]]
+        for folder in (repository / "bags/toolbox" / name for name in ("train", "test"))
+    )
+    library = learn(train, TrainingSettings(segmentation="recording", switching=False))
+    right = [_recognise(library, d, 0.3) == library.labels.index(d.task) for d in test]
+    assert np.mean(right) >= 0.95

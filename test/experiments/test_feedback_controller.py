@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from experiments.feedback.controller import feedback_policy, initial_state, propagate
-from intent_recognition.errors import ArgumentError
+from experiments.feedback.controller import feedback_policy, propagate
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
@@ -58,16 +57,6 @@ def test_controlled_system_has_the_primitives_mean_and_covariance_at_all_times(n
     assert covariance_error < 2e-3
 
 
-def test_what_is_left_is_discretisation():
-    weights = primitive(2, 3)
-    found = [
-        errors(feedback_policy(BASIS, weights, DURATION_S, FeedbackSettings(n_times=n)), 2 * n - 2)
-        for n in (201, 401)
-    ]
-    for coarse, fine in zip(*found, strict=True):
-        assert fine < coarse / 3.0
-
-
 def test_state_is_the_primitives_own_but_for_the_floor():
     settings = FeedbackSettings(disturbance=(0.3, 0.1), bandwidth_rad_s=15.0, n_times=101)
     weights = primitive(2)
@@ -100,13 +89,6 @@ def test_at_rest_the_end_is_held_with_its_spread_critically_damped():
     assert np.abs(roots.imag).max() < 1e-3 * np.abs(roots.real).max()
 
 
-def test_no_spread_at_all_gives_the_largest_bandwidth():
-    weights = Gaussian(primitive(1).mean, np.zeros((10, 10)))
-    policy = feedback_policy(BASIS, weights, DURATION_S, FeedbackSettings(bandwidth_rad_s=12.0))
-    np.testing.assert_allclose(policy.stiffness, 144.0, rtol=1e-6)
-    np.testing.assert_allclose(policy.gain[:, 0, 1], -24.0, rtol=1e-6)
-
-
 def test_softer_where_demonstrations_vary():
     stiffness, damping = resting_gains(np.array([0.0, 0.01, 0.05, 0.2]), FeedbackSettings())
     assert np.all(np.diff(stiffness) < 0)
@@ -114,31 +96,3 @@ def test_softer_where_demonstrations_vary():
     assert stiffness[0] == pytest.approx(20.0**2)
     spread = np.sqrt(0.3 / (2 * stiffness * damping))  # of a damped oscillator under white noise
     np.testing.assert_allclose(spread[1:], [0.01, 0.05, 0.2])
-
-
-def test_simulated_executions_scatter_as_the_primitive():
-    policy = feedback_policy(BASIS, primitive(1, seed=4), DURATION_S, FeedbackSettings())
-    rng = np.random.default_rng(5)
-    n_runs, dt = 3000, 0.0025
-    state = np.array([initial_state(policy, rng) for _ in range(n_runs)])
-    for k in range(1000):
-        gain, offset = policy.at(k * dt)
-        kick = rng.standard_normal(n_runs) * np.sqrt(policy.disturbance[0] * dt)
-        state[:, 1] += dt * (state @ gain[0] + offset[0]) + kick
-        state[:, 0] += dt * state[:, 1]
-        if k == 499:
-            half = state[:, 0].std(), policy.std[200, 0]
-    assert half[0] == pytest.approx(half[1], rel=0.06)
-    assert state[:, 0].std() == pytest.approx(policy.std[-1, 0], rel=0.06)
-    assert state[:, 0].mean() == pytest.approx(policy.mean[-1, 0], abs=0.1 * policy.std[-1, 0])
-
-
-def test_bad_settings_are_named():
-    with pytest.raises(ArgumentError, match=r"disturbance: expected above 0, got 0\.0"):
-        FeedbackSettings(disturbance=0.0)
-    with pytest.raises(ArgumentError, match="n_times: expected at least 3, got 2"):
-        FeedbackSettings(n_times=2)
-    with pytest.raises(ArgumentError, match="weights"):
-        feedback_policy(BASIS, Gaussian(np.zeros(11), np.eye(11)), 1.0)
-    with pytest.raises(ArgumentError, match="duration_s"):
-        feedback_policy(BASIS, primitive(1), 0.0)

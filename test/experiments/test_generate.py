@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from experiments.generate import generate, main
 from experiments.recording import write_recording
-from experiments.teaching.recordings import ToolboxOrder, content, demonstrate, orders
+from experiments.teaching.recordings import ToolboxOrder, content, orders
 from intent_recognition.bags.metadata import read_metadata
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
 
@@ -44,13 +42,6 @@ def test_same_seed_same_bytes_and_equal_to_what_is_shipped(tmp_path, repository)
     assert all(a == b for a, b in poses)
 
 
-@pytest.mark.slow
-def test_another_seed_gives_other_movements():
-    a = demonstrate(FIRST).wrist.samples.positions_m[:50]
-    b = demonstrate(ToolboxOrder(2, "train", HOLD, 3)).wrist.samples.positions_m[:50]
-    assert a.tobytes() != b.tobytes()
-
-
 def test_forty_eight_and_twelve_are_shipped_each_labelled_and_called_simulated(repository):
     folders = sorted((repository / "bags" / "toolbox").glob("*/*"))
     made = {(order.purpose, order.name) for order in orders(1)}
@@ -78,20 +69,6 @@ def test_shipped_bags_read_as_demonstrations_without_a_rejection(repository):
         assert sum(demonstration.rejected.values()) == 0
         assert demonstration.controlled[0].names == JOINT_NAMES
         assert np.all(np.diff(demonstration.controlled[0].stamps_ns) == 10_000_000)
-
-
-def test_bad_requests_are_named(tmp_path, capsys):
-    with pytest.raises(ArgumentError, match="purpose"):
-        demonstrate(ToolboxOrder(1, "holiday", PLATE, 0))
-    with pytest.raises(ArgumentError, match="scenario"):
-        generate(tmp_path, 1, scenario="kitchen")
-    with pytest.raises(ArgumentError, match="jobs"):
-        generate(tmp_path, 1, jobs=0)
-    (tmp_path / "toolbox" / "train" / "plate_handover_00").mkdir(parents=True)
-    with pytest.raises(ResourceBusyError, match="--overwrite"):
-        generate(tmp_path, 1)
-    assert main(["--output", str(tmp_path)]) == 1
-    assert "generate: output" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from experiments.left_out import FINAL, WHOLE, majority_names, pairs_of, predict, rms, try_numbers
+from experiments.left_out import FINAL, WHOLE, pairs_of, predict, rms, try_numbers
 from experiments.settings import Settings
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
@@ -38,12 +38,6 @@ def two_rules():
     return pairs, np.array(kinds), try_numbers(pairs, 2, Settings())
 
 
-def test_the_measured_and_the_smoothed_trajectories_agree(two_rules):
-    pairs, _, _ = two_rules
-    smooth = pairs.mean[1] + pairs.features.coordinates @ pairs.to_controlled
-    np.testing.assert_allclose(smooth.reshape(pairs.controlled.shape), pairs.controlled, atol=0.02)
-
-
 def test_two_rules_are_told_apart_and_predicted(two_rules):
     pairs, kinds, ((one, two), chosen) = two_rules
     assert chosen == two.number == 2
@@ -71,9 +65,3 @@ def test_a_component_that_is_given_is_the_one_that_predicts(two_rules):
     predicted = predict(pairs, two.mixtures, FINAL, other)
     np.testing.assert_array_equal(predicted.component, other)
     assert rms(predicted.mean - pairs.controlled).min() > 0.5
-
-
-def test_majority_names_and_rms():
-    names, labels = np.array(["a", "b", "b", "c"]), np.array([0, 0, 0, 1])
-    assert majority_names(names, labels) == {0: "b", 1: "c"}
-    np.testing.assert_allclose(rms(np.array([[3.0, 4.0], [0.0, 0.0]])), [np.sqrt(12.5), 0.0])

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lifting: what must hold holds, and what cannot falls."""
+"""Lifting: what must hold holds, and what cannot falls; and the experiment, in its quick form."""
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.spatial import ConvexHull
 
+from experiments.grasps.experiment import run
 from experiments.grasps.gripper import FORCE_N
 from experiments.grasps.lifting import LiftingWorld
 from experiments.grasps.shells import shell_pieces
-from intent_recognition.errors import ArgumentError
+from experiments.grasps.study import CARRIED, MADE, SCANNED, WARPED
+from experiments.settings import Settings
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import Grasp
 from sim_bridge import GRAVITY_M_S2
@@ -42,14 +43,6 @@ def test_pieces_are_the_solid():
             assert (points @ planes[:, :3].T + planes[:, 3] > -1e-9).any(1).all()
 
 
-def test_no_container_no_lift():
-    """A body without an opening, and a ring without a floor."""
-    ring = trimesh.creation.annulus(0.03, 0.04, 0.1)
-    for mesh in (trimesh.creation.cylinder(0.04, 0.1), ring):
-        with pytest.raises(ArgumentError, match="mesh"):
-            shell_pieces(mesh)
-
-
 @pytest.mark.slow
 def test_the_annotated_grasp_holds_and_others_do_not(grasp):
     """Moved outward, a finger comes down on the rim, or both close in the air."""
@@ -73,3 +66,19 @@ def test_what_friction_cannot_carry_falls(grasp):
         first = world.lift(grasp)
         assert not first.held
         assert first == world.lift(grasp)
+
+
+@pytest.mark.slow
+def test_a_quick_run_lifts_made_and_scanned_containers(tmp_path):
+    """What the folder holds counts as scanned; what is no open container is named."""
+    meshes = tmp_path / "meshes"
+    meshes.mkdir()
+    bowl = make_container("round_bowl", 5)
+    bowl.mesh.export(meshes / "bowl.obj")
+    result = run(Settings(quick=True, bags=tmp_path))
+    held = result.numbers["held"]
+    assert held[MADE][WARPED] == 1.0
+    assert held[MADE][CARRIED] < 1.0
+    assert set(held) == {MADE, SCANNED}
+    assert [finding.holds for finding in result.findings] == [True, True, True]
+    assert len(result.blocks) == 3

@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pole: geometry, ways around it, lessons in physics, execution."""
+"""The pole: geometry, ways around it, shipped recordings, and the experiment on a subset."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.pole import recordings
+from experiments.pole import experiment as pole
 from experiments.pole.geometry import (
     HOME,
     LEFT,
     MIRROR,
     POINTING_HEIGHT_M,
     POLE_M,
-    POLE_RADIUS_M,
     RIGHT,
     WAYS,
     fingertip,
@@ -23,8 +22,13 @@ from experiments.pole.geometry import (
 )
 from experiments.pole.plan import CLEARANCE_M, LEAST_CLEARANCE_M, REACHED_M, can_reach, plan_way
 from experiments.pole.world import Pole, execute
+from experiments.settings import Settings
+from intent_recognition.demonstrations import read_demonstrations
+from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.report.html import ReportPage, Section, render
+from intent_recognition.share import share_path
 from sim_bridge.arm.arm import SimulatedArm
 
 SPOT = np.array([0.57, 0.0])
@@ -55,22 +59,12 @@ def test_a_way_points_at_the_spot_on_its_side_and_stays_clear(way):
     np.testing.assert_array_equal(path[0], HOME)
 
 
-def test_the_middle_of_both_ways_runs_through_the_pole():
-    both = [plan_way(SPOT, way).at(SHARES) for way in WAYS]
-    assert planned_clearance(np.mean(both, axis=0)).min() < -POLE_RADIUS_M
-
-
 def test_far_spots_are_reached_on_their_own_side_only():
     far = np.array([0.57, 0.17])
     assert can_reach(far, LEFT) and not can_reach(far, RIGHT)
     assert can_reach(far * [1, -1], RIGHT) and not can_reach(far * [1, -1], LEFT)
     with pytest.raises(KinematicsError, match="by the right of the pole"):
         plan_way(far, RIGHT)
-
-
-def test_neighbouring_spots_have_neighbouring_postures():
-    ends = np.array([plan_way(np.array([0.57, y]), LEFT).end for y in np.linspace(-0.05, 0.15, 21)])
-    assert np.abs(np.diff(ends, axis=0)).max() < 0.15  # no branch is changed
 
 
 def test_planned_clearance_is_a_cautious_estimate_of_that_in_physics():
@@ -92,25 +86,41 @@ def test_execution_tells_a_motion_beside_the_pole_from_one_through_it():
     assert execute(np.mean(list(ways.values()), axis=0), times, rest_s=0.3).touched
 
 
-def test_the_orders_are_14_on_either_side_and_nine_spots_on_both():
-    orders = recordings.orders(3)
-    by_way = {way: {o.spot for o in orders if o.way == way} for way in WAYS}
-    assert [len(by_way[way]) for way in WAYS] == [14, 14]
-    assert len(by_way[LEFT] & by_way[RIGHT]) == 9
-    assert len({o.folder for o in orders}) == len({o.start_ns for o in orders}) == 28
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
 
-@pytest.mark.slow
-def test_a_lesson_is_led_on_its_side_and_depends_on_its_order_alone():
-    order = recordings.orders(1)[0]
-    first, again = recordings.demonstrate(order), recordings.demonstrate(order)
-    np.testing.assert_array_equal(first.lesson.positions_rad, again.lesson.positions_rad)
-    np.testing.assert_array_equal(
-        first.pointing.samples.positions_m, again.pointing.samples.positions_m
+@pytest.fixture(scope="module")
+def outcome():
+    return pole.run(Settings(quick=True))
+
+
+def test_shipped_demonstrations_are_unlabelled_and_go_where_their_metadata_say():
+    demonstrations, rejections = read_demonstrations(
+        share_path("bags/pole"), load_dofs(share_path("config/dofs_pole.yaml"))
     )
-    told = recordings.metadata(first)
-    assert told["way"] == way_of(fingertip(first.lesson.positions_rad)) == order.way
-    assert "task" not in told
-    assert first.lesson.clearance_m.min() > recordings.TOUCH_M
-    assert float(told["teaching_error_m"]) < 0.03
-    assert 1.0 < first.lesson.strongest_pull_n < 60.0
+    assert len(demonstrations) == 28 and not rejections
+    ways = [d.metadata["way"] for d in demonstrations]
+    assert ways.count("left") == ways.count("right") == 14
+    for d, way in zip(demonstrations, ways, strict=True):
+        assert d.task is None
+        q = d.controlled[0].values
+        assert way_of(fingertip(q)) == way
+        assert np.abs(np.diff(q, axis=0)).max() < 0.05  # no branch is changed
+        assert way in d.metadata["reachable"].split()
+        assert float(d.metadata["clearance_m"]) > 0.01
+
+
+def test_one_gaussian_hits_the_pole_and_the_chosen_mixture_does_not(outcome):
+    single, mixture, _, end = outcome.numbers["executed"]
+    assert outcome.numbers["chosen"] > 1
+    assert single["hits"] > 0
+    assert mixture["hits"] == end["hits"] == 0
+    assert outcome.numbers["purity"] == 1.0
+
+
+def test_the_outcome_is_a_report(outcome):
+    assert all(finding.holds is not False for finding in outcome.findings)
+    page = render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    n = len(outcome.numbers["components"])
+    assert np.shape(outcome.numbers["tip_rms_m"]) == (n, 28)

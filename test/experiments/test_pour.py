@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.pouring.pour import pour
-from intent_recognition.errors import KinematicsError, ShapeError
+from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.forward import forward_kinematics
 from sim_bridge.containers.generate import make_container
 from sim_bridge.coworker.reach import minimum_jerk
@@ -62,11 +62,6 @@ def test_an_upright_cup_stands_upright_and_pours_along():
     np.testing.assert_allclose(poses[0, :3, 2], [0.0, 0.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(poses[1, :3, 2], [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(poses[:, :3, :3] @ LIP + poses[:, :3, 3], [OPENING_M] * 2)
-
-
-def test_path_needs_one_of_each_per_time():
-    with pytest.raises(ShapeError, match="path"):
-        PourPath(np.arange(3.0), np.zeros((2, 3)), np.zeros(3))
 
 
 def test_joints_carry_the_hand_along_the_path():

@@ -5,21 +5,18 @@ import numpy as np
 import pytest
 
 from experiments.pouring.executed import (
-    MANNERS,
     MEAN,
-    SAMPLE,
     UNWARPED,
     PourOrder,
     asked_level,
     learn_skill,
-    orders,
     planned,
 )
 from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.share import share_path
 from intent_recognition.warping import EMPTY
 from sim_bridge.containers.generate import make_container
-from sim_bridge.scenarios.pouring.novel import plan, read_demonstrated, read_pour, seen_as
+from sim_bridge.scenarios.pouring.novel import plan, read_pour, seen_as
 from sim_bridge.scenarios.pouring.pairs import PAIRS, container_named
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
@@ -29,21 +26,6 @@ SEED = 1
 @pytest.fixture(scope="module")
 def skill():
     return learn_skill(share_path("bags/pouring/train"), SEED)
-
-
-def test_ten_demonstrations_of_one_pair_that_is_in_no_order():
-    shown = read_demonstrated(share_path("bags/pouring/train"))
-    assert len(shown.pours) == 10
-    assert (shown.cup, shown.second) not in PAIRS
-    assert len(PAIRS) >= 6
-
-
-def test_no_two_orders_share_folder_or_stamp():
-    todo = orders(SEED)
-    assert len({o.folder for o in todo}) == len({o.start_ns for o in todo}) == len(todo)
-    levels = [o for o in todo if o.pour]
-    assert len(todo) == len(PAIRS) * len(MANNERS) + len(levels)
-    assert {o.pair for o in levels if o.pour == EMPTY} == set(range(len(PAIRS)))
 
 
 @pytest.mark.slow
@@ -92,15 +74,6 @@ def test_scans_tell_reference_values():
         true, seen = container_named(name), seen_as(name, SEED).references
         assert abs(seen.opening_radius_m / true.opening_radius_m - 1.0) < 0.02
         assert abs(seen.tilt_rad - true.tilt_reference_rad) < np.deg2rad(2.0)
-
-
-@pytest.mark.slow
-def test_drawn_paths_differ_from_order_to_order_but_not_from_time_to_time(skill):
-    first, again = (planned(PourOrder(SEED, 1, SAMPLE), skill) for _ in range(2))
-    np.testing.assert_array_equal(first.path.offset_m, again.path.offset_m)
-    assert first.draws >= 1
-    other = planned(PourOrder(SEED + 1, 1, SAMPLE), skill)
-    assert np.abs(first.path.tilt_rad - other.path.tilt_rad).max() > 1e-3
 
 
 def test_risk_is_high_beside_the_opening_and_low_while_upright(skill):

@@ -28,15 +28,3 @@ def test_from_rest_to_rest_and_over_the_opening_while_pouring(seed):
     assert step[0] < 0.02
     assert step[-1] < 0.02
     assert abs(path.times_s[-1] - habit.duration_s) < 1e-9
-
-
-@given(st.floats(0.5, 2.0), st.integers(0, 100))
-def test_larger_containers_are_poured_with_the_same_ratios(size, seed):
-    habit = draw_habit(np.random.default_rng(seed))
-    cup, bowl = (
-        References(size * r.opening_radius_m, size**3 * r.volume_m3, size * r.height_m, r.tilt_rad)
-        for r in (CUP, BOWL)
-    )
-    small, large = plan_pour(habit, CUP, BOWL), plan_pour(habit, cup, bowl)
-    np.testing.assert_allclose(large.offset_m, size * small.offset_m)
-    np.testing.assert_allclose(large.tilt_rad, small.tilt_rad)

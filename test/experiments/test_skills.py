@@ -8,21 +8,19 @@ import pytest
 
 from experiments.execution import as_demonstration, execute
 from experiments.reaches import toolbox_recordings, watch_reach
-from experiments.results import Finding
 from experiments.settings import Settings
-from experiments.skills import correcting_report, experiment, practising, practising_report
+from experiments.skills import correcting_report, practising, practising_report
 from experiments.skills.correcting import (
     CorrectingSession,
     CorrectingStudy,
     Corrects,
     correction_of,
 )
-from experiments.skills.part import SkillPart
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
 from intent_recognition.motion import scaled_limits
 from intent_recognition.nodes.correction_input import load_detector
-from intent_recognition.report import Paragraph, TableBlock
+from intent_recognition.report import TableBlock
 from sim_bridge.coworker import PLATE
 from sim_bridge.scenarios.toolbox import handover_point
 
@@ -91,36 +89,6 @@ def test_the_report_of_corrections_says_how_far_the_error_falls(monkeypatch):
     assert all(finding.holds in (True, None) for finding in part.findings)
     (table,) = (block for block in part.blocks if isinstance(block, TableBlock))
     assert [row[0] for row in table.rows] == ["plate", "screw"]
-
-
-def test_corrections_that_fail_are_reported_as_missed(monkeypatch):
-    study = corrected(session("plate", (0.08, 0.08, 0.08, 0.08), others_changed=1e-3), n_lasting=1)
-    monkeypatch.setattr(correcting_report, "investigate", lambda settings: study)
-    met = [finding.holds for finding in correcting_report.run(Settings()).findings]
-    assert met.count(False) == 3  # the fall, the other tasks, the blow
-
-
-def test_the_parts_of_the_experiment_are_one_report_and_share_its_progress(monkeypatch):
-    def part(name):
-        def run(settings):
-            settings.progress(0.5, "half")
-            finding = Finding(name, "1", "1", True)
-            return SkillPart((finding,), (Paragraph(f"of {name}"),), (f"as {name}",), {"n": 1})
-
-        return run
-
-    parts = {"first": (0.6, part("first")), "second": (0.4, part("second"))}
-    monkeypatch.setattr(experiment, "PARTS", parts)
-    seen = []
-    result = experiment.run(Settings(progress=lambda done, what: seen.append((done, what))))
-    assert seen == [(0.3, "first: half"), (pytest.approx(0.8), "second: half")]
-    assert [finding.quantity for finding in result.findings] == ["first", "second"]
-    assert [block.text for block in result.blocks] == ["First", "of first", "Second", "of second"]
-    assert result.numbers == {"first": {"n": 1}, "second": {"n": 1}}
-
-
-def test_shares_of_the_parts_are_a_whole():
-    assert sum(share for share, _ in experiment.PARTS.values()) == pytest.approx(1.0)
 
 
 def _end(library, task):

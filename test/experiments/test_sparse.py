@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The experiments on sparse and noisy observations: their parts, and that they run and repeat."""
 
-import json
-
 import numpy as np
 import pytest
 
 from experiments.noise import experiment as noise
 from experiments.noise.study import DMP, DMP_CARRIED, PROMP
 from experiments.settings import Settings
-from experiments.sketches.curves import N_SAMPLES, PHASE, PIXEL, sketch_pairs
+from experiments.sketches.curves import PHASE, sketch_pairs
 from experiments.sketches.differentiation import SavitzkyGolay
 from experiments.sketches.models import (
     ModelChoice,
-    folds,
     learn_dmp,
     learn_promp,
     observation,
@@ -22,12 +19,7 @@ from experiments.sketches.models import (
 )
 from experiments.sparse import experiment as sparse
 from experiments.sparse.conditioning import (
-    CLOSEST,
-    SplineChoice,
-    curves_of,
     promp_curves,
-    sparse_phases,
-    spline_predictor,
 )
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
@@ -51,25 +43,6 @@ def sparse_outcome():
 @pytest.fixture(scope="module")
 def noise_outcome():
     return noise.run(Settings(quick=True))
-
-
-def test_sketches_are_whole_pixels_and_smooth(pairs):
-    assert pairs.shape == (40, N_SAMPLES, 2)
-    np.testing.assert_allclose(pairs / PIXEL, np.round(pairs / PIXEL), atol=1e-6)
-    assert np.abs(np.diff(pairs, axis=1)).max() < 0.2
-
-
-def test_models_reproduce_their_demonstrations(pairs):
-    for learned in (learn_promp(pairs), learn_dmp(pairs)):
-        curves = (learned.parameters @ learned.both.T).reshape(40, 2, -1)
-        assert np.abs(curves - np.swapaxes(pairs, 1, 2)).max() < 0.03
-        assert np.all(np.sqrt(learned.curve_variance) < 0.005)
-
-
-def test_folds_part_the_demonstrations():
-    found = list(folds(11, 4))
-    assert sorted(np.concatenate([out for _, out in found])) == list(range(11))
-    assert all(not set(kept) & set(out) for kept, out in found)
 
 
 def test_white_noise_keeps_the_variances_of_the_derivatives(pairs):
@@ -112,40 +85,6 @@ def _curves(learned, pair, n_seen):
     return curves
 
 
-def test_sparse_phases_keep_apart(rng):
-    for count in (3, 10):
-        phases = sparse_phases(rng, count)
-        assert len(phases) == count
-        assert np.all(np.diff(phases) >= CLOSEST - 1e-12)
-        assert phases[0] >= 0.0
-        assert phases[-1] <= 1.0
-
-
-def test_observing_never_widens_a_band(pairs):
-    learned = learn_promp(pairs)
-    _, before = curves_of(learned, prior(learned.parameters, 0.1))
-    at = np.array([0.2, 0.45, 0.7])
-    _, after = promp_curves(learned, 0.1, at, np.array([0.7, 1.5, 0.8]))
-    assert np.all(after <= before + 1e-9)
-
-
-def test_a_distrusted_spline_leaves_the_prior_mean(pairs):
-    learned = learn_dmp(pairs)
-    at = np.array([0.1, 0.4, 0.6, 0.9])
-    matrix, offset = spline_predictor(learned, SplineChoice(0.0, 1e14, 1e14, 0.1), at)
-    mean = learned.controlled @ learned.parameters.mean(axis=0)
-    np.testing.assert_allclose(matrix @ np.full(4, 3.0) + offset, mean, atol=1e-3)
-
-
-@pytest.mark.parametrize("name", ["sparse_outcome", "noise_outcome"])
-def test_outcomes_are_complete(name, request):
-    outcome = request.getfixturevalue(name)
-    json.dumps(dict(outcome.numbers))
-    assert outcome.findings
-    assert outcome.conditions
-    assert len(outcome.blocks) >= 3
-
-
 def test_bands_hold_about_what_they_should(sparse_outcome):
     inside = np.array(sparse_outcome.numbers["inside_two_sigma"])
     assert np.all((inside > 0.85) & (inside < 1.0))
@@ -162,7 +101,3 @@ def test_the_dmp_is_no_straw_man(noise_outcome):
     assert np.all(rmse[PROMP][1] <= 1.02 * rmse[DMP][1])
     assert np.all(rmse[DMP_CARRIED] < 1.1 * rmse[PROMP])
     assert rmse["DMP without a filter"][1, -1] > 2.0 * rmse[DMP][1, -1]
-
-
-def test_the_same_seed_gives_the_same_numbers(noise_outcome):
-    assert noise.run(Settings(quick=True)).numbers == noise_outcome.numbers

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from experiments.teaching.path import plan_teaching
 from experiments.teaching.recordings import ToolboxOrder, demonstrate
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.forward import forward_kinematics, hand_position
@@ -20,8 +19,6 @@ from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import (
     ARM_BRANCH,
     HOME,
-    LIFT_M,
-    STANDS_M,
     arm_posture,
     handover_point,
     handover_rotation,
@@ -61,22 +58,6 @@ def test_the_screw_is_given_at_one_place_and_the_others_follow_the_worker():
         stand_pose(HOLD)
 
 
-def test_the_fetch_is_short_and_the_same_but_for_the_tempo():
-    for task, stand in STANDS_M.items():
-        way = np.linalg.norm(home_pose()[:3, 3] - stand)
-        assert 0.08 < way < 0.15
-        phases = []
-        for k, total in enumerate((2.0, 5.0)):
-            rng = np.random.default_rng(k)
-            path = plan_teaching(rng, task, STYLES[task].goal_centre_m, 0.0, total, total)
-            at = np.interp(path.times.taught_s, path.stamps_s, np.arange(len(path.stamps_s)))
-            steps = np.linspace(0.0, at, 50)
-            phases.append([np.interp(steps, np.arange(len(path.hand_m)), path.hand_m[:, i])
-                           for i in range(3)])  # fmt: skip
-        np.testing.assert_allclose(phases[0], phases[1], atol=2e-3)
-        np.testing.assert_allclose(np.array(phases[0])[:, -1], stand + LIFT_M, atol=1e-3)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("task", "k"), SHOWN)
 def test_taught_arm_stays_within_limits_and_starts_at_home(task, k):
@@ -96,15 +77,6 @@ def test_arm_ends_where_the_rule_says_within_two_centimetres():
         one = shown(task, k)
         end = hand_position(one.arm.positions_rad[-1])
         assert np.linalg.norm(end - one.arm.hand_m[-1]) < 0.001
-
-
-def test_joint_states_are_measured_not_planned():
-    one = shown(PLATE, 1)
-    planned = one.path.joint_spline()(one.arm.times_s)
-    lag = np.linalg.norm(one.arm.positions_rad - planned, axis=1)
-    assert lag.max() > 0.02
-    still = one.arm.positions_rad[:50] - one.arm.positions_rad[:50].mean(axis=0)
-    assert 5e-5 < still.std() < 2e-4
 
 
 @pytest.mark.parametrize("task", TASKS)

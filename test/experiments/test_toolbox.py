@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.draws import Draw, draw_again, draws_tables
+from experiments.draws import Draw, draw_again
 from experiments.settings import Settings
 from experiments.toolbox import experiment as toolbox
 from experiments.toolbox import study as toolbox_study
 from experiments.toolbox.report import findings
-from intent_recognition.report.html import ReportPage, Section, render
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
@@ -61,12 +60,6 @@ def test_every_execution_of_the_subset_is_recognised(outcome):
     assert all(0.0 < e["decided_share"] < 1.0 for e in executions)
 
 
-def test_the_outcome_is_a_report(outcome):
-    missed = [finding for finding in outcome.findings if finding.holds is False]
-    assert all("from the final wrist alone" in finding.quantity for finding in missed)
-    render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
-
-
 def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, shipped_again):
     """Were the shipped ones drawn again, their numbers would come out."""
     settings = Settings(quick=True, n_seeds=2)
@@ -83,13 +76,6 @@ def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, shipped_ag
     tasks = np.array(outcome.numbers["tasks"])
     plate = 100.0 * np.array(outcome.numbers["hand_error_m"])[tasks == "plate_handover"]
     np.testing.assert_allclose(draw.numbers["plate handover, whole"], plate.mean())
-
-
-def test_median_and_range_of_draws_stand_below_them():
-    draws = [Draw(k, {"a": float(k), "b": k / 4}) for k in (1, 2, 6)]
-    (table,) = draws_tables(draws, {"a": "", "b": "cm"}.get, "")
-    assert table.rows[-1] == ("all", "2 (1 to 6)", "0.5 (0.2 to 1.5)")
-    assert table.rows[2] == ("6", "6", "1.5") and table.strong == [3]
 
 
 def test_draws_that_come_out_otherwise_say_why(study):

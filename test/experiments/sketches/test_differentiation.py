@@ -13,7 +13,6 @@ from experiments.sketches.differentiation import (
     derivative_operators,
     spline_operators,
 )
-from intent_recognition.errors import ArgumentError
 
 PHASE = np.linspace(0.0, 1.0, 81)
 STEP = float(PHASE[1])
@@ -34,13 +33,6 @@ def test_savitzky_golay_is_exact_on_cubics_up_to_the_ends(coefficients, width, n
         np.testing.assert_allclose(
             values, expected, atol=1e-6 * max(map(abs, coefficients), default=1) + 1e-9
         )
-
-
-def test_three_samples_and_a_parabola_are_central_differences():
-    values = np.sin(7.0 * PHASE)
-    found = derivative_operators(SavitzkyGolay(2.0 * STEP, 2), 81, STEP)[2] @ values
-    expected = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / STEP**2
-    np.testing.assert_allclose(found[1:-1], expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("smoother", SMOOTHERS)
@@ -80,27 +72,3 @@ def test_spline_is_scipys(rng, roughness):
     for order in range(3):
         scale = np.abs(expected(at, order)).max()
         np.testing.assert_allclose(found[order], expected(at, order), atol=1e-6 * scale)
-
-
-def test_a_very_smooth_spline_is_a_regression_line(rng):
-    phase, values = np.sort(rng.uniform(0.0, 1.0, 6)), rng.normal(size=6)
-    line = np.polynomial.Polynomial.fit(phase, values, 1)
-    found = spline_operators(phase, phase, 1e8) @ values
-    np.testing.assert_allclose(found[0], line(phase), atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: derivative_operators(SavitzkyGolay(0.1), 4, STEP),
-        lambda: derivative_operators(SavitzkyGolay(0.1), 20, 0.0),
-        lambda: derivative_operators(SavitzkyGolay(0.1, 1), 20, STEP),
-        lambda: derivative_operators(Butterworth(-1.0), 20, STEP),
-        lambda: spline_operators(np.array([0.1, 0.2]), PHASE, 0.0),
-        lambda: spline_operators(np.array([0.1, 0.1, 0.2]), PHASE, 0.0),
-        lambda: spline_operators(np.array([0.1, 0.2, 0.3]), PHASE, -1.0),
-    ],
-)
-def test_bad_input_is_named(call):
-    with pytest.raises(ArgumentError):
-        call()
