@@ -2,7 +2,6 @@
 """What the package says about itself agrees everywhere."""
 
 import ast
-import configparser
 import importlib
 import json
 import re
@@ -53,16 +52,6 @@ def test_versions_agree(manifest):
     assert citation["version"] == intent_recognition.__version__
     changelog = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
     assert re.search(r"^([\d.]+) \(", changelog, re.MULTILINE)[1] == intent_recognition.__version__
-
-
-def test_names_agree(manifest):
-    assert manifest.findtext("name") == "intent_recognition" == setup_says("--name")
-    assert manifest.findtext("export/build_type") == "ament_python"
-    assert (ROOT / "resource" / "intent_recognition").is_file()
-    config = configparser.ConfigParser()
-    config.read(ROOT / "setup.cfg")
-    place = "$base/lib/intent_recognition"
-    assert config["develop"]["script_dir"] == config["install"]["install_scripts"] == place
 
 
 def test_the_first_line_of_every_file_is_the_licence():
@@ -159,26 +148,6 @@ def test_everything_imported_is_declared(manifest):
         assert {key, f"python3-{key}"} & declared, name
 
 
-NEWER_THAN_3_10 = (
-    r"datetime\.UTC|import UTC|tomllib|StrEnum|ExceptionGroup|except\*|TaskGroup|itertools.*batched"
-    r"|max_tasks_per_child|typing import .*\b(Self|Never|Unpack|assert_never|override)"
-    r"|add_note|contextlib\.chdir|file_digest|\.walk\(top_down|math\.(cbrt|exp2|sumprod)"
-    r"|sys\.exception\(|^type \w+ =|def \w+\["
-)
-
-
-def test_nothing_newer_than_python_3_10_is_used():
-    """The linter minds the syntax; these are names of the library."""
-    found = [
-        f"{path.relative_to(ROOT)}: {line.strip()}"
-        for folder in ("intent_recognition", "sim_bridge", "launch")
-        for path in (ROOT / folder).rglob("*.py")
-        for line in path.read_text(encoding="utf-8").splitlines()
-        if re.search(NEWER_THAN_3_10, line)
-    ]
-    assert found == []
-
-
 def test_launch_files_start_only_what_is_declared(manifest):
     declared = {element.text for element in manifest.iter("exec_depend")}
     assert {spec.package for spec in NODES.values()} <= declared | {"intent_recognition"}
@@ -190,10 +159,3 @@ def test_every_executable_has_its_main():
     for target in scripts.values():
         module, function = target.split(":")
         assert callable(getattr(importlib.import_module(module), function))
-
-
-def test_every_node_has_a_section_of_parameters():
-    sections = yaml.safe_load((ROOT / "config" / "params.yaml").read_text(encoding="utf-8"))
-    names = {key.removeprefix("/**/") for key in sections}
-    assert names <= EXECUTABLES - {"intent"}
-    assert all(set(section) == {"ros__parameters"} for section in sections.values())

@@ -9,7 +9,6 @@ import pytest
 import yaml
 from docs.shown import nodes
 
-from intent_recognition.cli.main import make_parser
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.tables.import_map import ImportMap
 
@@ -67,23 +66,6 @@ def test_every_link_leads_somewhere():
     links = [(n, link) for n, text in TEXTS.items() for link in LINK.findall(text)]
     assert links
     assert [link for link in links if not leads_somewhere(*link)] == []
-
-
-def command_names():
-    action = next(a for a in make_parser()._actions if a.choices and not a.option_strings)
-    return set(action.choices)
-
-
-def test_changelog_names_the_commands_there_are():
-    text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
-    assert command_names() <= set(re.findall(r"``(?:intent )?(\w+)``", text))
-
-
-def test_parameters_of_the_shipped_file_are_declared():
-    shipped = yaml.safe_load((ROOT / "config" / "params.yaml").read_text(encoding="utf-8"))
-    for name, content in shipped.items():
-        node = name.rpartition("/")[2]
-        assert set(content["ros__parameters"]) <= NODES[node].parameters, node
 
 
 def yaml_shown():

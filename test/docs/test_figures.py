@@ -11,9 +11,6 @@ from docs.shown import ROOT
 sys.path.append(str(ROOT / "docs" / "tools"))
 import figures
 
-MEASURED = ("docs/experiments.md", "docs/speed.md")
-"""Pages all of whose tables are measured."""
-
 
 @pytest.mark.parametrize("path", figures.PAGES, ids=lambda path: path.name)
 def test_a_page_shows_what_was_measured(path):
@@ -36,24 +33,6 @@ def test_a_figure_that_is_missing_or_old_is_marked():
     assert "?<!--demo.n-->" in figures.with_figures(page, {})
     old = {"demo": {"text": "a", "version": "0.1.0", "values": {"n": "2"}}}
     assert "```\n\n*Measured with version 0.1.0.*\n<!-- end -->" in figures.with_figures(page, old)
-
-
-def test_a_command_that_fails_leaves_the_others_and_what_was_there(monkeypatch, tmp_path):
-    kept = tmp_path / "figures.json"
-    kept.write_text('{"bad": {"text": "old"}}')
-    python = "python -c"
-    sources = {
-        "bad": figures.Source(f"{python} 'raise SystemExit(1)'", None, figures._last_line),
-        "good": figures.Source(f"{python} 'print(7)'", None, figures._last_line),
-    }
-    monkeypatch.setattr(figures, "SOURCES", sources)
-    monkeypatch.setattr(figures, "FILE", kept)
-    monkeypatch.setattr(figures, "PAGES", ())
-    monkeypatch.setattr(sys, "argv", ["figures.py"])
-    with pytest.raises(SystemExit, match="bad"):
-        figures.main()
-    found = figures.load()
-    assert (found["bad"]["text"], found["good"]["text"]) == ("old", "7")
 
 
 def test_only_what_is_not_current_is_measured_and_each_is_kept(monkeypatch, tmp_path, capsys):
@@ -91,12 +70,6 @@ def test_only_what_is_not_current_is_measured_and_each_is_kept(monkeypatch, tmp_
     monkeypatch.setattr(sys, "argv", ["figures.py", "--list"])
     figures.main()
     assert "to measure: 0, about 0 min" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("page", MEASURED)
-def test_every_table_of_measurements_comes_from_a_command(page):
-    text = (ROOT / page).read_text(encoding="utf-8")
-    assert not re.search(r"^\|", figures.BLOCK.sub("", text), re.MULTILINE)
 
 
 def test_values_and_tables_are_written_in_their_places():

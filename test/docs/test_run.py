@@ -5,9 +5,6 @@ Those of `intent` in this process; nodes, recorder and player as processes that 
 Ctrl-C; completion in a shell. What stays unrun, and why, is in `NOT_RUN` and `test_commands.py`.
 """
 
-import os
-import re
-import shlex
 import shutil
 import signal
 import socket
@@ -18,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from docs.shown import BLOCK, ROOT, commands, launched
+from docs.shown import ROOT, commands, launched
 from ros_harness import NodeProcess
 
 from intent_recognition.cli import main as cli
@@ -149,41 +146,6 @@ def test_what_is_launched_is_complete(words, bench):
         assert name not in given or (bench / given[name]).exists()
 
 
-def blocks_of(page):
-    return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
-
-
-@pytest.mark.parametrize(
-    "block", [b for b in blocks_of("docs/shell.md") if "completion" in b], ids=lambda b: b[:50]
-)
-def test_completion_is_installed_as_shown(block, tmp_path):
-    environment = os.environ | {"HOME": str(tmp_path), "PATH": _path_with_intent(tmp_path)}
-    script = block + "\ncomplete -p intent || true"
-    done = subprocess.run(
-        ["bash", "--norc", "-e", "-c", script],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
-    assert done.returncode == 0, done.stderr
-    targets = re.findall(r"> ~/(\S+)", block)
-    assert all("intent" in (tmp_path / t).read_text(encoding="utf-8") for t in targets)
-    assert targets or "intent" in done.stdout
-
-
-def _path_with_intent(folder):
-    """A PATH on which `intent` is this checkout's."""
-    program = folder / "bin" / "intent"
-    program.parent.mkdir()
-    start = f"import sys; from {INTENT} import main; sys.exit(main())"
-    program.write_text(
-        f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -c "{start}" "$@"\n', encoding="utf-8"
-    )
-    program.chmod(0o755)
-    return f"{program.parent}:{os.environ['PATH']}"
-
-
 MODULES = [
     line.split()
     for line in (ROOT / "bags" / "README.md").read_text(encoding="utf-8").splitlines()
@@ -202,16 +164,3 @@ def test_generators_take_the_options_shown(words):
         check=True,
     )
     assert all(word in done.stdout for word in words[3:] if word.startswith("--"))
-
-
-@pytest.mark.parametrize("words", [w for w in SHOWN if w[0] == "make"], ids=" ".join)
-def test_make_knows_what_to_do(words, tmp_path):
-    """What the targets do is run by the tests of commands, site, reference and benchmarks."""
-    done = subprocess.run(
-        [*words, "--dry-run", f"VENV={tmp_path}"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout

@@ -73,3 +73,22 @@ def test_foxglove_shows_topics_that_are_there_in_panels_that_are_there():
         named |= {path["value"].partition(".")[0] for path in panel.get("paths", ())}
     assert named <= TOPICS
     assert {"/intent/tasks", "/intent/active_task", "/joint_states"} <= named
+
+
+OFFERED = {
+    "robot_description": ("Reliable", "Transient Local"),
+    "intent/markers": ("Reliable", "Volatile"),
+    "intent/human_path": ("Reliable", "Volatile"),
+    "mocap/wrist/pose": ("Best Effort", "Volatile"),
+}
+
+
+def test_rviz_listens_to_relative_topics_as_they_are_offered():
+    shown = yaml.safe_load(share_path("config/intent.rviz").read_text(encoding="utf-8"))
+    found = {
+        value["Value"]: (value["Reliability Policy"], value["Durability Policy"])
+        for display in shown["Visualization Manager"]["Displays"]
+        for key, value in display.items()
+        if key.endswith("Topic") and isinstance(value, dict)
+    }
+    assert found == OFFERED

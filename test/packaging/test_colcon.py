@@ -2,60 +2,29 @@
 """The tree builds with colcon and pip, and a node starts from there."""
 
 import os
-import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from packaging_sources import copy_sources
 from ros_harness import NodeProcess
+
+from intent_recognition.gaussian import KERNEL
+from intent_recognition.registry import NODES
 
 pytestmark = pytest.mark.slow
 
-EXECUTABLES = {
-    "intent",
-    "mocap_ingest",
-    "intent_estimator",
-    "primitive_activation",
-    "bag_recorder",
-    "bag_player",
-    "object_transfer",
-    "object_warper",
-    "warped_primitive",
-    "task_teacher",
-    "dashboard",
-    "arm_sim",
-    "lwr_sim",
-    "coworker_sim",
-}
-SOURCES = (
-    "package.xml",
-    "setup.py",
-    "setup.cfg",
-    "pyproject.toml",
-    "LICENSE",
-    "resource",
-    "config",
-    "launch",
-    "intent_recognition",
-    "sim_bridge",
-)
+EXECUTABLES = {"intent", *NODES}
 
 
 @pytest.fixture(scope="module")
 def workspace(repository, tmp_path_factory) -> Path:
     """A workspace with a copy of the package, without the bags."""
     folder = tmp_path_factory.mktemp("workspace")
-    package = folder / "src" / "intent_recognition"
-    package.mkdir(parents=True)
-    skip = shutil.ignore_patterns("__pycache__", "*.egg-info")
-    for name in SOURCES:
-        source = repository / name
-        if source.is_dir():
-            shutil.copytree(source, package / name, ignore=skip)
-        else:
-            shutil.copy(source, package / name)
+    copy_sources(repository, folder / "src" / "intent_recognition", "LICENSE", "config", "launch")
     return folder
 
 
@@ -148,3 +117,52 @@ def test_pip_puts_names_on_the_path(workspace, tmp_path, mode):
 def outer_site_packages() -> Path:
     """Where the packages of the running environment are."""
     return Path(pytest.__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def sources(repository, tmp_path) -> Path:
+    """What an install needs, but for what it only copies."""
+    folder = tmp_path / "source"
+    copy_sources(repository, folder)
+    for name in ("config", "launch"):
+        (folder / name).mkdir()
+    return folder
+
+
+def run(folder: Path, *command: object, **environment: str) -> str:
+    found = subprocess.run(
+        [str(word) for word in command],
+        cwd=folder,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert found.returncode == 0, found.stdout + found.stderr
+    return found.stdout
+
+
+def test_without_a_compiler_it_installs_and_numpy_serves(sources, tmp_path):
+    target = tmp_path / "installed"
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--no-compile", "--quiet"]
+    pip = [sys.executable, "-m", "pip", "install", "--target", target]
+    run(tmp_path, *pip, *options, sources, CC="false")
+    code = "from intent_recognition.cli.main import main; main(['--version'])"
+    assert "update: numpy" in run(target, sys.executable, "-c", code)
+
+
+@pytest.mark.skipif(KERNEL != "c" or sys.platform != "linux", reason="no compiler")
+def test_the_tests_of_the_update_pass_with_sanitizers(sources, repository):
+    """Of addresses and of undefined behaviour; numpy's own leaks are not looked at."""
+    compiler = sysconfig.get_config_var("CC").split()[0]
+    source = sources / "intent_recognition" / "gaussian" / "_kernel.c"
+    flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    build = ["-shared", "-fPIC", "-fopenmp-simd", "-DPy_LIMITED_API=0x030b0000"]
+    include = f"-I{sysconfig.get_paths()['include']}"
+    run(sources, compiler, *flags, *build, include, source, "-o", source.with_suffix(".abi3.so"))
+    library = run(sources, compiler, "-print-file-name=libasan.so").strip()
+    environment = {"LD_PRELOAD": library, "ASAN_OPTIONS": "detect_leaks=0", "INTENT_KERNEL": "c"}
+    tests = [repository / "test" / "gaussian" / "test_batch.py", "-p", "no:cacheprovider"]
+    pytest_ = [sys.executable, "-m", "pytest", "-q", "-m", "not slow"]  # of the folder it is in
+    found = run(sources, *pytest_, *tests, **environment)
+    assert " passed" in found and "skipped" not in found

@@ -7,7 +7,6 @@ without extras, what they ask for, and nothing else.
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from importlib import metadata
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging_sources import copy_sources
 
 from intent_recognition.extras import EXTRAS
 
@@ -22,7 +22,6 @@ pytestmark = pytest.mark.slow
 
 LARGEST = 250e6
 """Bytes of all packages without pip and the byte code that Python keeps beside them."""
-SOURCES = ("package.xml", "setup.py", "setup.cfg", "pyproject.toml", "resource", "config", "launch")
 ASKING = """
 import sys
 from intent_recognition.errors import MissingPackageError, optional
@@ -64,13 +63,7 @@ def python(packages, repository, tmp_path_factory) -> Path:
                 there = Path(str(distribution.locate_file(file))).resolve()
                 (target / file).symlink_to(there)
     source = folder / "source"
-    source.mkdir()
-    skip = shutil.ignore_patterns("__pycache__", "*.egg-info")
-    for name in ("intent_recognition", "sim_bridge", *SOURCES):
-        if (repository / name).is_dir():
-            shutil.copytree(repository / name, source / name, ignore=skip)
-        else:
-            shutil.copy(repository / name, source / name)
+    copy_sources(repository, source, "config", "launch")
     interpreter = folder / "venv" / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--target", target]
     options = ["--no-deps", "--no-build-isolation", "--no-index", "--no-compile"]

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tests run where ROS is sourced: beside its plug-ins of pytest, and under its linters."""
 
-import configparser
 import subprocess
 import sys
 
@@ -11,15 +10,6 @@ PLUGINS = {
     "launch_pytest": "launch_pytest",
 }
 """Distributions of ROS 2 Jazzy, and the plug-ins of pytest they register."""
-KNOWN_TO_PYTEST_7 = {
-    *("testpaths", "addopts", "xfail_strict", "faulthandler_timeout", "filterwarnings", "markers")
-}
-
-
-def test_settings_are_known_to_the_pytest_of_ubuntu_24_04(repository):
-    settings = configparser.ConfigParser()
-    settings.read(repository / "pytest.ini", encoding="utf-8")
-    assert set(settings["pytest"]) <= KNOWN_TO_PYTEST_7
 
 
 def test_plugins_of_ros_do_not_stop_pytest(repository, tmp_path):
