@@ -49,11 +49,6 @@ def test_options_and_choices_are_offered(scripts, tmp_path):
     assert {"movement", "recording"} <= offered
 
 
-def test_paths_are_offered(scripts, tmp_path):
-    (tmp_path / "give_bracket_00").mkdir()
-    assert "give_bracket_00" in completed(scripts / "bash", tmp_path, "inspect", "give")
-
-
 def test_every_recording_and_every_name_is_offered(scripts, tmp_path):
     (tmp_path / "give_bracket_00").mkdir()
     assert "give_bracket_00" in completed(scripts / "bash", tmp_path, "train", "demos", "give")
@@ -122,11 +117,3 @@ def test_fish_completes(scripts, tmp_path, typed, offered):
     command = [shell("fish"), "--no-config", "-c", program]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     assert {line.partition("\t")[0] for line in done.stdout.splitlines()} == offered
-
-
-@pytest.mark.parametrize("shell", completion.SHELLS)
-def test_the_option_prints_it(scripts, shell, capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["--print-completion", shell])
-    assert ended.value.code == 0
-    assert capsys.readouterr().out.strip() == (scripts / shell).read_text("utf-8").strip()

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo as a user runs it: real processes, a short session, and every way out."""
 
-import argparse
-import io
 import json
 import os
 import signal
@@ -13,14 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
-from intent_recognition.cli.demo_model import trained_model
-from intent_recognition.cli.demo_scene import make_scene
 from intent_recognition.cli.main import main
 from intent_recognition.interrupts import END_SIGNALS
 from intent_recognition.model import Model, load_model, save_model
-from intent_recognition.model.file import load_trained
 
 pytestmark = pytest.mark.slow
 
@@ -186,17 +180,6 @@ def test_a_port_in_use_is_told_before_the_training(run):
     assert code == 1
     assert errors.strip().startswith(f"intent demo: --port: expected a free port, got {port}")
     assert not printed
-
-
-def test_its_model_can_be_added_to(tmp_path):
-    options = {"scenario": "toolbox", "arm": "lwr", "task_list": "habit", "seed": 1, "changes": 0}
-    options |= {"base": "", "tip": "", "transfers": False}
-    scene = make_scene(argparse.Namespace(interactions=1, **options))
-    scene = scene._replace(bags="bags/toolbox/test")  # fewer
-    path = trained_model(tmp_path / "model.npz", Console(file=io.StringIO()), scene)
-    model, trained = load_trained(path)
-    assert model.library.transition_prior is not None
-    assert trained
 
 
 def test_sequences_that_are_no_text_are_told_before_anything_starts(tmp_path, capsys):

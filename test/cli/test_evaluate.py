@@ -6,7 +6,6 @@ import io
 import json
 import shutil
 from contextlib import redirect_stdout
-from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -16,7 +15,7 @@ from rich.console import Console
 from intent_recognition.cli import evaluate as command
 from intent_recognition.cli.main import main
 from intent_recognition.demonstrations.hand_poses import hand_numbers
-from intent_recognition.errors import ArgumentError, BagError, ResourceBusyError
+from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.evaluation import make_folds
 from intent_recognition.learning.context import fit_context
 from intent_recognition.promp import ContextModel
@@ -169,12 +168,6 @@ def test_broken_and_unlabelled_bags_are_left_out_and_named(evaluate, recorded, t
     assert "left out in turn" not in text
 
 
-@pytest.mark.parametrize("protocol", ["kfold:9", "half", "holdout", "holdout:"])
-def test_protocols_that_make_no_sense_are_refused(evaluate, protocol):
-    with pytest.raises(ArgumentError, match="protocol"):
-        evaluate("--protocol", protocol)
-
-
 def test_a_folder_and_a_protocol_contradict_each_other(evaluate, recorded):
     with pytest.raises(ArgumentError, match="--test: expected no --protocol"):
         evaluate("--test", recorded / "bags", "--protocol", "loo")
@@ -193,16 +186,6 @@ def test_a_folder_to_test_on_is_in_one_fold(evaluate, recorded, monkeypatch, opt
     assert caught.value.args == (16, [(list(range(8)), list(range(8, 16)))])
 
 
-def test_a_folder_to_test_on_must_hold_something(evaluate, tmp_path):
-    with pytest.raises(BagError, match="nowhere"):
-        evaluate("--protocol", f"holdout:{tmp_path / 'nowhere'}")
-    spoil(tmp_path / "held_out")
-    for name in ("cut", "alone", "short", "void"):
-        shutil.rmtree(tmp_path / "held_out" / name)
-    with pytest.raises(ArgumentError, match="--protocol"):
-        evaluate("--protocol", f"holdout:{tmp_path / 'held_out'}")
-
-
 @pytest.mark.slow
 def test_recordings_taken_for_another_task_and_a_single_task_are_told(scored):
     mistaken = [{"recording": f"d{k}", "true": "a", "recognised": "b"} for k in range(7)]
@@ -213,13 +196,6 @@ def test_recordings_taken_for_another_task_and_a_single_task_are_told(scored):
     assert "d4 (a) for b, and 2 more" in text.getvalue()
     assert "With one task there is nothing to recognise" in text.getvalue()
     assert "taken for another" not in scored.text
-
-
-def test_the_title_of_a_report_names_what_was_scored():
-    learned = [Path("bags/train"), Path("more")]
-    assert command._title(learned, None) == "Evaluation on train, more"
-    title = "Evaluation on test, learned from train, more"
-    assert command._title(learned, Path("bags/test")) == title
 
 
 @pytest.mark.slow

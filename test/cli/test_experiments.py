@@ -12,13 +12,11 @@ import pytest
 from rich.console import Console
 
 from experiments import catalogue, runs
-from experiments.catalogue import EXPERIMENTS, Experiment, chosen
-from experiments.results import Finding
+from experiments.catalogue import Experiment
 from experiments.runs import run_all
 from experiments.settings import Settings
 from intent_recognition.cli import experiments as command
 from intent_recognition.cli.main import main
-from intent_recognition.errors import ArgumentError
 
 GOOD = Experiment("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
 BROKEN = Experiment("broken", "experiment_stub_broken", "Nobody, Fig. 1", "a stub that breaks off")
@@ -65,14 +63,6 @@ def test_without_a_terminal_steps_are_plain_lines_and_one_that_breaks_off_is_alo
     assert content["stub"]["numbers"]["quick"] is True
     assert content["broken"] == {"failure": "no recordings in stub"}
     assert "broken broke off" in (tmp_path / "report.html").read_text()
-
-
-@pytest.mark.slow
-def test_on_a_terminal_there_is_a_bar_for_each(stubs):
-    console = Console(file=io.StringIO(), force_terminal=True, _environ={"TERM": "xterm"})
-    run_all((GOOD, BROKEN), Settings(seed=1), 2, console)
-    shown = console.file.getvalue()
-    assert "done" in shown and "broke off" in shown and "50 %" not in shown
 
 
 class InterruptedWhereItWaits(io.StringIO):
@@ -126,27 +116,8 @@ def test_a_number_that_is_too_small_is_named(parse, capsys, option, least):
     assert f"argument {option}: expected {least} or more" in capsys.readouterr().err
 
 
-def test_the_list_may_be_json(capsys, tmp_path):
-    assert main(["experiments", "--list", "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert [entry["name"] for entry in printed] == [entry.name for entry in EXPERIMENTS]
-    assert main(["experiments", "--list", "--json", str(tmp_path / "list.json")]) == 0
-    assert json.loads((tmp_path / "list.json").read_text("utf-8")) == printed
-
-
 def test_recordings_that_are_not_there_are_said_before_any_work(capsys, tmp_path):
     missing = tmp_path / "nowhere"
     assert main(["experiments", "--bags", str(missing), "--output", str(tmp_path / "new")]) == 1
     assert f"--bags: expected a folder of recordings, got {missing}" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
-
-
-def test_chosen_keeps_the_papers_order_and_takes_each_once():
-    names = [entry.name for entry in EXPERIMENTS]
-    assert [e.name for e in chosen([names[2], names[0], names[2]])] == [names[0], names[2]]
-    assert chosen([]) == list(EXPERIMENTS)
-
-
-def test_a_finding_that_is_not_met_says_why():
-    with pytest.raises(ArgumentError, match="remark"):
-        Finding("error [cm]", "3", "4", False)

@@ -11,7 +11,6 @@ from moved_box import learned
 
 from intent_recognition.bags import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.cli.inspect_bag import moment
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import BagError, IntentError, ModelError
@@ -74,12 +73,6 @@ def test_json_holds_the_same_numbers(run_command, flawed_bag):
     assert topics["/mocap/wrist/pose"]["gaps"] == [[START_NS + 39 * STEP_NS, pytest.approx(0.51)]]
 
 
-def test_headings_keep_their_units(run_command, flawed_bag):
-    _, output = run_command("inspect", flawed_bag)
-    assert "rate [Hz]" in output
-    assert "longest [s]" in output
-
-
 def test_a_folder_gives_one_line_per_bag_and_counts_tasks(run_command, tmp_path):
     for name, task in (("a", "plate"), ("b", "plate"), ("c", "screw"), ("d", None)):
         write_bag(tmp_path / name, task=task)
@@ -128,26 +121,6 @@ def test_the_length_of_a_cut_bag_is_of_what_can_be_read(run_command, tmp_path):
     content = json.loads(output)
     times_ns = [m.log_time_ns for m in BagReader(bag, tolerant=True).raw_messages()]
     assert content["end_ns"] == max(times_ns) < START_NS + 1900 * STEP_NS
-
-
-def test_the_notes_of_a_bag_are_shown_in_a_folder_too(run_command, tmp_path):
-    write_bag(tmp_path / "whole")
-    (write_bag(tmp_path / "other") / "metadata.yaml").write_text("nonsense")
-    _, output = run_command("inspect", tmp_path)
-    assert "metadata.yaml" in " ".join(output.split())
-
-
-def test_messages_of_a_chunk_that_cannot_be_read_do_not_count(run_command, tmp_path):
-    bag = write_bag(tmp_path / "flipped")
-    file = next(bag.glob("*.mcap"))
-    data = bytearray(file.read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    file.write_bytes(data)
-    _, output = run_command("inspect", bag, "--json")
-    content = json.loads(output)
-    n_readable = len(list(BagReader(bag, tolerant=True).raw_messages()))
-    assert content["message_count"] == n_readable < 200 and content["damage"]
-    assert content["duration_s"] < 0.5
 
 
 def test_a_file_of_another_kind_is_named(parse, tmp_path):
@@ -227,23 +200,6 @@ def test_a_model_s_context_is_shown(run_command, tmp_path):
     assert rows == list(BOX_DOFS.context_names)
     _, output = run_command("inspect", tmp_path / "box.npz", "--json")
     assert json.loads(output)["context"] == dict.fromkeys(BOX_DOFS.context_names, "m")
-
-
-def test_moments_of_simulated_clocks_are_plain_seconds():
-    assert moment(1_500_000_000) == "t = 1.500 s"
-    assert moment(START_NS) == "2023-11-14 22:13:20.000 UTC"
-
-
-def test_an_empty_bag_is_a_problem(run_command, tmp_path):
-    for name in ("empty_00", "empty_01"):
-        write_bag(tmp_path / name, count=0)
-    assert "note: it holds no messages" in run_command("inspect", tmp_path / "empty_00")[1]
-    assert "it holds no messages" in " ".join(run_command("inspect", tmp_path)[1].split())
-
-
-def test_what_is_inspected_is_named_where_there_is_nothing(run_command, tmp_path):
-    with pytest.raises(BagError, match=r"npzz: expected a bag, a folder of bags, a model"):
-        run_command("inspect", tmp_path / "toolbox.npzz")
 
 
 @pytest.mark.parametrize(

@@ -10,15 +10,12 @@ from pathlib import Path
 
 import pytest
 from bag_builder import write_bag
-from cli.recorded import write_all
 
 from intent_recognition import __version__
 from intent_recognition.cli import main as cli
 from intent_recognition.errors import ModelError
-from intent_recognition.model import load_model
 
 ROOT = Path(__file__).parents[2]
-WORK = ("train", "evaluate", "replay")
 
 
 @pytest.mark.parametrize("command", cli.COMMANDS)
@@ -159,14 +156,6 @@ def test_only_errors_of_this_package_are_caught(monkeypatch, capsys):
         cli.main(argv)
 
 
-@pytest.mark.slow
-def test_as_a_process_it_ends_with_code_and_one_line():
-    command = [sys.executable, "-m", "intent_recognition.cli.main", "evaluate", "/no/bag"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and not done.stdout
-    assert len(done.stderr.splitlines()) == 1 and "/no/bag" in done.stderr
-
-
 @pytest.mark.parametrize("n_imports", [0, 100, 300])
 def test_an_interrupt_during_imports_is_quiet(tmp_path, n_imports):
     script = tmp_path / "intent"  # as pip writes it
@@ -191,54 +180,6 @@ def test_a_reader_that_closes_early_sees_no_traceback(repository):
     command = f"{sys.executable} -m intent_recognition.cli.main inspect {bag} | head -n 1"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert len(done.stdout.splitlines()) == 1 and not done.stderr
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", WORK)
-def test_the_commands_need_no_ros(command):
-    code = (
-        f"import sys, intent_recognition.cli.{command};"
-        "sys.exit(bool({'rclpy', 'pybullet', 'matplotlib'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-@pytest.mark.slow
-def test_the_commands_run_where_there_is_no_ros(tmp_path):
-    """Every import of a ROS package is refused, as on a machine without ROS."""
-    write_all(tmp_path)
-    program = tmp_path / "without_ros.py"
-    program.write_text(
-        "import importlib.util, sys\n"
-        "class NoRos:\n"
-        "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name.split('.')[0].endswith(('rclpy', '_msgs', '_interfaces', '_srvs')):\n"
-        "            raise ModuleNotFoundError(name)\n"
-        "sys.meta_path.insert(0, NoRos())\n"
-        "from intent_recognition.cli.main import main\n"
-        "for line in sys.stdin:\n"
-        "    assert main(line.split()) == 0, line\n"
-    )
-    bags, bag, dofs = (tmp_path / name for name in ("bags", "bags/demo_00", "dofs.yaml"))
-    model, saved = tmp_path / "model.npz", tmp_path / "saved"
-    commands = (
-        ("train", bags, "--dofs", dofs, "--basis", 6, "--output", model),
-        ("evaluate", bags, "--dofs", dofs, "--basis", 6, "--test", bag, "--unknown-tasks", "off"),
-        ("replay", bag, "--model", model),
-        ("inspect", bag),
-        ("inspect", model),
-        ("recover", bag, "--output", saved),
-    )
-    run = subprocess.run(
-        [sys.executable, str(program)],
-        input="\n".join(" ".join(map(str, words)) for words in commands),
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])},
-    )
-    assert run.returncode == 0, run.stderr
-    assert load_model(model) and saved.is_dir()
 
 
 @pytest.mark.parametrize(

@@ -83,23 +83,6 @@ def test_inspect(run_command, folder, with_dofs):
     assert {name for name, faults in named.items() if faults} == set(SPOILED)
 
 
-@pytest.mark.slow
-def test_inspect_one(run_command, folder):
-    for name in (*SPOILED, "demo_00"):
-        _, text = run_command("inspect", folder / "bags" / name)
-        assert ("doubtful" in text) == (name in SPOILED)
-        _, text = run_command("inspect", folder / "bags" / name, "--json")
-        assert bool(json.loads(text)["streams"]) == (name in SPOILED)
-
-
-def test_millimetres_are_named(run_command, tmp_path):
-    recorded = perform(TRUTH, 0, 33)
-    in_mm = [replace(s, values=1000.0 * s.values) for s in recorded.observed]
-    write_recording(tmp_path / "mm", replace(recorded, observed=tuple(in_mm)), DOFS)
-    _, text = run_command("inspect", tmp_path / "mm")
-    assert "doubtful mm" in text and "millimetres for metres" in text
-
-
 def test_recordings_with_one_fault_are_one_line(capsys):
     """Twelve in degrees: their names, one reason and its factor; two others as they are."""
     said = "q is at {} rad. Likely degrees for radians (a factor of 57.3): record radians."

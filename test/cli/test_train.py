@@ -15,7 +15,6 @@ from rich.console import Console
 
 from intent_recognition import __version__
 from intent_recognition.bags import BagWriter
-from intent_recognition.cli.console import brief_list
 from intent_recognition.cli.train import print_library
 from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
 from intent_recognition.learning import Hyperparameters, Trained, TrainingReport, TrainingSettings
@@ -51,11 +50,6 @@ def test_it_learns_writes_and_tells(train, recorded):
     assert "duration [s]" in text
 
 
-def test_long_lists_end_with_how_many_more():
-    assert brief_list("abcde") == "a, b, c, d, e"
-    assert brief_list("abcdefg") == "a, b, c, d, e, and 2 more"
-
-
 @pytest.mark.parametrize(
     ("log_loss", "warned"), [(0.69, False), (0.70, True), (float("nan"), False)]
 )
@@ -88,13 +82,6 @@ def test_broken_bags_are_left_out_and_named_to_users_and_scripts(train, recorded
 
 
 @pytest.mark.slow
-def test_single_bags_and_folders_may_be_mixed(train, recorded):
-    names = [recorded / "bags" / f"demo_{k:02d}" for k in range(6)]
-    code, _, output = train(*names)
-    assert code == 0 and load_model(output).library.n_demonstrations.tolist() == [3, 3]
-
-
-@pytest.mark.slow
 def test_the_same_bags_give_the_same_model(train, recorded):
     _, _, output = train(recorded / "bags")
     first = load_model(output).library
@@ -121,18 +108,6 @@ def test_dofs_the_bags_do_not_have_are_refused(train, recorded):
         train(recorded / "bags", dofs="glove.yaml")
     with pytest.raises(DofError, match=r"no\.yaml"):
         train(recorded / "bags", dofs="no.yaml")
-
-
-def test_each_cure_is_said_once_where_no_bag_can_be_read(train, tmp_path):
-    for number in range(5):
-        file = write_bag(tmp_path / f"cut_{number}") / f"cut_{number}_0.mcap"
-        file.write_bytes(file.read_bytes()[: 9000 + number])
-    with pytest.raises(BagError) as caught:
-        train(tmp_path)
-    message = str(caught.value)
-    assert message.count("intent recover") == 1 and message.endswith("with `intent recover`.")
-    assert message.count("truncated") == 1 and ", and 4 alike. " in message
-    assert "DOF" not in message.partition("got")[2]
 
 
 def test_a_forgotten_dof_file_is_named(run_command, tmp_path):

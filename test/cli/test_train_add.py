@@ -3,11 +3,9 @@
 
 import numpy as np
 import pytest
-import yaml
-from model_builder import GLOVE, make_dofs
 
 from intent_recognition.cli.main import main
-from intent_recognition.errors import ArgumentError, DofError, ModelError, TrainingError
+from intent_recognition.errors import ModelError, TrainingError
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.model.file import load_model, load_trained, save_model
 from intent_recognition.model.from_bags import accumulate_bags
@@ -64,20 +62,6 @@ def test_a_recording_that_the_model_has_is_named(train, first):
 
 
 @pytest.mark.slow
-def test_adding_can_go_on_from_session_to_session(train, first):
-    """One by one, each from the file of the one before."""
-    path = first
-    for k in (5, 6, 7):
-        path, _ = train(f"with_{k}.npz", (k,), "--add", path)
-    at_once, _ = train("more.npz", (5, 6, 7), "--add", first)
-    one_by_one, together = load_trained(path)[1], load_trained(at_once)[1]
-    np.testing.assert_allclose(
-        one_by_one.library.weight_covariance, together.library.weight_covariance, atol=1e-10
-    )
-    assert one_by_one.chosen == together.chosen == load_trained(first)[1].chosen
-
-
-@pytest.mark.slow
 def test_the_regularisation_may_be_chosen_again(train, first, recorded):
     kept = load_trained(first)[1].chosen
     again, text = train("again.npz", (5, 6, 7), "--add", first, "--choose-again")
@@ -86,22 +70,6 @@ def test_the_regularisation_may_be_chosen_again(train, first, recorded):
     assert trained.chosen.score != kept.score
     assert trained.library.provenance["chosen"] == trained.chosen._asdict()
     assert trained.library.noise_scale == trained.chosen.noise_scale
-
-
-def test_options_that_contradict_the_model_are_refused(train, first, recorded, tmp_path):
-    with pytest.raises(ArgumentError, match=r"--basis: expected 8, as in .*first\.npz, got 12"):
-        train("more.npz", (5,), "--add", first, "--basis", 12)
-    with pytest.raises(ArgumentError, match="--segment: expected movement"):
-        train("more.npz", (5,), "--add", first, "--segment", "recording")
-    (tmp_path / "glove.yaml").write_text(yaml.safe_dump(make_dofs(GLOVE).to_dict()))
-    with pytest.raises(DofError, match="the DOFs of the model"):
-        train("more.npz", (5,), "--add", first, "--dofs", tmp_path / "glove.yaml")
-
-
-@pytest.mark.parametrize("beside", [(), ("--unlabelled",)])
-def test_choosing_again_without_a_model_to_add_to_is_refused(run_command, tmp_path, beside):
-    with pytest.raises(ArgumentError, match="--choose-again: expected --add with it"):
-        run_command("train", tmp_path, "--output", tmp_path / "m.npz", "--choose-again", *beside)
 
 
 def test_a_model_without_statistics_says_what_it_lacks(train, first, tmp_path):

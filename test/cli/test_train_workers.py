@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 from functools import partial
-from types import SimpleNamespace
 
 import pytest
 from cli.recorded import DOFS, spoil, write_all
@@ -122,17 +121,6 @@ def test_a_scheduler_without_workers_is_refused(train):
         pytest.raises(ResourceBusyError, match="at least one worker, got none"),
     ):
         train("--scheduler", empty.scheduler_address)
-
-
-def test_a_dask_worker_that_dies_again_and_again_is_an_error(cluster):
-    from distributed import KilledWorker
-
-    address = cluster.scheduler_address
-    with (
-        pytest.raises(IntentError, match=r"(?s)--scheduler .*KilledWorker"),
-        workers(scheduler=address),
-    ):
-        raise KilledWorker("part", SimpleNamespace(address="tcp://w"), 3)
 
 
 def test_jobs_and_scheduler_exclude_each_other(parse, capsys):

@@ -54,13 +54,6 @@ def test_purity_is_told_where_there_are_labels(run):
     assert "purity 1.000" in text
 
 
-@pytest.mark.slow
-def test_the_number_of_components_may_be_given(run):
-    text, output = run("train", "bags", "--unlabelled", "--components", 1)
-    assert load_model(output).library.labels == ("component_1",)
-    assert "purity 0.500" in text
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -85,14 +78,6 @@ def test_evaluation_adds_the_mixture(run, recorded):
     assert result["mixture"] == {"n_components": 2, "purity": 1.0}
     assert result["n_demonstrations"] == 1 and "recognition" in result
     assert "2 components" in text
-
-
-def test_evaluation_of_recordings_without_a_single_label(run):
-    text, output = run("evaluate", "nameless", "--unlabelled")
-    result = json.loads(output.read_text())
-    assert result["mixture"] == {"n_components": 2, "purity": None}
-    assert result["n_demonstrations"] == 8 and result["tasks"] == []
-    assert "no recording has a label" in text
 
 
 @pytest.mark.slow

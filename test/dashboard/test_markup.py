@@ -76,10 +76,6 @@ def test_a_transfer_is_told_with_its_forces():
     assert markup.FORCE_COLOURS["load"] not in markup.transfer(transfer, False)
 
 
-def test_old_probabilities_lose_their_colour():
-    assert "#0072b2" not in bars(state_with("a"), {"a": "#0072b2"}, fresh=False)
-
-
 def test_what_the_robot_did_not_finish_is_told_until_it_begins_again():
     state = CellState()
     state.take_active("give_cup")
@@ -110,25 +106,10 @@ def test_labels_and_messages_are_escaped():
         assert "<script" not in text
 
 
-def test_a_table_of_skills_is_as_narrow_as_can_be():
-    """It does not say what is spilled where nothing is."""
-    rows = [SkillRow("kept 0003", {"spilled": "-"}), SkillRow("begun", {"spilled": "-"})]
-    text = skills_table({"give_cup": rows})
-    assert "kept 0003" in text and text.count("give") == 1
-    assert "spilled" not in text
-    assert "spilled" in skills_table({"give_cup": [*rows, SkillRow("", {"spilled": "0.1"})]})
-
-
 def test_a_silent_node_stands_out():
     nodes = {"arm": NodeHealth(0, "running", {}, 0.0), "ear": NodeHealth(0, "running", {}, 9.0)}
     assert markup.silent_nodes(nodes, 10.0) == ["arm"]
     assert "silent for 10 s" in markup.nodes_table(nodes, 10.0)
-
-
-def test_a_node_that_is_done_raises_no_alarm():
-    nodes = {"cell/bag_player": NodeHealth(0, "running", {}, 0.0)}
-    assert markup.silent_nodes(nodes, 10.0) == []
-    assert markup.BAD not in markup.nodes_table(nodes, 10.0)
 
 
 def test_a_node_that_said_that_its_work_is_done_has_ended():
@@ -136,25 +117,3 @@ def test_a_node_that_said_that_its_work_is_done_has_ended():
     assert "ended: session over" in markup.nodes_table(nodes, 10.0)
     assert "silent" not in markup.nodes_table(nodes, 10.0)
     assert "ended" not in markup.nodes_table(nodes, 1.0), "it still reports"
-
-
-def test_details_have_rates_latency_and_what_was_rejected():
-    values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
-    text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
-    assert "human/wrist 100 Hz" in text
-    assert "latency p99 1.9 ms" in text
-    assert "rejected jump 4" in text
-
-
-def test_empty_state_says_what_to_do():
-    assert bars(CellState(), {}) == ""
-    assert "No node" in markup.nodes_table({}, 0.0)
-
-
-def test_steps_that_are_done_are_ticked_and_the_next_stands_out():
-    text = markup.steps(["take", "press `Record`", "learn"], 1)
-    ticked, following, last = text.split("display:grid")[1:]
-    assert "&#10003;" in ticked and markup.GOOD in ticked
-    assert 'font-weight:600">press <code' in following
-    assert markup.SOFT in last
-    assert markup.SOFT not in markup.steps(["a", "b"])

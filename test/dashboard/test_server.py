@@ -167,19 +167,6 @@ def test_an_operator_that_rests_is_followed():
         asyncio.run(visit(page, clock))
 
 
-def test_a_page_that_is_read_only_does_nothing():
-    async def visit(page):
-        async with page.connect() as only:
-            await page.enter(only)
-            await page.press(only, True)
-            await eventually(lambda: page.refused)
-            assert not page.pressed
-            assert page.button.value is False
-
-    with guarded(read_only=True) as page:
-        asyncio.run(visit(page))
-
-
 def test_what_no_page_sends_has_no_effect(page, capfd):
     async def visit():
         async with page.connect() as connection:

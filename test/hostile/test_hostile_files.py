@@ -136,48 +136,6 @@ def test_data_sets(worker, tmp_path, repository):
         assert answer["code"] == (meta != {} or tasks is None) or k > 6, (k, answer)
 
 
-def meshes(rng):
-    triangle = np.zeros(1, [("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-    triangle["v"] = np.eye(3)
-    for value in (np.nan, np.inf, 1e38, 0.0):
-        changed = np.repeat(triangle, 12)
-        changed["v"][3] = value
-        yield ".stl", bytes(80) + np.uint32(12).tobytes() + changed.tobytes()
-    yield ".stl", bytes(80) + np.uint32(2**32 - 1).tobytes() + triangle.tobytes()
-    yield ".stl", b"solid x\n" + b"facet normal 0 0 1\n" * 1000
-    yield (
-        ".ply",
-        b"ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n1",
-    )
-    yield (
-        ".ply",
-        b"ply\nformat binary_little_endian 1.0\nelement vertex 999999999\n"
-        b"property float x\nproperty float y\nproperty float z\nend_header\n",
-    )
-    yield ".ply", b"ply\nformat ascii 1.0\nelement vertex -1\nproperty list x y z\nend_header\n"
-    yield ".obj", b"v nan nan nan\n" * 9 + b"f 1 2 3\n"
-    yield ".obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 999999999\nf -9 -8 -7\n"
-    yield ".off", b"OFF\n999999999 999999999 0\n"
-    yield ".glb", b"glTF\2\0\0\0" + bytes([255] * 12)
-    yield ".gltf", b'{"asset":{"version":"2.0"},"buffers":[{"uri":"/dev/zero","byteLength":9}]}'
-    yield ".xyz", b"1 2 3\n" * 3
-    yield ".npz", b"PK\3\4"
-    while True:
-        suffix = str(rng.choice([".stl", ".ply", ".obj", ".off", ".glb", ".xyz", ".dae", ".3mf"]))
-        yield (
-            suffix,
-            mutated(rng, bytes(80) + np.uint32(4).tobytes() + np.repeat(triangle, 4).tobytes()),
-        )
-
-
-def test_meshes(worker, tmp_path):
-    rng = np.random.default_rng(SEED + 9)
-    for k, (suffix, content) in zip(range(EACH), meshes(rng), strict=False):
-        path = tmp_path / f"{k}{suffix}"
-        path.write_bytes(content)
-        check(worker, "warp", "cup", path, "--output", tmp_path / f"{k}.json")
-
-
 def test_what_is_no_file(worker, whole, tmp_path):
     good = write_bag(tmp_path / "good", whole)
     fifo = tmp_path / "fifo"

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Practice of a taught task: what is executed, what it costs, and what is accepted."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from model_builder import GLOVE, make_dofs, perform, true_library
 
-from intent_recognition.bags import BagReader
-from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.improvement import CovarianceSearch, TaskPractice, attempt, load_cost
@@ -20,7 +17,6 @@ from intent_recognition.model import (
     Model,
     PractisedTask,
     TaskFolder,
-    load_model,
     read_history,
     save_model,
     skill_history,
@@ -173,36 +169,3 @@ def test_what_cannot_be_practised_is_refused_by_name(trained, library):
         TaskPractice(trained, make_dofs(GLOVE), TASK)
     with pytest.raises(ModelError, match="the model that was practised"):
         library.improve(TASK, library.path, RuleChange(np.zeros((1, 1)), np.zeros(1)), "models/9")
-
-
-@pytest.mark.slow
-def test_the_command_practises_accepts_and_undoes(library, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("intent_recognition.cli.improve_subjects.find_spec", lambda name: None)
-    path = ["--library", str(library.path)]
-    base, numbers = ["improve", TASK, *path, "--cost", "time"], tmp_path / "n.json"
-    assert main([*base, "--rollouts", "14", "--json", str(numbers)]) == 0
-    told = json.loads(numbers.read_text())
-    assert len(told["costs"]) == 14 and set(told["outcomes"][0]) == {"distance_m", "late_s"}
-    bags = sorted((library.path / "practice" / TASK / "practice_00" / "rollouts" / "000").iterdir())
-    labels = BagReader(bags[0]).custom_data
-    assert labels["task"] == TASK and float(labels["cost"]) == pytest.approx(told["costs"][0], 1e-4)
-    before = load_model(library.model_path).library
-    capsys.readouterr()
-    assert main([*base, "--accept", "--json"]) == 0
-    nobody = "; no estimator was asked, for ROS 2 is not here"
-    accepted = json.loads(capsys.readouterr().out)
-    assert accepted == {"accepted": f"accepted practice of {TASK}{nobody}"}
-    assert not np.array_equal(
-        load_model(library.model_path).library.weight_mean, before.weight_mean
-    )
-    assert main([*base, "--undo", "--json"]) == 0
-    undone = json.loads(capsys.readouterr().out)
-    assert undone == {"undone": f"took practice of {TASK} back{nobody}"}
-    assert np.array_equal(load_model(library.model_path).library.weight_mean, before.weight_mean)
-    assert main([*base, "--undo"]) == 1
-    assert "practice of" in capsys.readouterr().err
-    assert main(["improve", TASK, *path, "--cost", "spilled"]) == 1
-    assert "one of distance, time" in capsys.readouterr().err
-    assert main(["improve", "x", "--library", str(tmp_path / "none")]) == 1
-    assert main(["improve", TASK, *path, "--output", "x"]) == 1
-    assert "--output" in capsys.readouterr().err

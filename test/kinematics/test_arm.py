@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from kinematics.robots import ROBOTS
-from kinematics.test_chain import twist
+from kinematics.test_forward import twist
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 

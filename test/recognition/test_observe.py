@@ -3,12 +3,14 @@
 
 import numpy as np
 import pytest
-from online_stream import feed, movement, same
-from simulation import START_NS
+from online_stream import episodes, feed, follow, going_back, learned, movement, same, shifted
+from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
-from intent_recognition.signals.observation import merge
+from intent_recognition.signals.observation import Observation, merge
 
 
 @pytest.mark.slow
@@ -143,3 +145,142 @@ def test_the_robot_may_be_observed_with_arrays(library, truth, rng):
 def test_a_prior_that_is_none_is_refused(library, options, says):
     with pytest.raises(ArgumentError, match=says):
         IntentEstimator(library, **options)
+
+
+def unlike(rng: np.random.Generator, amplitude: float = 0.4) -> list[Observation]:
+    """A random smooth movement, three sines that begin from rest."""
+    times = np.arange(-0.8, 2.0, 0.02)
+    going = np.clip(times, 0.0, None)
+    values = np.zeros((len(times), 3))
+    for dof in range(3):
+        for _ in range(2):
+            size, rate = amplitude * rng.normal(), rng.uniform(2.0, 6.0)
+            values[:, dof] += size * (1 - np.cos(rate * going))
+    values += 0.001 * rng.normal(size=values.shape)
+    stamps = START_NS + np.round((times - times[0]) * 1e9).astype(np.int64)
+    return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
+
+
+@pytest.mark.slow
+def test_none_wins_for_movements_unlike_the_tasks(library):
+    wins = 0
+    for seed in range(20):
+        estimates = feed(IntentEstimator(library), unlike(np.random.default_rng(seed)))
+        episode = max(episodes(estimates), key=len)
+        late = episode[int(0.6 * len(episode))]
+        wins += int(np.argmax(late.probabilities)) == library.n_tasks
+    assert wins == 20
+
+
+def test_no_robot_trajectory_while_none_leads(library):
+    estimator = IntentEstimator(library)
+    led = 0
+    for observation in unlike(np.random.default_rng(0)):
+        estimate = estimator.update(observation)
+        if estimate.moving and int(np.argmax(estimate.probabilities)) == library.n_tasks:
+            led += 1
+            assert estimator.predict_controlled() is None
+            assert estimator.predict_observed().task == "none"
+    assert led > 10
+
+
+def test_rest_with_noise_is_never_a_movement(library, rng):
+    stamps = START_NS + np.arange(3000) * 10_000_000
+    values = 0.002 * rng.normal(size=(3000, 3))
+    stream = [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
+    assert not any(e.moving for e in feed(IntentEstimator(library), stream))
+
+
+def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
+    """Running on past its task it is given up, and the memory with it."""
+    times = np.arange(0.0, 30.0, 0.02)
+    values = 0.3 * np.stack([np.sin(3 * times), np.cos(3 * times), np.sin(2 * times)], axis=1)
+    estimator = IntentEstimator(library)
+    stream = [
+        Observation(START_NS + round(t * 1e9), 0, v) for t, v in zip(times, values, strict=True)
+    ]
+    estimates = feed(estimator, stream)
+    assert not estimates[-1].moving
+    assert all((e.stamp_ns - e.onset_ns) * 1e-9 < 10.0 for e in estimates if e.moving)
+
+
+@pytest.mark.parametrize(
+    ("observation", "reason"),
+    [
+        (Observation(START_NS, 0, np.zeros(2)), "wrong_size"),
+        (Observation(START_NS, 0, np.zeros((1, 3))), "wrong_size"),
+        (Observation(START_NS, 0, np.array([0.0, np.nan, 0.0])), "not_finite"),
+        (Observation(START_NS, 0, np.array([0.0, np.inf, 0.0])), "not_finite"),
+        (Observation(START_NS, 0, np.array([0.0, 1e200, 0.0])), "not_finite"),
+        (Observation(0, 0, np.zeros(3)), "zero_stamp"),
+        (Observation(-5, 0, np.zeros(3)), "zero_stamp"),
+        (Observation(START_NS, 0, np.zeros(3), np.full((3, 3), np.nan)), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), np.eye(2)), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), -np.eye(3)), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), np.zeros((3, 3))), None),
+        (Observation(START_NS, 0, np.zeros(3), np.eye(3)), None),
+    ],
+)
+def test_unusable_observations_are_told_by_reason(library, observation, reason):
+    assert IntentEstimator(library).reason_to_reject(observation) == reason
+
+
+@pytest.mark.parametrize("stamp_s", [np.arange(3.0), "now", None, np.nan, [1.0]])
+def test_a_stamp_is_one_number(rng, stamp_s):
+    estimator = IntentEstimator(make_library(rng))
+    with pytest.raises(ArgumentError, match="stamp_s: expected seconds"):
+        estimator.observe(stamp_s, np.zeros(2))
+
+
+def test_stamps_must_increase_within_a_signal_but_not_between_signals(rng):
+    library = make_library(rng, groups=(2, 1), n_basis=4)
+    estimator = IntentEstimator(library)
+    estimator.update(Observation(START_NS + 100, 0, np.zeros(2)))
+    for stamp in (START_NS + 100, START_NS + 99):
+        again = Observation(stamp, 0, np.zeros(2))
+        assert estimator.reason_to_reject(again) == "stamp_not_increasing"
+    assert estimator.reason_to_reject(Observation(START_NS + 99, 1, np.zeros(1))) is None
+    assert estimator.reason_to_reject(Observation(START_NS + 101, 0, np.zeros(2))) is None
+
+
+def lost_marker(truth: TaskLibrary, rng) -> tuple[list[Observation], list[Observation]]:
+    """A movement in which the second tracker dies half-way for good, and one after it."""
+    first = movement(truth, 0, rng, duration_s=2.0, rest_after_s=3.0)
+    second = movement(truth, 1, rng, duration_s=2.0, rest_before_s=1.5)
+    dies = START_NS + round(1.8e9)
+    before = [o for o in merge(first.observed) if o.group == 0 or o.stamp_ns < dies]
+    later = [o for o in merge(second.observed) if o.group == 0]
+    before += going_back(before[-1], later[0].values)
+    return before, shifted(later, (before[-1].stamp_ns - START_NS) * 1e-9 + 0.02)
+
+
+@pytest.mark.slow
+def test_a_tracker_lost_in_mid_movement_does_not_block_the_next_one(rng):
+    truth = make_library(rng, groups=(2, 1), n_basis=8, spread=0.03, noise_std=0.001)
+    estimator = IntentEstimator(learned(truth))
+    before, later = lost_marker(truth, rng)
+    assert not feed(estimator, before)[-1].moving
+    episode = max(episodes(feed(estimator, later)), key=len)
+    assert int(np.argmax(episode[len(episode) // 2].probabilities)) == 1
+    expected = later[0].stamp_ns + round(1.5e9)
+    assert abs(episode[0].onset_ns - expected) < 0.3e9
+
+
+def test_a_duplicate_stamp_of_a_tracker_long_silent_is_still_rejected(rng):
+    library = make_library(rng, groups=(2, 1), n_basis=4)
+    estimator = IntentEstimator(library)
+    silent = Observation(START_NS, 1, np.zeros(1))
+    estimator.update(silent)
+    for step in range(300):
+        estimator.update(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
+    assert estimator.reason_to_reject(silent) == "stamp_not_increasing"
+
+
+def test_the_distribution_behind_an_estimate_is_symmetric_and_positive_definite(
+    library, truth, rng
+):
+    estimator = IntentEstimator(library)
+    follow(estimator, merge(movement(truth, 0, rng).observed), 1.5)
+    observed: Gaussian = estimator._run.prediction(0).observed_weights()
+    assert np.array_equal(observed.covariance, observed.covariance.T)
+    assert np.linalg.eigvalsh(observed.covariance).min() > 0

@@ -18,10 +18,9 @@ from intent_recognition.report.drawing import (
     PALETTE,
     task_colours,
     task_markers,
-    to_png,
     to_svg,
 )
-from intent_recognition.report.figures_calibration import confusion_shares_figure, regions_figure
+from intent_recognition.report.figures_calibration import confusion_shares_figure
 from intent_recognition.report.figures_evaluation import (
     coverage_figure,
     recognition_figure,
@@ -31,7 +30,6 @@ from intent_recognition.report.figures_evaluation import (
 from intent_recognition.report.figures_interaction import (
     joint_figure,
     posterior_over_time_figure,
-    thin,
     wrist_figure,
 )
 
@@ -92,28 +90,6 @@ def all_figures(per_task, trace, rng):
     }
 
 
-@pytest.mark.parametrize("segment", ["recording", "movement"])
-def test_axes_say_what_the_share_is_of(segment):
-    series = {"known_phase": (FRACTIONS, FRACTIONS)}
-    panels = {"known_phase": {"rmse": (FRACTIONS, FRACTIONS)}}
-    for figure in (
-        recognition_figure(series, series, segment),
-        rmse_figure(panels, "rad", segment),
-        coverage_figure(series, segment),
-    ):
-        labels = {axes.get_xlabel() for axes in figure.axes}
-        assert labels == {f"share of the {segment} observed [%]"}
-
-
-def test_the_legend_of_a_reliability_diagram_covers_no_point():
-    given = np.linspace(0.0, 1.0, 11)
-    figure = reliability_figure(given, np.zeros(11), np.full(11, 5))
-    to_png(figure)  # lays it out
-    (axes,), (legend,) = figure.axes, figure.legends
-    assert axes.get_legend() is None
-    assert not legend.get_window_extent().overlaps(axes.get_window_extent())
-
-
 @pytest.mark.slow
 def test_every_figure_draws_labels_its_axes_and_is_never_registered(all_figures):
     for name, figure in all_figures.items():
@@ -132,10 +108,6 @@ def test_equal_figures_give_equal_bytes_without_date(per_task):
     assert one == other
     assert b"<metadata" not in one
     assert b"DOCTYPE" not in one
-
-
-def test_png(per_task):
-    assert to_png(figures.arrival_figure(per_task), dpi=40).startswith(b"\x89PNG")
 
 
 def test_the_users_settings_are_neither_used_nor_changed(per_task):
@@ -158,13 +130,6 @@ def test_hand_errors_and_whiskers_are_where_they_belong():
     np.testing.assert_allclose(segments[1], [0.6, 5.8])
 
 
-def test_histograms_hold_every_interaction(per_task):
-    per_task["plate"].append(1.7)
-    for figure in (figures.decision_share_figure(per_task), figures.arrival_figure(per_task)):
-        bars = figure.axes[0].patches
-        assert sum(bar.get_height() for bar in bars) == sum(map(len, per_task.values()))
-
-
 @pytest.mark.slow
 def test_nothing_measured_still_draws():
     nothing = {"plate": []}
@@ -175,15 +140,6 @@ def test_nothing_measured_still_draws():
         figures.timing_figure(nothing, nothing),
     ):
         assert to_svg(figure)
-
-
-def test_a_curve_that_is_equal_does_not_hide_the_one_below():
-    both = {phase: (FRACTIONS, [0.5, 0.6, 0.8, 0.9]) for phase in ("known_phase", "unknown_phase")}
-    for figure in (recognition_figure(both, both), coverage_figure(both), regions_figure(both)):
-        for axes in figure.axes:
-            below, above = axes.lines[-2:]
-            assert below.get_linestyle() == "-" and below.get_markerfacecolor() != "none"
-            assert above.get_linestyle() == "--" and above.get_markerfacecolor() == "none"
 
 
 def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
@@ -261,30 +217,6 @@ def test_perfect_probabilities_lie_on_the_diagonal(rng):
     truth = rng.uniform(size=200_000) < probabilities
     mean, share, _ = reliability_bins(probabilities, truth)
     np.testing.assert_allclose(mean, share, atol=0.015)
-
-
-def test_thinning_keeps_both_ends():
-    values = np.arange(10_000)
-    assert thin(values, 100)[[0, -1]].tolist() == [0, 9999]
-    assert len(thin(values, 100)) == 100
-    assert thin(values[:7], 100) is not None
-    assert len(thin(values[:7], 100)) == 7
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("missing", ["predicted_std_rad", "predicted_rad", "joint_rad", "end_s"])
-def test_a_joint_figure_does_without_what_is_missing(trace, missing):
-    del trace[missing]
-    assert to_svg(joint_figure(trace))
-
-
-@pytest.mark.slow
-def test_any_number_of_joints(trace):
-    for count in (1, 3, 4, 8):
-        trace["joint_rad"] = np.zeros((900, count))
-        trace["predicted_rad"] = trace["predicted_std_rad"] = np.ones((50, count))
-        trace["joint_names"] = None
-        assert to_svg(joint_figure(trace))
 
 
 @pytest.mark.slow

@@ -130,12 +130,6 @@ def test_alignment_marks_and_absent_cells():
     assert '<tr class="strong">' in html
 
 
-def test_key_numbers_show_ours_and_the_papers():
-    html = render(page(KeyNumbers((KeyNumber("hand error", "2.0 cm", "3.2 cm", True, "n = 3"),))))
-    for part in ("number good", ">2.0 cm<", ">paper: 3.2 cm<", ">n = 3<"):
-        assert part in html
-
-
 def test_figures_travel_inside_the_page():
     png = b"\x89PNG\r\n\x1a\n..."
     html = render(page(Row((Figure(SVG, "one"), Figure(png, "two")))))
@@ -150,18 +144,6 @@ def test_the_page_refers_to_nothing_outside():
     assert "<link" not in html
     assert "<script" not in html
     assert "url(" not in html
-
-
-def test_empty_sections_are_left_out():
-    html = render(ReportPage("t", "s", (Section("empty", ()), Section("full", (Paragraph("x"),)))))
-    assert "empty" not in html
-    assert "full" in html
-
-
-def test_print_and_dark_styles_are_there():
-    html = render(page())
-    assert "@media print" in html
-    assert "prefers-color-scheme: dark" in html
 
 
 def test_bad_content_is_refused():

@@ -4,17 +4,15 @@
 import base64
 import re
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.evaluation.session_summary import InteractionRecord, summarise, summary_line
+from intent_recognition.evaluation.session_summary import InteractionRecord, summarise
 from intent_recognition.report import calibration_report, demo_report, evaluation_report
-from intent_recognition.report.arms_report import arm_row
-from intent_recognition.report.demo_report import _key_numbers, demo_page, write_demo_report
+from intent_recognition.report.demo_report import demo_page, write_demo_report
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
     series,
@@ -110,39 +108,6 @@ def test_the_demo_table_is_the_records(session, page):
 
 
 @pytest.mark.slow
-def test_key_numbers_stand_beside_the_papers(session, bare_page):
-    summary = summarise(session[0])
-    numbers = key_numbers(bare_page)
-    assert (numbers["tasks recognised"].ours, numbers["tasks recognised"].paper) == ("8/9", "40/40")
-    assert numbers["tasks recognised"].good is False
-    plate = numbers["hand error, plate handover"]
-    mean = summary.hand_error_by_task["plate_handover"].mean_cm
-    assert plate.ours.startswith(f"{mean:.1f} ")
-    assert plate.paper == "3.2 \N{PLUS-MINUS SIGN} 2.6 cm"
-    assert plate.good is True
-    assert numbers["hand error, screw handover"].paper == ""
-    assert bare_page.footer == summary_line(summary)
-    assert "Conditions differ" in render(bare_page)
-    assert "Green: an aim is met" in render(bare_page)
-
-
-@pytest.mark.slow
-def test_one_interaction_is_no_mean_and_not_typical(session, undrawn):
-    records, traces = session
-    plate = replace(records[0], task="plate_handover", recognised="plate_handover")
-    page = demo_page([replace(plate, hand_error_m=0.05)], summarise([plate]), traces[:1], {})
-    assert page.subtitle.startswith("1 interaction, ")
-    numbers = key_numbers(page)
-    assert numbers["hand error"].ours == numbers["hand error, plate handover"].ours == "1.1 cm"
-    assert numbers["hand error"].note == numbers["hand error, plate handover"].note == "n = 1"
-    assert arm_row("lwr", [plate])[4] == "1.1"
-    late = summarise([replace(plate, hand_error_m=0.05)])
-    (card,) = [n for n in _key_numbers(late).numbers if n.label == "hand error, plate handover"]
-    assert (card.ours, card.good) == ("5.0 cm", None)
-    assert "Plate handover (interaction 1)" in [section.heading for section in page.sections]
-
-
-@pytest.mark.slow
 def test_figures_without_data_are_left_out(session, page, bare_page):
     records, _ = session
     assert len(figures_of(bare_page)) == 5
@@ -178,12 +143,6 @@ def test_traces_of_unequal_length_are_refused(session, key, value):
 def test_no_interaction_at_all_still_gives_a_page(tmp_path):
     path = write_demo_report(tmp_path / "r.html", [], summarise([]))
     assert "recognised 0/0" in path.read_text(encoding="utf-8")
-
-
-def test_typical_and_missed_interactions_are_shown(page):
-    headings = [section.heading for section in page.sections]
-    assert "Missed: screw handover (interaction 5)" in headings
-    assert sum(heading.startswith("Typical: ") for heading in headings) == 3
 
 
 def result(rng, unit="rad"):
@@ -256,30 +215,6 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
         ("90.0", "55.0", "0.0", "20.4"),
     ]
     assert left_out.rows == (("demo_3", "left out", "two clocks"), ("demo_4", "doubtful", "a hint"))
-
-
-@pytest.mark.parametrize("segment", ["recording", "movement"])
-def test_the_evaluation_says_what_its_shares_are_of(rng, undrawn, segment):
-    page = evaluation_page(result(rng) | {"segment": segment}, "t")
-    tables = blocks_of(page, TableBlock)
-    assert {table.columns[0].title for table in tables} == {f"{segment} observed"}
-    assert f"recognised at 30 % of the {segment}" in key_numbers(page)
-    text = render(page)
-    assert f"Shares observed are of the {segment}" in text
-    assert ("--segment movement" in text) == (segment == "recording")
-    assert "nothing to recognise" not in text
-
-
-def test_recordings_taken_for_another_task_are_a_table(rng, undrawn):
-    one = {"recording": "demo_3", "true": "rocket", "recognised": "waving"}
-    page = evaluation_page({"mistaken": [one]}, "t")
-    (table,) = blocks_of(page, TableBlock)
-    assert table.rows == (("demo_3", "rocket", "waving"),)
-
-
-def test_the_report_of_one_task_says_that_there_is_nothing_to_recognise(rng, undrawn):
-    page = evaluation_page(result(rng) | {"tasks": ["waving"]}, "t")
-    assert "With one task there is nothing to recognise" in render(page)
 
 
 @pytest.mark.slow

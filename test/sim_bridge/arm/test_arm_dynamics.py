@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm's dynamics against an independent recursive Newton-Euler; its model and looks."""
 
-import xml.etree.ElementTree as ET
+from collections import Counter
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 from hypothesis.strategies import floats
 
-from intent_recognition.kinematics.forward import jacobian
-from intent_recognition.kinematics.lwr import DH, JOINT_NAMES, LWR_LIMITS
+from intent_recognition.kinematics.forward import forward_kinematics, jacobian
+from intent_recognition.kinematics.lwr import DH, JOINT_NAMES
 from sim_bridge.arm.arm import GRAVITY_M_S2, SimulatedArm
-from sim_bridge.arm.urdf import LINK_BODIES, ROTOR_INERTIA_KG_M2, link_inertia, lwr_urdf
+from sim_bridge.arm.urdf import HAND_LINK, LINK_BODIES, ROTOR_INERTIA_KG_M2, link_inertia, lwr_urdf
+from sim_bridge.scenarios.toolbox.scene import HOME
 
 joints = arrays(np.float64, 7, elements=floats(-2.0, 2.0))
 
@@ -82,14 +84,6 @@ def test_a_free_step_accelerates_as_newton_euler_says(arm):
     assert np.allclose(velocity, 0.001 * qdd, atol=1e-7)
 
 
-def test_inertias_are_those_of_real_bodies():
-    """PyBullet silently zeroes an inertia that breaks the triangle inequality."""
-    for i, J in enumerate(ROTOR_INERTIA_KG_M2):
-        moments = link_inertia(i, J)
-        assert np.all(moments > 0.0)
-        assert 2.0 * moments.max() <= moments.sum() + 1e-12
-
-
 def test_pybullet_took_the_masses_and_inertias(arm):
     for i, index in enumerate(arm.joint_indices):
         info = arm.client.getDynamicsInfo(arm.body, index)
@@ -107,28 +101,71 @@ def test_jacobian_of_pybullet_is_ours(arm):
     assert np.allclose(np.vstack([linear, angular]), jacobian(q), atol=1e-6)
 
 
-def test_urdf_is_plain_and_complete():
-    robot = ET.fromstring(lwr_urdf())
-    revolute = [j for j in robot.iter("joint") if j.get("type") == "revolute"]
-    assert [joint.get("name") for joint in revolute] == list(JOINT_NAMES)
-    for i, joint in enumerate(revolute):
-        assert float(joint.find("limit").get("upper")) == LWR_LIMITS.upper[i]
-        assert float(joint.find("limit").get("effort")) == LWR_LIMITS.torque[i]
-    kinds = {shape.tag for geometry in robot.iter("geometry") for shape in geometry}
-    assert kinds == {"box", "cylinder", "sphere"}
-    assert len(robot.findall("link")) == 9
-    assert "lwr_hand" in {link.get("name") for link in robot.findall("link")}
+@pytest.fixture(scope="module")
+def robot():
+    return ET.fromstring(lwr_urdf(world=True))
 
 
-def test_picture_shows_an_orange_and_grey_arm(arm):
-    """The software renderer sees orange shells, grey drums and a dark flange."""
-    arm.reset()
-    view = arm.client.computeViewMatrix((1.6, -1.2, 0.9), (0.2, 0.0, 0.5), (0.0, 0.0, 1.0))
-    lens = arm.client.computeProjectionMatrixFOV(45.0, 4.0 / 3.0, 0.1, 5.0)
-    image = arm.client.getCameraImage(320, 240, view, lens, renderer=arm.client.ER_TINY_RENDERER)
-    pixels = np.reshape(image[2], (-1, 4))[:, :3].astype(float)
-    arm_pixels = pixels[np.reshape(image[4], -1) == arm.body]
-    assert len(arm_pixels) > 1500
-    r, g, b = arm_pixels.T
-    assert np.mean((r > 1.6 * g) & (g > b)) > 0.3
-    assert np.mean((np.abs(r - g) < 20) & (np.abs(g - b) < 20)) > 0.15
+def numbers(text):
+    return np.array([float(word) for word in text.split()])
+
+
+def transform(element):
+    """The frame of an `origin`: roll about x, then pitch about y, then yaw about z, fixed axes."""
+    frame = np.eye(4)
+    frame[:3, 3] = numbers(element.get("xyz", "0 0 0"))
+    for axis, angle in enumerate(numbers(element.get("rpy", "0 0 0"))):
+        frame[:3, :3] = turn(axis, angle) @ frame[:3, :3]
+    return frame
+
+
+def turn(axis, angle):
+    i, j = [(1, 2), (2, 0), (0, 1)][axis]
+    rotation = np.eye(3)
+    rotation[[i, i, j, j], [i, j, i, j]] = (
+        np.cos(angle),
+        -np.sin(angle),
+        np.sin(angle),
+        np.cos(angle),
+    )
+    return rotation
+
+
+def test_it_is_a_tree_from_world_whose_root_has_no_inertia(robot):
+    children = Counter(joint.find("child").get("link") for joint in robot.findall("joint"))
+    links = {link.get("name") for link in robot.findall("link")}
+    assert max(children.values()) == 1
+    assert links - set(children) == {"world"}
+    (root,) = [link for link in robot.findall("link") if link.get("name") == "world"]
+    assert len(root) == 0
+
+
+def test_moving_joints_have_limits_and_unit_axes(robot):
+    moving = [joint for joint in robot.findall("joint") if joint.get("type") == "revolute"]
+    assert [joint.get("name") for joint in moving] == list(JOINT_NAMES)
+    for joint in moving:
+        limit = {key: float(value) for key, value in joint.find("limit").attrib.items()}
+        assert limit["lower"] < limit["upper"]
+        assert limit["velocity"] > 0.0
+        assert limit["effort"] > 0.0
+        assert np.linalg.norm(numbers(joint.find("axis").get("xyz"))) == pytest.approx(1.0)
+
+
+def test_world_is_the_frame_of_the_kinematics(robot):
+    joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
+    angles = dict(zip(JOINT_NAMES, HOME, strict=True))
+    frame, link = np.eye(4), HAND_LINK
+    while link in joints:
+        joint = joints[link]
+        step = transform(joint.find("origin"))
+        step[:3, :3] = step[:3, :3] @ turn(2, angles.get(joint.get("name"), 0.0))
+        frame, link = step @ frame, joint.find("parent").get("link")
+    np.testing.assert_allclose(frame, forward_kinematics(HOME), atol=1e-9)
+
+
+def test_the_physics_gets_the_same_arm_without_the_world():
+    plain, rooted = (ET.fromstring(lwr_urdf(world=world)) for world in (False, True))
+    extra = {"world", "lwr_base_joint"}
+    assert [ET.tostring(e) for e in plain if e.tag in ("link", "joint")] == [
+        ET.tostring(e) for e in rooted if e.get("name") not in extra
+    ]

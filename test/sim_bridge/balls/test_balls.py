@@ -7,14 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.constraints.catching import catch
-from experiments.constraints.trials import FILLING, POURING, TrialBlock, blocks, make
-from intent_recognition.errors import ShapeError
 from sim_bridge.balls.collision import HULL_MARGIN_M, WALL_M, wall_pieces, write_obj
-from sim_bridge.balls.fluid import ball_radius_m, bulk_m3, hollow_of, settled
+from sim_bridge.balls.fluid import ball_radius_m, bulk_m3, settled
 from sim_bridge.balls.hollow import Hollow, offset
-from sim_bridge.balls.tilting import WallGuard, gravity_at, level_axes, tilt
+from sim_bridge.balls.tilting import WallGuard, tilt
 from sim_bridge.balls.world import BallWorld
-from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
 RADIUS_M = 0.008
 
@@ -44,12 +41,6 @@ def test_volume_of_a_frustum(flare):
     assert cup(flare=flare).volume_m3 == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("name", CONTAINER_NAMES)
-def test_fewer_rings_hold_nearly_as_much(name):
-    container = make_container(name)
-    assert hollow_of(container).volume_m3 == pytest.approx(container.inner_volume_m3, rel=0.02)
-
-
 def test_clearance_is_the_distance_from_the_wall():
     inradius = 0.035 * np.cos(np.pi / 24)
     points = np.array([[0.0, 0.0, 0.04], [0.02, 0.0, 0.04], [0.05, 0.0, 0.04]])
@@ -68,16 +59,6 @@ def test_offset_moves_every_edge(by):
     assert grown.clearance_m(middle) == pytest.approx(cup().clearance_m(middle) + by)
 
 
-def test_rings_must_rise_and_turn_left():
-    rings = cup().rings_m
-    with pytest.raises(ShapeError, match="ascending"):
-        Hollow(rings, np.array([0.1, 0.0]))
-    with pytest.raises(ShapeError, match="counter-clockwise"):
-        Hollow(rings[:, ::-1], np.array([0.0, 0.1]))
-    with pytest.raises(ShapeError, match="shapes"):
-        Hollow(rings[0], np.array([0.0, 0.1]))
-
-
 def test_wall_is_beyond_the_hollow(tmp_path):
     hollow = cup()
     pieces = wall_pieces(hollow)
@@ -90,11 +71,6 @@ def test_wall_is_beyond_the_hollow(tmp_path):
     lines = (tmp_path / "walls.obj").read_text().splitlines()
     assert sum(line.startswith("o ") for line in lines) == len(pieces)
     assert sum(line.startswith("v ") for line in lines) == 8 * 24 + 2 * 24
-
-
-@given(st.floats(0.0, np.pi))
-def test_gravity_points_down_in_level_axes(angle):
-    np.testing.assert_allclose(level_axes(angle) @ gravity_at(angle), [0.0, 0.0, -1.0], atol=1e-12)
 
 
 def test_a_full_container_holds_what_its_volume_says():
@@ -123,13 +99,6 @@ def test_upright_keeps_all_and_upside_down_none(world):
     assert np.all(gone.exit_velocity_m_s[:, 2] < 0.0)
 
 
-def test_more_tilt_pours_more(world):
-    balls = settled(world, 30, np.random.default_rng(3))
-    poured = [int(tilt(world, balls, np.deg2rad(angle)).left.sum()) for angle in (20, 90, 120)]
-    assert poured[0] == 0
-    assert poured[0] < poured[1] < poured[2]
-
-
 def test_guard_sees_a_ball_go_through_the_wall_but_not_over_the_rim():
     inside, beside = np.array([[0.0, 0.0, 0.02]]), np.array([[0.06, 0.0, 0.02]])
     above = np.array([[0.02, 0.0, 0.09]])
@@ -156,19 +125,3 @@ def test_catching_depends_on_the_place(world):
     assert over.success
     assert not beside.success
     assert over.through_wall == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("experiment", [POURING, FILLING])
-def test_a_block_depends_on_its_seed_alone(experiment):
-    block = TrialBlock(5, experiment, 2, 1, n_trials=2)
-    first = make(block)
-    np.testing.assert_array_equal(first, make(block))
-    assert not np.array_equal(first, make(TrialBlock(6, experiment, 2, 1, n_trials=2)))
-    assert first[:, -1].sum() == 0.0
-
-
-def test_blocks_cover_every_trial_once():
-    todo = blocks(1, 120)
-    assert sum(block.n_trials for block in todo) == 2 * 10 * 120
-    assert len({block.name for block in todo}) == len(todo)

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 
-from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker.change import APART_M, change_of_mind, draw_elsewhere
 from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest
 from sim_bridge.coworker.styles import STYLES, TASKS
@@ -79,17 +78,6 @@ def test_a_replanned_straight_reach_is_the_fifth_order_polynomial_of_its_ends():
     )
 
 
-def test_the_mind_may_change_again():
-    rng = np.random.default_rng(4)
-    first = draw_reach(rng, TASKS[0], draw_rest(rng))
-    once = change_of_mind(rng, first, TASKS[1], 0.15, 0.25)
-    for blend in (0.25, None):
-        twice = change_of_mind(rng, once, TASKS[2], 0.45, blend)
-        x = twice.positions(np.linspace(0.0, twice.duration_s, 2000))
-        assert np.linalg.norm(np.diff(x, axis=0), axis=1).max() < 0.002
-        np.testing.assert_allclose(x[-1], twice.goal_m, atol=1e-12)
-
-
 def test_the_wrist_turns_to_the_new_task_without_a_jump():
     for blend in BLENDS:
         _, changed = drawn(6, 0.25, blend)
@@ -111,9 +99,3 @@ def test_a_movement_to_no_task_ends_far_from_every_goal():
             assert np.linalg.norm(goal - nearest) >= APART_M
     _, changed = drawn(7, 0.4, 0.25, task="")
     assert changed.task == ""
-
-
-@pytest.mark.parametrize(("share", "blend"), [(0.0, 0.25), (1.0, None), (0.7, 0.4), (0.2, -0.1)])
-def test_impossible_shares_are_refused(share, blend):
-    with pytest.raises(ArgumentError, match="share"):
-        drawn(1, share, blend)

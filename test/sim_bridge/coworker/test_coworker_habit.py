@@ -12,14 +12,12 @@ from experiments.teaching.record_sessions import (
     FIRST_SEED,
     INTERACTIONS,
     SESSIONS,
-    main,
     record_session,
 )
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
-from sim_bridge.coworker.task_list import parse_task_list
 
 
 def test_the_habit_is_the_chain_it_says(repository):
@@ -30,12 +28,6 @@ def test_the_habit_is_the_chain_it_says(repository):
     np.testing.assert_allclose(shares[:3], FOLLOWS, atol=0.03)
     np.testing.assert_allclose(shares[3], FIRST, atol=0.12)
     assert min(Counter(sequences[0]).values()) >= 10
-
-
-def test_the_same_seed_gives_the_same_order():
-    assert parse_task_list("habit", 3, 0) == habitual_tasks(3, 40)
-    assert parse_task_list("habit", 3, 12) == habitual_tasks(3, 40)[:12]
-    assert habitual_tasks(3, 40) != habitual_tasks(4, 40)
 
 
 def messages_in(bag):
@@ -72,11 +64,3 @@ def test_shipped_sessions_hold_the_habit(repository):
         assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)
     prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], ORDER))
     np.testing.assert_allclose(prior[:3], FOLLOWS, atol=0.1)
-
-
-def test_the_command_refuses_to_overwrite(tmp_path, capsys):
-    options = ["--output", str(tmp_path), "--sessions", "1", "--interactions", "1"]
-    assert main(options) == 0
-    assert main(options) == 1
-    assert "record_sessions: output" in capsys.readouterr().err
-    assert main([*options, "--overwrite"]) == 0

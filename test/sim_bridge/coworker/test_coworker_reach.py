@@ -6,8 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.teaching.demonstration import plan_demonstration
-from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker.orientation import quaternions
 from sim_bridge.coworker.reach import (
     Hesitation,
@@ -15,7 +13,6 @@ from sim_bridge.coworker.reach import (
     bow_profile,
     draw_reach,
     draw_rest,
-    minimum_jerk,
     normalised_time,
 )
 from sim_bridge.coworker.styles import LONGEST_MOVEMENT_S, STYLES, TASKS
@@ -40,17 +37,6 @@ def test_straight_reach_has_the_peaks_of_minimum_jerk():
     assert np.abs(acceleration[5:-5]).max() == pytest.approx(10 / np.sqrt(3) * 0.4 / 4.0, rel=5e-3)
     jerk = np.gradient(acceleration, times)
     assert np.abs(jerk[20:-20]).max() <= 60.0 * 0.4 / 2.0**3 * 1.02
-
-
-def test_minimum_jerk_beats_other_polynomials_in_jerk():
-    tau = np.linspace(0.0, 1.0, 2001)
-
-    def cost(x):
-        return np.sum(np.diff(x, 3) ** 2)
-
-    bump = (tau * (1.0 - tau)) ** 3
-    for amount in (-0.5, 0.5):
-        assert cost(minimum_jerk(tau)) < cost(minimum_jerk(tau) + amount * bump)
 
 
 @given(st.floats(1.0, 1.8), st.floats(1.6, 4.0), st.floats(0.3, 0.75), st.floats(0.1, 0.45))
@@ -92,33 +78,6 @@ def test_speed_varies_by_two_and_a_half_and_goals_fill_a_region(task):
     assert np.all(region > 0.12)
     hesitating = np.mean([bool(r.hesitations) for r in drawn])
     assert 0.25 < hesitating < 0.45
-
-
-def test_goal_regions_of_the_tasks_overlap():
-    for a in TASKS:
-        for b in TASKS:
-            distance = np.abs(STYLES[a].goal_centre_m - STYLES[b].goal_centre_m)
-            overlap = 1.0 - distance / (2.0 * STYLES[a].goal_half_width_m)
-            assert np.prod(overlap) > 0.6
-
-
-def test_starts_are_spread_over_one_rest_region():
-    rng = np.random.default_rng(0)
-    starts = np.array([draw_rest(rng) for _ in range(300)])
-    assert np.all(starts.std(axis=0) > 0.03)
-
-
-def test_unknown_task_is_refused():
-    with pytest.raises(ArgumentError, match="dance"):
-        draw_reach(np.random.default_rng(0), "dance", np.zeros(3))
-
-
-def test_demonstration_has_rest_before_and_the_robot_arrives_soon_after():
-    for k in range(30):
-        shown = plan_demonstration(np.random.default_rng(k), TASKS[k % 3])
-        assert shown.onset_s >= 0.6
-        assert 0.3 <= shown.arrival_s - shown.end_s < 0.95 + 1e-9
-        assert shown.samples.times_s[-1] == pytest.approx(shown.arrival_s + 0.5, abs=0.006)
 
 
 def test_quaternions_are_unit_continuous_and_turn_by_the_rotation_vector():

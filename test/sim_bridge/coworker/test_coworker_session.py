@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.session import SessionTiming, plan_session
-from sim_bridge.coworker.styles import TASKS
-from sim_bridge.coworker.task_list import parse_task_list
-
-
-def test_same_seed_gives_the_same_session_and_another_seed_another():
-    tasks = parse_task_list("random", 3, 6)
-    one, two, other = plan_session(3, tasks), plan_session(3, tasks), plan_session(4, tasks)
-    assert one.samples.positions_m.tobytes() == two.samples.positions_m.tobytes()
-    assert one.samples.visible.tobytes() == two.samples.visible.tobytes()
-    assert one.samples.positions_m[:50].tobytes() != other.samples.positions_m[:50].tobytes()
+from sim_bridge.coworker.session import WITHOUT_PAUSE, SessionTiming, plan_session
+from sim_bridge.coworker.styles import HOLD, PLATE, TASKS
+from sim_bridge.coworker.task_list import (
+    CHANGE_SHARES,
+    Intention,
+    change_some,
+    parse_task_list,
+    read_intention,
+)
 
 
 def test_forty_interactions_are_balanced_and_in_random_order():
@@ -76,8 +74,70 @@ def test_bad_task_lists_are_named(bad):
         parse_task_list(bad, 1, 0)
 
 
-def test_other_bad_arguments_are_named():
-    with pytest.raises(ArgumentError, match="interactions"):
-        parse_task_list("random", 1, -1)
-    with pytest.raises(ArgumentError, match="label"):
-        plan_session(1, [])
+CHANGED = f"{PLATE}>{HOLD}@0.25"
+
+
+def test_an_entry_is_a_label_or_a_change():
+    assert read_intention(PLATE) == Intention(PLATE)
+    assert read_intention(CHANGED) == Intention(PLATE, HOLD, 0.25)
+    assert parse_task_list(f"{PLATE}, {CHANGED}", 1, 3) == (PLATE, CHANGED, PLATE)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        f"{PLATE}>{PLATE}@0.2",
+        f"{PLATE}>{HOLD}@1.0",
+        f"{PLATE}>{HOLD}@soon",
+        f"{PLATE}>{HOLD}",
+        f"{PLATE}@0.2",
+        f"{PLATE}>dance@0.2",
+        f"{PLATE}>{HOLD}@nan",
+    ],
+)
+def test_other_entries_are_refused_in_one_line(bad):
+    with pytest.raises(ArgumentError, match="task_list") as error:
+        parse_task_list(bad, 1, 0)
+    assert "\n" not in str(error.value)
+
+
+def test_the_session_says_what_was_changed_and_when():
+    plan = plan_session(4, [PLATE, CHANGED, HOLD])
+    plain, changed, after = plan.interactions
+    assert (plain.changed_from, plain.task) == ("", PLATE) and np.isnan(plain.change_s)
+    assert (changed.changed_from, changed.task) == (PLATE, HOLD)
+    share = (changed.change_s - changed.onset_s) / (changed.end_s - changed.onset_s)
+    assert share == pytest.approx(0.25)
+    assert after.task == HOLD
+    at = np.searchsorted(plan.samples.times_s, changed.end_s + 0.5)
+    assert np.linalg.norm(plan.samples.true_positions_m[at] - changed.goal_m) < 0.01
+
+
+def test_as_many_entries_are_changed_as_asked_for():
+    tasks = parse_task_list("habit", 1, 40)
+    some = change_some(tasks, 1, 10)
+    assert some == change_some(tasks, 1, 10) != change_some(tasks, 2, 10)
+    changed = [(a, read_intention(b)) for a, b in zip(tasks, some, strict=True) if a != b]
+    assert len(changed) == 10
+    for task, intention in changed:
+        assert intention.task == task and intention.then in set(TASKS) - {task}
+        assert intention.share in CHANGE_SHARES
+    assert change_some(tasks, 1, 0) == tasks
+    with pytest.raises(ArgumentError, match="at most 40"):
+        change_some(tasks, 1, 41)
+
+
+def test_without_a_pause_the_wrist_is_never_at_rest_between_the_first_and_the_last():
+    plan = plan_session(5, parse_task_list("random", 5, 10), WITHOUT_PAUSE)
+    onsets = np.array([i.onset_s for i in plan.interactions])
+    ends = np.array([i.end_s for i in plan.interactions])
+    assert np.all(onsets[1:] > ends[:-1]) and len(onsets) == 10
+    times, wrist = plan.samples.times_s, plan.samples.true_positions_m
+    assert np.linalg.norm(np.diff(wrist, axis=0), axis=1).max() < 0.02  # at 100 Hz: no jump
+    window = 30  # 0.3 s, after which the estimator would call it a rest
+    moved = np.linalg.norm(wrist[window:] - wrist[:-window], axis=1)
+    working = (times[:-window] > onsets[0]) & (times[window:] < ends[-1])
+    assert np.percentile(moved[working], 1) > 0.003
+    for interaction in plan.interactions:
+        at = np.searchsorted(times, interaction.end_s)
+        assert np.linalg.norm(wrist[at] - interaction.goal_m) < 0.02

@@ -28,12 +28,6 @@ def test_every_order_is_allowed_and_does_all(plan, seed):
         done.add(name)
 
 
-def test_the_seed_decides(plan):
-    orders = {work_order(plan, seed) for seed in range(20)}
-    assert len(orders) > 10
-    assert work_order(plan, 3) == work_order(plan, 3)
-
-
 def test_the_plan_has_twenty_steps_and_begins_with_a_plate(plan):
     assert len(plan.steps) == 20
     labels = ("plate_handover", "screw_handover", "hold_screwdriver")

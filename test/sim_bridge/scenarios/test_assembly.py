@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from experiments.assembly.arm_stand_in import hand_joints
-from experiments.assembly.recordings import messages, orders
+from experiments.assembly.recordings import orders
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.forward import hand_position
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.assembly.interaction import plan_interaction
-from sim_bridge.scenarios.assembly.session import PER_TASK, SESSIONS, plan_session, session_tasks
+from sim_bridge.scenarios.assembly.session import PER_TASK, SESSIONS, plan_session
 from sim_bridge.scenarios.assembly.styles import (
     ASSISTANT,
     FASTENING,
@@ -51,11 +50,6 @@ def end(timed):
     return onset + reach.duration_s
 
 
-@pytest.fixture(scope="module")
-def short_session():
-    return plan_session(3, 0, TASKS)
-
-
 @pytest.mark.parametrize("task", TASKS)
 def test_movements_of_a_person_are_strung_together(task):
     for shown in draws(task):
@@ -80,12 +74,6 @@ def test_worker_waits_until_both_are_there(task):
         wait = shown.worker[-1][0] - ready_s
         assert READY_S[0] - 1e-9 <= wait <= READY_S[1] + 1e-9
         assert shown.end_s == pytest.approx(end(shown.worker[-1]))
-
-
-def test_plate_is_there_before_the_box_is_flipped_as_a_rule():
-    early = [shown.arrival_s - end(shown.worker[1]) for shown in draws(PLATE_INSERTION)]
-    assert np.median(early) > 0.0
-    assert max(early) < 0.71
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -119,49 +107,6 @@ def test_arm_reaches_wherever_an_assistant_goes():
                 np.testing.assert_allclose(hand_position(joints), path, atol=1e-9)
                 assert np.all(within_position_limits(joints, LWR_LIMITS))
                 assert np.abs(np.diff(joints, axis=0)).max() < 0.6  # no flip of a branch
-
-
-def test_sessions_share_out_forty_of_each_task():
-    together = [task for index in range(SESSIONS) for task in session_tasks(1, index)]
-    assert {task: together.count(task) for task in TASKS} == dict.fromkeys(TASKS, PER_TASK)
-
-
-def test_unknown_task_and_session_are_refused():
-    rng = np.random.default_rng(0)
-    with pytest.raises(ArgumentError, match="task"):
-        plan_interaction(rng, "sweeping", np.zeros(3), np.zeros(3), 0.0)
-    with pytest.raises(ArgumentError, match="index"):
-        session_tasks(1, SESSIONS)
-
-
-def test_same_seed_same_session(short_session):
-    again = plan_session(3, 0, TASKS)
-    np.testing.assert_array_equal(again.assistant.positions_m, short_session.assistant.positions_m)
-    other = plan_session(4, 0, TASKS)
-    assert not np.array_equal(other.worker.positions_m[:50], short_session.worker.positions_m[:50])
-
-
-def test_marks_enclose_every_movement(short_session):
-    marks = [
-        (stamp, fields["data"])
-        for topic, _, stamp, fields in messages(short_session, 0)
-        if topic == "demonstration"
-    ]
-    assert [label for _, label in marks] == [x for task in TASKS for x in (task, "")]
-    for k, shown in enumerate(short_session.interactions):
-        assert marks[2 * k][0] * 1e-9 < shown.onset_s
-        assert marks[2 * k + 1][0] * 1e-9 > shown.end_s
-
-
-def test_messages_are_in_order_of_time(short_session):
-    stamps = [stamp for _, _, stamp, _ in messages(short_session, 1_000)]
-    assert stamps == sorted(stamps)
-
-
-def test_the_two_face_each_other(short_session):
-    for samples, sign in ((short_session.assistant, 1), (short_session.worker, -1)):
-        y, z = samples.orientations[0, 1:3]
-        assert sign * (1.0 - 2.0 * (y**2 + z**2)) > 0.9  # world x of the wrist's x axis
 
 
 def test_shipped_recordings_are_those_of_the_list():
