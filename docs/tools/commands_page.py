@@ -26,8 +26,7 @@ def commands_page() -> str:
     """The page as Markdown."""
     parser = make_parser()
     subparsers = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    helps = {choice.dest: choice.help for choice in subparsers._choices_actions}
-    parts, explained = [INTRODUCTION, _overview(helps)], {}
+    parts, explained = [INTRODUCTION, _overview()], {}
     for commands in GROUPS.values():
         for name in commands:
             parts += [_command(f"intent {name}", subparsers.choices[name], explained)]
@@ -38,13 +37,12 @@ def commands_page() -> str:
     return "\n".join(parts)
 
 
-def _overview(helps: dict[str, str]) -> str:
-    lines = []
+def _overview() -> str:
+    lines = ["| | commands |", "|---|---|"]
     for title, commands in GROUPS.items():
-        lines.append(f"{title[0].upper()}{title[1:]}:\n")
-        lines += [f"- [`{command}`](#intent-{command}): {helps[command]}" for command in commands]
-        lines.append("")
-    return "\n".join(lines)
+        links = ", ".join(f"[`{command}`](#intent-{command})" for command in commands)
+        lines.append(f"| {title[0].upper()}{title[1:]} | {links} |")
+    return "\n".join([*lines, ""])
 
 
 def _command(name: str, parser: argparse.ArgumentParser, explained: dict[str, str]) -> str:

@@ -96,6 +96,11 @@ def _last_line(text: Any) -> dict:
     return {"text": text.strip().splitlines()[-1]}
 
 
+def _first_table(text: Any) -> dict:
+    """What a command printed up to the end of its first table."""
+    return {"text": text[: text.index("┘") + 1].rstrip()}
+
+
 def _table(text: Any) -> dict:
     """The last table that a command printed, and what follows it."""
     lines = text.rstrip().splitlines()
@@ -168,6 +173,13 @@ SOURCES = {
             f"{LEARN} && intent replay bags/toolbox/test/{bag} --model {MODEL}", None, _last_line
         )
         for name, bag in (("replay", "plate_handover_00"), ("replay_task", "hold_screwdriver_00"))
+    },
+    **{
+        name: Source(f"{LEARN} && intent {name} {given}", None, _first_table)
+        for name, given in (
+            ("explain", f"bags/toolbox/test/plate_handover_00 --model {MODEL}"),
+            ("rehearse", f"{MODEL} bags/toolbox/test"),
+        )
     },
     "practice": Source(
         f"intent improve pouring --short 0.9 --output {OUT / 'practice'}", None, _printed

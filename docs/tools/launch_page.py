@@ -12,7 +12,7 @@ INTRODUCTION = """\
 
 `ros2 launch intent_recognition NAME.launch.py ARGUMENT:=VALUE ...`; `--show-args` says the same \
 in the terminal. Defaults stand behind the names. What has none and is not given is taken from the \
-parameter file, then from the node's default.
+parameter file, then from the node's default. All launch files take {everywhere}.
 """
 KINDS = {tuple: "list, separated by commas", str: "text", bool: "true or false", int: "integer"}
 
@@ -22,17 +22,17 @@ def launch_page() -> str:
     arguments = {a.name: a for spec in GRAPHS.values() for a in spec.arguments()}
     rows = [f"|`{a.name}`|{_kind(a)}|{a.description}|" for a in arguments.values()]
     table = "\n".join(["## Arguments\n", "|argument|type|meaning|", "|---|---|---|", *rows])
-    return "\n".join(
-        [INTRODUCTION, *(_section(name, spec) for name, spec in GRAPHS.items()), table, ""]
-    )
+    taken = [[_given(a, spec) for a in spec.arguments()] for spec in GRAPHS.values()]
+    everywhere = [shown for shown in taken[0] if all(shown in others for others in taken)]
+    sections = [_section(name, spec, everywhere) for name, spec in GRAPHS.items()]
+    return "\n".join([INTRODUCTION.format(everywhere=", ".join(everywhere)), *sections, table, ""])
 
 
-def _section(name: str, spec: GraphSpec) -> str:
+def _section(name: str, spec: GraphSpec, everywhere: list[str]) -> str:
     """The nodes of a launch file, and its arguments with their defaults."""
-    nodes, takes = (
-        ", ".join(map(_node, spec.nodes)),
-        ", ".join(_given(a, spec) for a in spec.arguments()),
-    )
+    nodes = ", ".join(map(_node, spec.nodes))
+    shown = [_given(a, spec) for a in spec.arguments()]
+    takes = ", ".join(one for one in shown if one not in everywhere)
     return f"## {name}.launch.py\n\nStarts {nodes}.\n\nTakes {takes}.\n"
 
 

@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
     stderr = Console(stderr=True)
     with bar_with(stderr, TextColumn(SECONDS)) as bar:
-        task = bar.add_task("playing", total=None)
+        task = bar.add_task("seconds played", total=None)
 
         def bag_player() -> BagPlayer:
             node = BagPlayer()
