@@ -48,7 +48,7 @@ def _overview() -> str:
 def _command(name: str, parser: argparse.ArgumentParser, explained: dict[str, str]) -> str:
     parts = [f"## {name}", parser.description or ""]
     if _shown(parser):  # else it has commands of its own
-        parts += [f"```text\n{_usage(parser)}\n```", _table(parser, explained)]
+        parts += [f"`{_usage(parser)}`", _table(parser, explained)]
     return "\n\n".join(parts) + "\n" * (not _shown(parser))
 
 

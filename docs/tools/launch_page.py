@@ -24,16 +24,23 @@ def launch_page() -> str:
     table = "\n".join(["## Arguments\n", "|argument|type|meaning|", "|---|---|---|", *rows])
     taken = [[_given(a, spec) for a in spec.arguments()] for spec in GRAPHS.values()]
     everywhere = [shown for shown in taken[0] if all(shown in others for others in taken)]
-    sections = [_section(name, spec, everywhere) for name, spec in GRAPHS.items()]
+    sections = [_section(name, everywhere) for name in GRAPHS]
     return "\n".join([INTRODUCTION.format(everywhere=", ".join(everywhere)), *sections, table, ""])
 
 
-def _section(name: str, spec: GraphSpec, everywhere: list[str]) -> str:
+def _section(name: str, everywhere: list[str]) -> str:
     """The nodes of a launch file, and its arguments with their defaults."""
-    nodes = ", ".join(map(_node, spec.nodes))
+    spec = GRAPHS[name]
+    first = next(other for other, graph in GRAPHS.items() if graph.nodes == spec.nodes)
+    known = [_given(a, GRAPHS[first]) for a in GRAPHS[first].arguments()]
     shown = [_given(a, spec) for a in spec.arguments()]
+    title = f"## {name}.launch.py\n\n"
+    if first != name:
+        other = ", ".join(one for one in shown if one not in known)
+        return f"{title}Starts and takes the same as {first}.launch.py, but for {other}.\n"
+    nodes = ", ".join(map(_node, spec.nodes))
     takes = ", ".join(one for one in shown if one not in everywhere)
-    return f"## {name}.launch.py\n\nStarts {nodes}.\n\nTakes {takes}.\n"
+    return f"{title}Starts {nodes}.\n\nTakes {takes}.\n"
 
 
 def _given(argument: Argument, spec: GraphSpec) -> str:
