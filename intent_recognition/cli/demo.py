@@ -12,8 +12,7 @@ from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_model import check_model, trained_model
 from intent_recognition.cli.demo_scene import CELL, LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import run_session
-from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, a_path, number
+from intent_recognition.cli.options import Subparsers, add_command, add_options, number
 from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.composing import read_sequences
 from intent_recognition.errors import ArgumentError, ResourceBusyError
@@ -37,185 +36,112 @@ RATES = (0.01, 50.0)
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = subparsers.add_parser(
+    parser = add_command(
+        subparsers,
         "demo",
-        description="Train on the shipped bags, start the nodes as separate processes, and let a"
-        " simulated coworker assemble a toolbox with the arm's help. Needs ROS 2.",
-        **examples(
-            ("with a page to watch it, and to teach it tasks", "intent demo --dashboard"),
-            ("a short one without a window", "intent demo --headless --interactions 5 --seed 2"),
-            (
-                "keep the session and its numbers",
-                "intent demo --headless --record out/session --json out/numbers.json",
-            ),
-            (
-                "the coworker changes his mind in ten of forty interactions",
-                "intent demo --headless --changes 10",
-            ),
-            ("another arm does what the LWR was taught", "intent demo --arm panda"),
-            (
-                "the left one of a robot with two arms",
-                "intent demo --arm robot.urdf --base torso --tip left_gripper",
-            ),
-            ("four arms, and one report of all", "intent demo --arm lwr,panda,iiwa,xarm"),
-            (
-                "a work plan, boxes on the way, and objects that change hands by force",
-                "intent demo --scenario cell --arm panda",
-            ),
-            ("objects change hands by force", "intent demo --transfers --arm panda"),
-            (
-                "an arm in the second of two people's place",
-                "intent demo --scenario assembly --arm panda",
-            ),
-            (
-                "a task made of parts: the arm goes on by itself",
-                "intent demo --sequences config/examples/toolbox_sequence.yaml --headless"
-                " --task-list plate_handover,plate_handover,screw_handover",
-            ),
-            (
-                "what was learned from recordings of your own, as their people move",
-                "intent demo --arm panda --dashboard --model mine.npz --recordings held_out",
-            ),
-            ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
-            ("no more than 25 millilitres of it", "intent demo --scenario pouring --pour 25"),
-        ),
+        run,
+        f"""
+        Train on the shipped bags, start the nodes as separate processes, and let a simulated
+        coworker assemble a toolbox with the arm's help. Needs ROS 2.
+
+        what happens:
+        --scenario          toolbox (default): hand over parts; cell: the same by a work plan of 20
+                            steps, with boxes on the arm's way and objects handed over by force;
+                            assembly: learned from two people, the arm takes the place of the second
+                            one; pouring: the arm pours with containers it was not taught with,
+                            --interactions times (default: 2)
+        --pour AMOUNT       how much the scenario pouring pours: empty (default), full or
+                            millilitres
+        --pair CUP,SECOND   only this pair of containers in the scenario pouring, such as
+                            tea_cup,paper_cup
+        --task-list F       labels separated by commas, OLD>NEW@SHARE for a reach whose goal
+                            changes, a file of them, 'habit' (default: the order in which the
+                            coworker of the shipped sessions works, with variation) or 'random'
+        --interactions N    number of interactions (default: those of the list;
+                            {DEFAULT_INTERACTIONS} with habit or random)
+        --changes N         the coworker changes his mind on the way in N of the interactions
+                            (default: 0)
+        --arm ARM           lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file;
+                            the others do with their hands what the LWR was taught. Several,
+                            separated by commas, run in turn, with one report
+        --tip LINK          link that is the arm's hand, where there are two arms (default: the end
+                            of the branch with the most joints, before the gripper)
+        --base LINK         link where the arm begins: joints before it, such as a lift, are held at
+                            zero (default: the root)
+        --transfers         objects are held by fingers and change hands by force: who takes one
+                            pulls, and the robot feels it; for the scenario toolbox, and always in
+                            the scenario cell
+        --seed SEED         random seed of the session (default: 1)
+        --sequences F       YAML file of sequences of tasks, in which the arm may begin a step by
+                            itself
+        --params F          ROS 2 parameter file (YAML), which overrides the parameters that the
+                            demo sets
+        --no-anticipation   expect every task alike: do not use the usual order of tasks, nor go
+                            ahead
+        --rate X            speed of simulated time, published on /clock; 1 is real time (default:
+                            {DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})
+        --model M.npz       use this model (pouring: this skill) instead of training one
+        --recordings BAGS   play the people of these recordings in place of the coworker, in real
+                            time, with the --model that was learned from such recordings; the arm is
+                            the one in them
+
+        what is shown:
+        --dashboard  serve a page that shows the cell and teaches tasks; it stays until Ctrl-C
+        --port PORT  port of the page (default: %(default)s)
+        --headless   no window of the simulation
+
+        # with a page to watch it, and to teach it tasks
+        intent demo --dashboard
+        # a short one without a window
+        intent demo --headless --interactions 5 --seed 2
+        # keep the session and its numbers
+        intent demo --headless --record out/session --json out/numbers.json
+        # the coworker changes his mind in ten of forty interactions
+        intent demo --headless --changes 10
+        # another arm does what the LWR was taught
+        intent demo --arm panda
+        # the left one of a robot with two arms
+        intent demo --arm robot.urdf --base torso --tip left_gripper
+        # four arms, and one report of all
+        intent demo --arm lwr,panda,iiwa,xarm
+        # a work plan, boxes on the way, and objects that change hands by force
+        intent demo --scenario cell --arm panda
+        # objects change hands by force
+        intent demo --transfers --arm panda
+        # an arm in the second of two people's place
+        intent demo --scenario assembly --arm panda
+        # a task made of parts: the arm goes on by itself
+        intent demo --sequences config/examples/toolbox_sequence.yaml --headless --task-list
+          plate_handover,plate_handover,screw_handover
+        # what was learned from recordings of your own, as their people move
+        intent demo --arm panda --dashboard --model mine.npz --recordings held_out
+        # the arm pours with other cups and bowls
+        intent demo --scenario pouring
+        # no more than 25 millilitres of it
+        intent demo --scenario pouring --pour 25
+        """,
+        scenario={"choices": SCENARIOS, "default": "toolbox"},
+        pour={"default": "empty"},
+        task_list={"default": "habit", "type": str},
+        interactions={"type": number(int, 1), "default": 0},
+        changes={"type": number(int, 0), "default": 0},
+        arm={"default": "lwr"},
+        tip={"default": ""},
+        base={"default": ""},
+        seed={"type": number(int, 0), "default": 1},
+        rate=number(float, *RATES),
+        port={"type": number(int, 1, LAST_PORT), "default": DEFAULT_PORT},
     )
-    session = parser.add_argument_group("what happens")
-    shown = parser.add_argument_group("what is shown")
     written = parser.add_argument_group("what is written")
-    session.add_argument(
-        "--scenario",
-        choices=SCENARIOS,
-        default="toolbox",
-        help="toolbox (default): hand over parts; cell: the same by a work plan of 20 steps, with"
-        " boxes on the arm's way and objects handed over by force; assembly: learned from two"
-        " people, the arm takes the place of the second one; pouring: the arm pours with containers"
-        " it was not taught with, --interactions times (default: 2)",
-    )
-    session.add_argument(
-        "--pour",
-        default="empty",
-        metavar="AMOUNT",
-        help="how much the scenario pouring pours: empty (default), full or millilitres",
-    )
-    session.add_argument(
-        "--pair",
-        metavar="CUP,SECOND",
-        help="only this pair of containers in the scenario pouring, such as tea_cup,paper_cup",
-    )
-    session.add_argument(
-        "--task-list",
-        default="habit",
-        metavar="F",
-        help="labels separated by commas, OLD>NEW@SHARE for a reach whose goal changes, a file of"
-        " them, 'habit' (default: the order in which the coworker of the shipped sessions works,"
-        " with variation) or 'random'",
-    )
-    session.add_argument(
-        "--interactions",
-        type=number(int, 1),
-        default=0,
-        metavar="N",
-        help=f"number of interactions (default: those of the list; {DEFAULT_INTERACTIONS} with"
-        " habit or random)",
-    )
-    session.add_argument(
-        "--changes",
-        type=number(int, 0),
-        default=0,
-        metavar="N",
-        help="the coworker changes his mind on the way in N of the interactions (default: 0)",
-    )
-    session.add_argument(
-        "--arm",
-        default="lwr",
-        metavar="ARM",
-        help="lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file; the others do"
-        " with their hands what the LWR was taught. Several, separated by commas, run in turn,"
-        " with one report",
-    )
-    session.add_argument(
-        "--tip",
-        default="",
-        metavar="LINK",
-        help="link that is the arm's hand, where there are two arms (default: the end of the"
-        " branch with the most joints, before the gripper)",
-    )
-    session.add_argument(
-        "--base",
-        default="",
-        metavar="LINK",
-        help="link where the arm begins: joints before it, such as a lift, are held at zero"
-        " (default: the root)",
-    )
-    session.add_argument(
-        "--transfers",
-        action="store_true",
-        help="objects are held by fingers and change hands by force: who takes one pulls, and the"
-        " robot feels it; for the scenario toolbox, and always in the scenario cell",
-    )
-    session.add_argument(
-        "--seed", type=number(int, 0), default=1, help="random seed of the session (default: 1)"
-    )
-    session.add_argument(
-        "--sequences",
-        type=a_path,
-        metavar="F",
-        help="YAML file of sequences of tasks, in which the arm may begin a step by itself",
-    )
-    session.add_argument(
-        "--params",
-        type=a_path,
-        metavar="F",
-        help="ROS 2 parameter file (YAML), which overrides the parameters that the demo sets",
-    )
-    session.add_argument(
-        "--no-anticipation",
-        action="store_true",
-        help="expect every task alike: do not use the usual order of tasks, nor go ahead",
-    )
-    shown.add_argument(
-        "--dashboard",
-        action="store_true",
-        help="serve a page that shows the cell and teaches tasks; it stays until Ctrl-C",
-    )
-    shown.add_argument(
-        "--port",
-        type=number(int, 1, LAST_PORT),
-        default=DEFAULT_PORT,
-        help="port of the page (default: %(default)s)",
-    )
-    shown.add_argument("--headless", action="store_true", help="no window of the simulation")
-    session.add_argument(
-        "--rate",
-        type=number(float, *RATES),
-        metavar="X",
-        help="speed of simulated time, published on /clock; 1 is real time (default: "
-        f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
-    )
-    session.add_argument(
-        "--model",
-        type=a_path,
-        metavar="M.npz",
-        help="use this model (pouring: this skill) instead of training one",
-    )
-    session.add_argument(
-        "--recordings",
-        type=a_path,
-        metavar="BAGS",
-        help="play the people of these recordings in place of the coworker, in real time, with"
-        " the --model that was learned from such recordings; the arm is the one in them",
-    )
-    written.add_argument(
-        "--output",
-        type=a_path,
-        default=Path("out/demo"),
-        metavar="DIR",
-        help="folder of model, report and logs (default: %(default)s)",
+    add_options(
+        written,
+        """
+        --output DIR  folder of model, report and logs (default: %(default)s)
+        --record BAG  record the session to a bag
+        """,
+        output={"default": Path("out/demo")},
     )
     add_json_option(written, "all numbers")
-    written.add_argument("--record", type=a_path, metavar="BAG", help="record the session to a bag")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -95,13 +95,3 @@ class CommandList(argparse._SubParsersAction):
 
 class _Title(argparse.Action):
     """The line above a group of commands; no argument."""
-
-
-def examples(*lines: tuple[str, str]) -> dict[str, Any]:
-    """Arguments of `add_parser` for a command with examples below its options.
-
-    Args:
-        lines: what each does, and its command line.
-    """
-    shown = "\n".join(f"  # {what}\n  {command}" for what, command in lines)
-    return {"formatter_class": Formatter, "epilog": HEADING + shown}

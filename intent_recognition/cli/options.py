@@ -93,12 +93,13 @@ def add_command(
     """
     about, *sections = textwrap.dedent(text).strip().split("\n\n")
     examples = sections.pop() if sections and sections[-1].startswith("#") else ""
+    shown = textwrap.indent(re.sub(r"\n +", " ", examples), "  ")
     parser = subparsers.add_parser(
         name,
         help=about[:1].lower() + about[1:].rstrip("."),
         description=" ".join(about.split()),
         formatter_class=Formatter,
-        epilog=HEADING + textwrap.indent("\n".join(_rows(examples)), "  ") if examples else None,
+        epilog=HEADING + shown if examples else None,
     )
     if run is not None:
         parser.set_defaults(run=run)
