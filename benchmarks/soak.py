@@ -19,12 +19,15 @@ from typing import NamedTuple
 import rclpy
 from rclpy.executors import Executor
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 
 from benchmarks.measure import Result, at_least, at_most
+from benchmarks.pace_keeper import PaceKeeper
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.graph import RECOGNITION, NodeCall, resolve
-from intent_recognition.nodes.pace_keeper import PaceKeeper
 from intent_recognition.nodes.processes import NodeProcesses, node_environment
 from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import make_executor, spin_until
@@ -133,9 +136,7 @@ def run(model: Path, minutes: float, between_s: float, logs: Path) -> Soak:
     executor = make_executor()
     watched = _Watched(Soak())
     override = [Parameter("use_sim_time", value=True)]
-    observer = SessionObserver(
-        watched.on_task, watched.on_active, lambda _: None, parameter_overrides=override
-    )
+    observer = SessionObserver(watched.on_task, watched.on_active, parameter_overrides=override)
     executor.add_node(observer)
     try:
         with NodeProcesses(environment, logs) as nodes:
@@ -187,6 +188,8 @@ class _Killer:
         self._nodes, self._calls, self._ready = nodes, calls, ready
         self._watched, self._soak, self._observer = watched, watched.soak, observer
         self._pace = PaceKeeper(observer, RATE)
+        self._newest_ns: int | None = None
+        observer.create_subscription(JointState, "intent/tasks", self._on_tasks, qos.STATE)
         self._starts = dict.fromkeys(calls, 0)
         self._next_sample_s = self._next_pace_s = 0.0
 
@@ -220,10 +223,18 @@ class _Killer:
         self._nodes.start(name, call.module, call.parameters)
         self._starts[name] += 1
 
+    def _on_tasks(self, message: JointState) -> None:
+        self._newest_ns = stamp_ns(message)
+
+    def _lag_s(self) -> float:
+        """Simulated time by which the newest estimate is behind the clock; 0 before one came."""
+        now_ns = self._observer.get_clock().now().nanoseconds
+        return 0.0 if self._newest_ns is None else max(0.0, (now_ns - self._newest_ns) * 1e-9)
+
     def _look(self, now_s: float) -> None:
         if now_s >= self._next_pace_s:
             self._next_pace_s = now_s + PACE_PERIOD_S
-            self._pace.update(self._observer.lag_s())
+            self._pace.update(self._lag_s())
         if now_s >= self._next_sample_s:
             self._next_sample_s = now_s + SAMPLE_PERIOD_S
             for name, start in self._starts.items():

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import boxed_table, busy
-from intent_recognition.cli.demo_session import watched_graph
+from intent_recognition.cli.demo_session import waits_for_answers, watched_graph
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.cli.session_watch import NodeWatch
 from intent_recognition.errors import ArgumentError, IntentError
@@ -126,21 +126,18 @@ def _observe(
     """
     from intent_recognition.nodes.pouring_observer import PouringObserver
 
-    calls = resolve(
-        "pouring",
-        {
-            "skill": str(skill.resolve()),
-            "cup": cup,
-            "second": second,
-            "stands_above": stands_above_m,
-            "rate": float(args.rate),
-            "headless": args.headless or not os.environ.get("DISPLAY"),
-            "sensor_noise": True,
-            "seed": args.seed,
-        },
-    )
+    given = {
+        "skill": str(skill.resolve()),
+        "cup": cup,
+        "second": second,
+        "stands_above": stands_above_m,
+        "rate": float(args.rate),
+        "headless": args.headless or not os.environ.get("DISPLAY"),
+        "sensor_noise": True,
+        "seed": args.seed,
+    }
     with watched_graph(args, PouringObserver) as (observer, watch):
-        for call in calls:
+        for call in resolve("pouring", given, {"lwr_sim": waits_for_answers()}):
             watch.processes.start(call.name, call.module, call.parameters, call.remappings)
         return _follow(args, observer, watch)
 
@@ -148,11 +145,6 @@ def _observe(
 def _follow(
     args: argparse.Namespace, observer: "PouringObserver", watch: NodeWatch
 ) -> ObservedPour:
-    from intent_recognition.nodes.pace_keeper import PACE_PERIOD_S, PaceKeeper
-    from intent_recognition.nodes.runtime import steady_timer
-
-    pace = PaceKeeper(observer, args.rate)
-    timer = steady_timer(observer, PACE_PERIOD_S, lambda: pace.update(observer.lag_s()))
     watch.until(observer.is_ready, 180.0, "the containers, seen and warped")
     observer.ask(args.pour)
     watch.until(lambda: bool(observer.active or observer.refused), 60.0, "the pour")
@@ -163,7 +155,6 @@ def _follow(
         )
     watch.until(lambda: not observer.active, 600.0, "the pour's end")
     watch.for_seconds(1.0 / args.rate)
-    timer.cancel()
     counts = {name: int(value) for name, value in observer.balls.items()}
     return ObservedPour(observer.parameters, counts)
 

@@ -2,10 +2,9 @@
 """`intent demo --recordings`: an arm does what was learned, as recorded people move."""
 
 import argparse
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from functools import partial
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,6 +19,7 @@ from intent_recognition.cli.demo_session import (
     begin_library,
     page_address,
     refuse_busy_domain,
+    shared_arguments,
     watched_graph,
 )
 from intent_recognition.cli.output import PRINTED, write_json
@@ -70,21 +70,22 @@ class Shown(NamedTuple):
 
 def run_recordings(args: argparse.Namespace, console: Console) -> int:
     """Play recordings to the nodes; 1 if fewer than half were recognised."""
-    from intent_recognition.nodes.recording_observer import observing
+    from intent_recognition.nodes.recording_observer import RecordingObserver
 
     _check(args)
     model = load_model(args.model)
     bags = find_bags(args.recordings)
     arm, home = _arm(args, model)
     shown: list[Shown] = []
-    with watched_graph(args, observing(model.dofs.observed[0])) as (observer, watch):
+    make_observer = partial(RecordingObserver, model.dofs.observed[0])
+    with watched_graph(args, make_observer, simulated_time=False) as (observer, watch):
         refuse_busy_domain(observer, watch)
         if args.dashboard:
             begin_library(args.output / LIBRARY, args.model, console)
         for call in _calls(args, model, arm, home).values():
             watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
         started = {name for name in watch.processes.names if name not in ARMS}
-        watch.until(lambda: started <= observer.reported, START_S, "the nodes' reports")
+        watch.until(lambda: started <= watch.reported, START_S, "the nodes' reports")
         watch.until(lambda: observer.joints is not None, START_S, "the arm's joint states")
         if args.dashboard:
             watch.until(lambda: answers(page_address(args)), START_S, "the page")
@@ -160,29 +161,18 @@ def _calls(
     arms |= {"base_position": list(robot.base_position_m)} if args.arm != "lwr" else {}
     own |= dict.fromkeys(ARMS, arms)
     own["lwr_sim"] = {"initial_position": home.tolist()}
-    given: dict[str, object] = {
-        "model": str(args.model.resolve()),
+    given = shared_arguments(args, args.model) | {
         "arm": "" if args.arm == "lwr" else _named(args),
         "hand_link": robot.tip if hand else "",
         "bodies": list(dict.fromkeys(topic.split("/")[-2] for topic in tracked)),
         "use_sim_time": False,
         "publish_clock": False,
         "coworker": False,
-        "headless": args.headless or not os.environ.get("DISPLAY"),
-        "seed": args.seed,
-        "sequences": str(args.sequences.resolve()) if args.sequences else "",
-        "dashboard": args.dashboard,
-        "port": args.port,
-        "library": str((args.output / LIBRARY).resolve()),
-        "models": str(args.output.resolve()),
     }
-    calls = {call.name: call for call in resolve("demo", given)}
+    calls = {call.name: call for call in resolve("demo", given, own)}
     if args.dashboard:
         del calls["dashboard"].parameters["scene"]  # the toolbox's
-    return {
-        name: replace(call, parameters=call.parameters | dict(own.get(name, {})))
-        for name, call in calls.items()
-    }
+    return calls
 
 
 def _named(args: argparse.Namespace) -> str:

@@ -7,7 +7,6 @@ import secrets
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -103,7 +102,7 @@ def begin_library(library: Path, model: Path, console: Console) -> None:
 
 @contextmanager
 def watched_graph(
-    args: argparse.Namespace, make_observer: Callable[..., Any]
+    args: argparse.Namespace, make_observer: Callable[..., Any], *, simulated_time: bool = True
 ) -> Iterator[tuple[Any, NodeWatch]]:
     """A domain for a node of this process and those that it starts, which end with it.
 
@@ -111,9 +110,10 @@ def watched_graph(
 
     Args:
         args: the options of `intent demo`.
-        make_observer: builds this process's node, of what is to hear which node reports, and of
-            options of a node.
+        make_observer: builds this process's node, of options of a node.
+        simulated_time: whether that node goes by /clock.
     """
+    from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.parameter import Parameter
 
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
@@ -125,8 +125,13 @@ def watched_graph(
     heartbeats = Heartbeats()
 
     def make_node() -> Any:
-        simulated_time = [Parameter("use_sim_time", value=True)]
-        return make_observer(heartbeats.hear, parameter_overrides=simulated_time)
+        node = make_observer(parameter_overrides=[Parameter("use_sim_time", value=simulated_time)])
+        node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+        return node
+
+    def hear(message: DiagnosticArray) -> None:
+        for status in message.status:
+            heartbeats.hear(status.name)
 
     with (
         noted_interrupts() as interrupts,
@@ -212,36 +217,37 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
         raise ResourceBusyError.about(
             "--record", "a folder that does not exist", args.record, "Name another."
         )
-    calls = resolve(
-        scene.graph,
-        {
-            **scene.arguments,
-            "model": str(model.resolve()),
-            "rate": float(args.rate),
-            "headless": args.headless or not os.environ.get("DISPLAY"),
-            "sensor_noise": True,
-            "seed": args.seed,
-            "transition_prior": not args.no_anticipation,
-            "pretrigger_threshold": 0.0 if args.no_anticipation else PRETRIGGER_THRESHOLD,
-            "sequences": str(args.sequences.resolve()) if args.sequences else "",
-            "record": str(args.record.resolve()) if args.record else "",
-            "dashboard": args.dashboard,
-            "port": args.port,
-            "library": str((args.output / LIBRARY).resolve()),
-            "models": str(args.output.resolve()),
-        },
-    )
+    given = {
+        **shared_arguments(args, model),
+        **scene.arguments,
+        "rate": float(args.rate),
+        "sensor_noise": True,
+        "transition_prior": not args.no_anticipation,
+        "pretrigger_threshold": 0.0 if args.no_anticipation else PRETRIGGER_THRESHOLD,
+        "record": str(args.record.resolve()) if args.record else "",
+    }
+    waits = {arm: {**waits_for_answers(), **scene.own.get(arm, {})} for arm in ARMS}
+    return {call.name: call for call in resolve(scene.graph, given, {**scene.own, **waits})}
+
+
+def waits_for_answers() -> dict[str, object]:
+    """Parameter of an arm whose time waits for all that answer."""
     from sim_bridge.arm import ANSWERING
 
-    own: dict[str, dict[str, object]] = {arm: {"wait_for_answers": list(ANSWERING)} for arm in ARMS}
+    return {"wait_for_answers": list(ANSWERING)}
+
+
+def shared_arguments(args: argparse.Namespace, model: Path) -> dict[str, object]:
+    """Arguments of every graph with an estimator that the demo starts."""
     return {
-        call.name: replace(
-            call,
-            parameters=call.parameters
-            | own.get(call.name, {})
-            | dict(scene.own.get(call.name, {})),
-        )
-        for call in calls
+        "model": str(model.resolve()),
+        "headless": args.headless or not os.environ.get("DISPLAY"),
+        "seed": args.seed,
+        "sequences": str(args.sequences.resolve()) if args.sequences else "",
+        "dashboard": args.dashboard,
+        "port": args.port,
+        "library": str((args.output / LIBRARY).resolve()),
+        "models": str(args.output.resolve()),
     }
 
 

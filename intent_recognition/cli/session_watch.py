@@ -2,7 +2,7 @@
 """What `intent demo` shows of a session and how it waits: for the nodes, and for signals."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Set
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,11 @@ class Heartbeats:
         self._clock = clock
         self._looked_s = clock()
         self._silent_s: dict[str, float] = {}
+
+    @property
+    def names(self) -> Set[str]:
+        """Nodes that have reported."""
+        return self._silent_s.keys()
 
     def hear(self, name: str) -> None:
         """A node has reported."""
@@ -74,6 +79,11 @@ class NodeWatch:
         self._heartbeats = heartbeats
         self._executor = executor
         self._interrupts = interrupts
+
+    @property
+    def reported(self) -> Set[str]:
+        """Nodes that have reported on /diagnostics."""
+        return self._heartbeats.names
 
     def until(self, condition: Callable[[], bool], deadline_s: float, what: str) -> None:
         """Wait until a condition holds.

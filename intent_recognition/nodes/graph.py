@@ -244,12 +244,15 @@ class NodeCall:
         return "/".join(["", *filter(None, (self.namespace, self.name))])
 
 
-def resolve(graph: str, given: Mapping[str, object]) -> list[NodeCall]:
+def resolve(
+    graph: str, given: Mapping[str, object], own: Mapping[str, Mapping[str, object]] | None = None
+) -> list[NodeCall]:
     """Make the calls that start the nodes of a graph.
 
     Args:
         graph: one of `GRAPHS`.
         given: values of its arguments, as they are or as text; None and empty text mean unset.
+        own: more parameters by node; those that arguments set win.
 
     Raises:
         ArgumentError: no such argument, a value of another kind, or a needed one is
@@ -257,11 +260,8 @@ def resolve(graph: str, given: Mapping[str, object]) -> list[NodeCall]:
     """
     values = arguments_of(graph, given)
     _follow_the_clock(graph, values)
-    calls = []
-    for name in GRAPHS[graph].nodes:
-        if _starts(name, values):
-            calls.append(_call(name, NODES[name], values))
-    return calls
+    started = [name for name in GRAPHS[graph].nodes if _starts(name, values)]
+    return [_call(name, NODES[name], values, (own or {}).get(name, {})) for name in started]
 
 
 def arguments_of(graph: str, given: Mapping[str, object]) -> dict[str, object]:
@@ -297,7 +297,9 @@ def _starts(name: str, values: Mapping[str, object]) -> bool:
     return bool((not spec.when or values.get(spec.when)) and not values.get(spec.unless))
 
 
-def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
+def _call(
+    name: str, spec: NodeSpec, values: Mapping[str, object], own: Mapping[str, object]
+) -> NodeCall:
     taken = {p: values[a] for p, a in spec.parameters.items() if a in values}
     parameters = dict(spec.fixed) | {
         p: list(value) if isinstance(value, tuple) else value for p, value in taken.items()
@@ -314,7 +316,7 @@ def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
         spec.package,
         registry.NODES[executable].module if spec.package == PACKAGE else "",
         str(values.get("namespace", "")).strip("/"),
-        parameters,
+        dict(own) | parameters,
         (*spec.topics.items(), *topics, *frames),
         executable,
         spec.respawns and values.get("respawn") is not False,

@@ -4,7 +4,6 @@
 import os
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -67,19 +66,12 @@ def _start(
     values = arguments_of(graph, given)
     users, arm = values.get("params_file"), str(values.get("arm", ""))
     files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(users))] if users else [])]
-    describe_arm, own = partial(robot_description, arm), of_arm(arm)
-    calls = resolve(graph, given)
+    describe_arm = partial(robot_description, arm)
+    calls = resolve(graph, given, of_arm(arm))
     check_needs(calls, values)
     if users:
         check_sections(files[-1], calls)
-    return [
-        _node(
-            replace(call, parameters={**own.get(call.name, {}), **call.parameters}),
-            files,
-            describe_arm,
-        )
-        for call in calls
-    ]
+    return [_node(call, files, describe_arm) for call in calls]
 
 
 def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]) -> Node:

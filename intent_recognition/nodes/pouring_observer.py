@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: asks for a pour, and takes down what the topics tell of it."""
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -11,7 +10,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
 
@@ -24,9 +22,6 @@ toward the other one."""
 class PouringObserver(Node):
     """Collects the topics of one pour.
 
-    Args:
-        on_report: called with the name of a node that reports on /diagnostics.
-
     Attributes:
         parameters: newest warped parameters of each container, by name.
         balls: newest counts.
@@ -34,22 +29,18 @@ class PouringObserver(Node):
         refused: why the pour was refused; empty if it was not.
     """
 
-    def __init__(self, on_report: Callable[[str], None], **kwargs: Any) -> None:
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("pouring_observer", **kwargs)
-        self._on_report = on_report
         self.parameters: dict[str, dict[str, float]] = {}
         self.balls: dict[str, float] = {}
         self.active = self.refused = ""
         self._asked = False
         self._heard = dict.fromkeys(OBJECTS, 0)
-        self._joints_ns = self._tasks_ns = 0
         for name in OBJECTS:
             handle = partial(self._take_parameters, name)
             self.create_subscription(JointState, f"{name}/parameters", handle, qos.STATE)
         self.create_subscription(JointState, BALLS, self._take_balls, qos.STATE)
         self.create_subscription(String, "intent/active_task", self._take_active, qos.LATCHED)
-        self.create_subscription(JointState, "joint_states", self._take_joints, qos.MEASURED)
-        self.create_subscription(JointState, "intent/tasks", self._take_tasks, qos.STATE)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take_reports, 10)
         self._pour = self.create_publisher(String, REQUEST, qos.STATE)
 
@@ -60,7 +51,7 @@ class PouringObserver(Node):
             and bool(self.balls)
             and self._pour.get_subscription_count() >= 1
             and self.count_subscribers("intent/robot_trajectory") >= 1
-            and self.count_subscribers("intent/tasks") >= 2
+            and self.count_subscribers("intent/tasks") >= 1
             and self.count_subscribers("joint_trajectory") >= 1
             and self.count_publishers("joint_trajectory") >= 1
         )
@@ -69,10 +60,6 @@ class PouringObserver(Node):
         """Ask for a pour: "empty", "full" or millilitres."""
         self._asked = True
         self._pour.publish(String(data=amount))
-
-    def lag_s(self) -> float:
-        """Simulated time by which the newest task message is behind the arm [s]."""
-        return max(0.0, (self._joints_ns - self._tasks_ns) * 1e-9) if self._tasks_ns else 0.0
 
     def _take_parameters(self, name: str, message: JointState) -> None:
         self.parameters[name] = dict(zip(message.name, message.position, strict=False))
@@ -84,14 +71,7 @@ class PouringObserver(Node):
     def _take_active(self, message: String) -> None:
         self.active = message.data
 
-    def _take_joints(self, message: JointState) -> None:
-        self._joints_ns = stamp_ns(message)
-
-    def _take_tasks(self, message: JointState) -> None:
-        self._tasks_ns = stamp_ns(message)
-
     def _take_reports(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._on_report(status.name)
             if status.name == "warped_primitive":
                 self.refused = values_of(status).get(REFUSED, "") if self._asked else ""

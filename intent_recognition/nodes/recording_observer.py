@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: notes what the cell does while a recording of a person is played to it."""
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -22,21 +19,17 @@ class RecordingObserver(Node):
     """Notes the active task, and where the arm is, from one recording to the next.
 
     Args:
-        on_report: called with the name of a node that reports on /diagnostics.
         entry: observed topic by which a recording has begun.
 
     Attributes:
-        reported: names of the nodes that have reported.
         joints: newest positions of the arm by name; None before there are any.
         task: first active task of this recording; empty if there was none.
         active: whether a task is active now.
         held: posture farthest from the one before, while the task was active; None without one.
     """
 
-    def __init__(self, on_report: Callable[[str], None], entry: DofEntry) -> None:
-        super().__init__("recording_observer")
-        self._on_report = on_report
-        self.reported: set[str] = set()
+    def __init__(self, entry: DofEntry, **kwargs: Any) -> None:
+        super().__init__("recording_observer", **kwargs)
         self.joints: dict[str, float] | None = None
         self._forget = self.create_client(Trigger, "intent_estimator/reset")
         self.begin()
@@ -44,7 +37,6 @@ class RecordingObserver(Node):
         take(message_class(entry.type), entry.topic.lstrip("/"), self._begun, qos.SENSOR, raw=True)
         take(String, "intent/active_task", self._take_active, qos.LATCHED)
         take(JointState, "joint_states", self._take_joints, qos.MEASURED)
-        take(DiagnosticArray, "/diagnostics", self._take_reports, 10)
 
     def begin(self) -> None:
         """Forget what was noted: another recording follows."""
@@ -81,17 +73,3 @@ class RecordingObserver(Node):
             distance = sum((joints[name] - q) ** 2 for name, q in self._before.items())
             if distance > self._farthest:
                 self._farthest, self.held = distance, joints
-
-    def _take_reports(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            self.reported.add(status.name)
-            self._on_report(status.name)
-
-
-def observing(entry: DofEntry) -> Callable[..., RecordingObserver]:
-    """What builds the node, for `watched_graph`; it keeps to the computer's clock."""
-    return partial(_build, entry)
-
-
-def _build(entry: DofEntry, on_report: Callable[[str], None], **_: Any) -> RecordingObserver:
-    return RecordingObserver(on_report, entry)

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
@@ -34,18 +33,12 @@ class SessionObserver(Node):
     Args:
         on_task: called with (ground truth label, or "" at the end of a movement).
         on_active: called with the active task whenever it changes.
-        on_report: called with the name of a node that reports on /diagnostics.
     """
 
     def __init__(
-        self,
-        on_task: Callable[[str], None],
-        on_active: Callable[[str], None],
-        on_report: Callable[[str], None],
-        **kwargs: Any,
+        self, on_task: Callable[[str], None], on_active: Callable[[str], None], **kwargs: Any
     ) -> None:
         super().__init__("session_observer", **kwargs)
-        self._on_report = on_report
         self._on_task, self._on_active = on_task, on_active
         self._labels: tuple[str, ...] = (NONE,)
         self._wrist: list[tuple[int, NDArray[np.float64]]] = []
@@ -73,7 +66,6 @@ class SessionObserver(Node):
             self.create_subscription(kind, topic, partial(self._take, topic, take), profile)
             for kind, topic, take, profile in topics
         ]
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_reports, 10)
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
         """Take a message, and tell those whose time waits for it."""
@@ -99,16 +91,6 @@ class SessionObserver(Node):
             and self.count_subscribers("joint_states") >= 3
             and bool(self._joints)
         )
-
-    def lag_s(self) -> float:
-        """Simulated time by which the newest estimate is behind the newest wrist pose [s].
-
-        The pose is taken as seen when its time has come on the clock, so that a tracker that is
-        slow to publish counts too. Zero before the human is there.
-        """
-        if not self._wrist or not self._tasks or not self._joints:
-            return 0.0
-        return max(0.0, (self._joints[-1][0] - self._tasks[-1][0]) * 1e-9)
 
     def log(self) -> SessionLog:
         """Everything so far, as arrays."""
@@ -185,10 +167,6 @@ class SessionObserver(Node):
 
     def _take_truth(self, message: String) -> None:
         self._on_task(message.data)
-
-    def _take_reports(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            self._on_report(status.name)
 
 
 def _columns(

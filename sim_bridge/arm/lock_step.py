@@ -41,6 +41,7 @@ EDGES = (
     Edge("intent/tasks", "intent_estimator", "session_observer"),
     Edge("intent/robot_trajectory", "intent_estimator", "session_observer"),
     Edge("joint_states", ARM, "session_observer"),
+    Edge("joint_states", ARM, "warped_primitive"),
     Edge("intent/transfer", "object_transfer", "session_observer"),
     Edge("coworker/hand", ARM, "session_observer"),
 )

@@ -155,11 +155,11 @@ def coworker(harness, tmp_path, model):
 
 
 def session(harness, tmp_path, model):
-    return harness.add(SessionObserver(str, str, str))
+    return harness.add(SessionObserver(str, str))
 
 
 def pouring(harness, tmp_path, model):
-    return harness.add(PouringObserver(str))
+    return harness.add(PouringObserver())
 
 
 def arm(harness, tmp_path, model):

@@ -13,7 +13,7 @@ def told(labels, values):
 
 
 def test_a_task_taught_meanwhile_is_left_out(harness):
-    observer = harness.add(SessionObserver(print, print, print))
+    observer = harness.add(SessionObserver(print, print))
     publisher = harness.publisher(JointState, "intent/tasks", qos.STATE)
     harness.connect(publisher)
     publisher.publish(told(["plate", "none"], [0.25, 0.75]))
@@ -26,7 +26,7 @@ def test_a_task_taught_meanwhile_is_left_out(harness):
 
 
 def test_closed_it_hears_no_more(harness):
-    observer = harness.add(SessionObserver(print, print, print, namespace="closing"))
+    observer = harness.add(SessionObserver(print, print, namespace="closing"))
     publisher = harness.publisher(JointState, "closing/intent/tasks", qos.STATE)
     harness.connect(publisher)
     observer.close()

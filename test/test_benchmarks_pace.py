@@ -4,7 +4,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from intent_recognition.nodes.pace_keeper import LAG_HIGH_S, LAG_LOW_S, SLOWEST, next_factor
+from benchmarks.pace_keeper import LAG_HIGH_S, LAG_LOW_S, SLOWEST, next_factor
 
 factors = st.floats(0.2, 5.0)
 
