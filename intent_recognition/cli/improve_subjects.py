@@ -4,7 +4,7 @@
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,9 +78,8 @@ def undo(args: argparse.Namespace, console: Console) -> str:
     """
     if not is_pouring(args):
         folder, task = _folder(args), args.task
-        return _changed(
-            args, console, folder, lambda f: undo_practice(f, task), f"took practice of {task} back"
-        )
+        what = f"took practice of {task} back"
+        return _changed(args, console, folder, partial(undo_practice, folder, task), what)
     return _undo_pouring(args.output or PRACTICE_FOLDER)
 
 
@@ -162,14 +161,9 @@ class TaskOfFolder:
 
     def accept(self, session: PracticeSession) -> str:
         """As of `Pouring`."""
-        practised = self._practised
-        return _changed(
-            self._args,
-            self._console,
-            practised.folder,
-            lambda _: practised.accept(session),
-            f"accepted practice of {practised.task}",
-        )
+        practised, what = self._practised, f"accepted practice of {self._practised.task}"
+        accept = partial(practised.accept, session)
+        return _changed(self._args, self._console, practised.folder, accept, what)
 
 
 def _folder(args: argparse.Namespace) -> TaskFolder:
@@ -194,22 +188,22 @@ def _changed(
     args: argparse.Namespace,
     console: Console,
     folder: TaskFolder,
-    change: Callable[[TaskFolder], Change],
+    change: Callable[[], Change],
     what: str,
 ) -> str:
     """Change a folder of tasks, and let an estimator that runs its model use it; says who does."""
     if find_spec("rclpy") is None:
-        change(folder)
+        change()
         return f"{what}; no estimator was asked, for ROS 2 is not here"
     args.library = folder.path
     with teacher_node(args) as (teacher, spin):
         if spin(teacher.estimator_runs, FOUND_S):
             spin(lambda: teacher.loaded is not None, HANDED_OVER_S)
             if not teacher.knows_loaded():
-                change(folder)
+                change()
                 runs = teacher.loaded or "a model that it does not tell"
                 return f"{what}; used by nobody: the estimator runs {runs}, and goes on with it"
-        text = teacher.change(lambda: change(folder), what)
+        text = teacher.changed(change(), what)
         with busy(console, "sending the model"):
             spin(lambda: not teacher.sending_model, HANDED_OVER_S)
         return teacher.last_status or text

@@ -16,8 +16,8 @@ from intent_recognition.nodes.parameters import declare
 class ManagedNode(LifecycleNode):
     """Base of the nodes that can be configured, activated and deactivated at run time.
 
-    A subclass overrides `configure`, `activate`, `deactivate` and `cleanup` (plain methods that
-    raise on failure) and calls `self.start()` as the last line of its constructor. With the
+    A subclass overrides `configure`, `activate` and `deactivate` (plain methods that raise on
+    failure) and calls `self.start()` as the last line of its constructor. With the
     parameter `autostart` (default true) the node is then active, and an IntentError raised on
     the way reaches the caller; otherwise it waits for `~/change_state`.
 
@@ -45,9 +45,6 @@ class ManagedNode(LifecycleNode):
 
         Also after `activate` failed, however far that came.
         """
-
-    def cleanup(self) -> None:
-        """Free what `configure` loaded."""
 
     @property
     def active(self) -> bool:
@@ -105,14 +102,10 @@ class ManagedNode(LifecycleNode):
         """Handle the transition back to inactive."""
         return self._guard(self.deactivate, super().on_deactivate, state, "inactive")
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Handle the transition back to unconfigured."""
-        return self._guard(self.cleanup, super().on_cleanup, state, "unconfigured")
-
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition to finalized; an active node is deactivated first."""
-        hook = self.deactivate if state.label == "active" else _nothing
-        return self._guard(hook, super().on_shutdown, state, "finalized")
+        end = self.deactivate if state.label == "active" else lambda: None
+        return self._guard(end, super().on_shutdown, state, "finalized")
 
     def _refuse_impossible(
         self, change: Callable, request: ChangeState.Request, response: ChangeState.Response
@@ -149,7 +142,3 @@ class ManagedNode(LifecycleNode):
         if result == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info(f"{becomes}, was {state.label}")
         return result
-
-
-def _nothing() -> None:
-    """Do nothing."""

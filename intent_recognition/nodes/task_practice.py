@@ -7,19 +7,16 @@ point that is tried; the next execution that a person judges on `intent/feedback
 the next point follows. In both cases the library stays as it is until `~/accept`.
 """
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.parameter import Parameter
 
 from intent_recognition.errors import ArgumentError, BagError, IntentError
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_cost
-from intent_recognition.model import DOWN, THUMBS, UP, Change, PractisedTask, TaskFolder
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
-from intent_recognition.nodes.execution_recorder import ExecutionRecorder
+from intent_recognition.model import DOWN, THUMBS, UP, PractisedTask
+from intent_recognition.nodes.diagnostics import Level
 
 PERIOD_S = 0.1
 """Time from one rollout to the next at least [s]. Convention: the node stays responsive."""
@@ -27,53 +24,26 @@ COST_OF = {UP: 0.0, DOWN: 1.0}
 
 
 class _Begun(NamedTuple):
-    """Practice that was begun, and what it was asked for."""
+    """Practice that was begun, and by which cost."""
 
     practised: PractisedTask
     session: PracticeSession
-    asked: tuple[str, str, str, int]
+    cost: str
 
     @property
     def by_thumbs(self) -> bool:
-        return self.asked[1] == THUMBS
-
-
-class Teacher(Protocol):
-    """What is needed of the node that has the library."""
-
-    folder: TaskFolder
-    executions: ExecutionRecorder
-    diagnostics: Diagnostics
-
-    @property
-    def is_recording(self) -> bool:
-        """Whether a demonstration or an execution is being recorded."""
-
-    def get_parameter(self, name: str) -> Parameter:
-        """A parameter of the node."""
-
-    def estimator_runs(self) -> bool:
-        """Whether there is an estimator to give models to."""
-
-    def send_model(self, text: str) -> None:
-        """Have the estimator load the model that is in force."""
-
-    def change(self, action: Callable[[], Change], what: str) -> str:
-        """Change the folder, and let the estimator use it."""
-
-    def report(self, level: int, text: str) -> None:
-        """Say a sentence."""
+        return self.cost == THUMBS
 
 
 class TaskPracticeService:
-    """Begins, ends and accepts practice of a task.
+    """Begins, ends and accepts practice of a task, for the `TaskTeacher` that has it.
 
     Attributes:
         running: whether it goes on.
         trial: model that is tried by the estimator now; None: the library's.
     """
 
-    def __init__(self, teacher: Teacher) -> None:
+    def __init__(self, teacher: Any) -> None:
         self._teacher = teacher
         self.running = False
         self.trial: Path | None = None
@@ -94,8 +64,8 @@ class TaskPracticeService:
         if begun.by_thumbs:
             self._check_judged()
         self.running = True
-        text = f"practising {begun.practised.task} by {begun.asked[1]}"
-        self._tell(f"{text}, {len(begun.session.tried)} rollouts so far")
+        text = f"practising {begun.practised.task} by {begun.cost}"
+        self._teacher.report(Level.OK, f"{text}, {len(begun.session.tried)} rollouts so far")
         if begun.by_thumbs:
             self._try_next()
         return text
@@ -120,7 +90,7 @@ class TaskPracticeService:
         what = f"accepted practice of {begun.practised.task}"
         change = begun.practised.accept(begun.session)
         self.running, self.trial, self._begun = False, None, None
-        return self._teacher.change(lambda: change, what)
+        return self._teacher.changed(change, what)
 
     def step(self) -> None:
         """Execute one rollout, if the arm and the recorder have nothing else to do."""
@@ -167,7 +137,7 @@ class TaskPracticeService:
         known = (*practised.practice.costs, THUMBS)
         costs = Cost(THUMBS, _unjudged) if cost == THUMBS else load_cost(cost, known, files=False)
         session = practised.session(costs, int(seed))
-        return _Begun(practised, session, (task, cost, beside, int(seed)))
+        return _Begun(practised, session, cost)
 
     def _check_judged(self) -> None:
         """Raise where no execution would be recorded or no estimator would execute."""
@@ -208,7 +178,7 @@ class TaskPracticeService:
             self.trial = None
             self._teacher.send_model(text)
         else:
-            self._tell(text)
+            self._teacher.report(Level.OK, text)
         return text
 
     def _fail(self, error: IntentError) -> None:
@@ -217,9 +187,6 @@ class TaskPracticeService:
         if self.trial is not None:
             self.trial = None
             self._teacher.send_model("the model of the library again")
-
-    def _tell(self, text: str) -> None:
-        self._teacher.report(Level.OK, text)
 
 
 def _numbers(text: str) -> tuple[float, ...] | None:

@@ -2,7 +2,7 @@
 """Node: records demonstrations while the graph runs and learns them for the estimator."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -176,7 +176,7 @@ class TaskTeacher(TopicRecorder):
                 failure = error
             if not isinstance(failure, ResourceBusyError):
                 self.waiting.pop(0)
-        text = "" if change is None else self._changed(change, f"learned {', '.join(learned)}")
+        text = "" if change is None else self.changed(change, f"learned {', '.join(learned)}")
         if failure is not None:
             self.report(Level.WARN, f"not learned: {failure}")
             raise failure
@@ -202,7 +202,7 @@ class TaskTeacher(TopicRecorder):
             ModelError: there is nothing to take back.
         """
         change = self.folder.undo()
-        return self._changed(change, f"took {Path(change.bag).name} back")
+        return self.changed(change, f"took {Path(change.bag).name} back")
 
     def keep(self) -> str:
         """Learn from the last execution that a person corrected; returns what changed.
@@ -221,11 +221,7 @@ class TaskTeacher(TopicRecorder):
             cure = "Lead the arm by hand while it executes, then keep that."
             raise BagError.about("~/keep", wanted, came, cure)
         change = self.folder.learn(self.folder.correct(last))
-        return self._changed(change, f"kept the correction of {last.name}")
-
-    def change(self, action: Callable[[], Change], what: str) -> str:
-        """Change the folder, and let the estimator use it; returns what changed."""
-        return self._changed(action(), what)
+        return self.changed(change, f"kept the correction of {last.name}")
 
     def heard(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         """Record executions."""
@@ -273,8 +269,8 @@ class TaskTeacher(TopicRecorder):
             folder.start_from(model)
         return folder
 
-    def _changed(self, change: Change, what: str) -> str:
-        """Report what changed and send the model to the estimator."""
+    def changed(self, change: Change, what: str) -> str:
+        """Report what changed in the folder and send the model to the estimator; returns it."""
         self._publish_skills()
         if change.action == WAIT:
             text = f"{what}; a first model needs two demonstrations of a task"
