@@ -120,7 +120,7 @@ class Transitions:
         silent = self._inbox.silent(now_ns)
         over = interaction is not None and interaction.over
         if decision.active and not silent and not over:
-            if interaction is None or decision.active != interaction.prediction.label:
+            if interaction is None or not self._goes_on(interaction, decision.active):
                 return self.interacting.begin(now_ns) or Transition(state)
             resumed = self.interacting.follow(Executing(interaction), now_ns)
             if resumed.command is not None:
@@ -134,6 +134,12 @@ class Transitions:
         if home is not None and state.reason != "withdrawn" and not over:
             self._inbox.mark_served(interaction)
         return home or Transition(state)
+
+    def _goes_on(self, interaction: ActiveInteraction, label: str) -> bool:
+        """Whether a task is active for the movement that was served, not for one begun since."""
+        served, newest = interaction.prediction, self._inbox.prediction
+        latest_ns = max(interaction.began_ns, served.onset_ns)
+        return label == served.label and (newest is None or newest.onset_ns <= latest_ns)
 
     def _from_homing(self, state: Homing, now_ns: int) -> Transition:
         other = self.interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)

@@ -182,6 +182,37 @@ def test_the_arm_stops_when_the_one_it_helps_vanishes_and_goes_on_with_the_other
     world.check_continuous()
 
 
+def test_another_movement_begins_an_interaction_and_resumes_none():
+    """The name may stand for somebody else by then."""
+    world = SharedWorld()
+    world.run(0.5)
+    world.ask("anna", "plate", 0.4)
+    world.until(lambda: world.helps("anna"))
+    world.run(0.5)
+    world.silent.add("anna")
+    world.until(lambda: world.activation.mode is Mode.STOPPED)
+    world.run(0.3)
+    world.silent.clear()
+    world.ask("anna", "plate", 0.1)
+    world.until(lambda: world.activation.mode is Mode.EXECUTING)
+    assert world.activation.counts["started"] == 2
+    world.run(3.0)
+    world.check_continuous()
+
+
+def test_the_same_movement_is_resumed():
+    world = SharedWorld()
+    world.run(0.5)
+    world.ask("anna", "plate", 0.4)
+    world.until(lambda: world.helps("anna"))
+    world.run(0.3)
+    world.silent.add("anna")
+    world.until(lambda: world.activation.mode is Mode.STOPPED)
+    world.silent.clear()
+    world.until(lambda: world.activation.mode is Mode.EXECUTING)
+    assert world.activation.counts["started"] == 1
+
+
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_in_random_sessions_help_is_for_what_was_asked_and_one_at_a_time(seed):
