@@ -18,6 +18,7 @@ RECORDED = (
     "intent/robot_trajectory",
     "intent/active_task",
     "intent/next_task",
+    "intent/plan",
     "intent/transfer",
     "joint_trajectory",
     "coworker/hand",

@@ -45,7 +45,7 @@ from intent_recognition.report.html import (
     TableBlock,
     write_page,
 )
-from intent_recognition.report.interaction_table import FIELDS, cells
+from intent_recognition.report.interaction_table import cells, fields_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -337,14 +337,15 @@ def _sentence(record: InteractionRecord) -> str:
 
 
 def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> TableBlock:
-    columns = [Column(field.title, field.unit, field.align) for field in FIELDS]
+    fields = fields_of(records)
+    columns = [Column(field.title, field.unit, field.align) for field in fields]
     missed = [row for row, record in enumerate(records) if not record.right]
     of_changed = summary.n_changed - summary.changes_followed
     caption = (
         "decided: after onset. share: of the human's movement at the decision. arrival: after the"
         f" human's end. {summary.missed + of_changed} missed."
     )
-    return TableBlock(columns, map(cells, records), caption, missed)
+    return TableBlock(columns, (cells(one, fields) for one in records), caption, missed)
 
 
 def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:

@@ -7,6 +7,8 @@ from typing import Literal, NamedTuple
 from intent_recognition.evaluation import CM_PER_M, InteractionRecord
 
 NOTHING = "-"
+BY_FORCE = "handed over"
+"""The column that only a session has in which objects are handed over by force."""
 
 
 class Field(NamedTuple):
@@ -33,7 +35,7 @@ FIELDS = (
     Field("movement", "s", 8, "right", lambda r: _number(r.movement_s, form=".2f")),
     Field("hand error", "cm", 10, "right", lambda r: _number(r.hand_error_m, CM_PER_M)),
     Field("arrival", "s", 8, "right", lambda r: _number(r.arrival_s, form="+.2f")),
-    Field("handed over", "s", 11, "right", lambda r: _number(r.transfer_s, form="+.2f")),
+    Field(BY_FORCE, "s", 11, "right", lambda r: _number(r.transfer_s, form="+.2f")),
     Field("note", "", 0, "left", lambda r: _note(r)),
 )
 """decided = after onset; share = of the human's movement; arrival = after the human's end."""
@@ -46,25 +48,24 @@ def _note(record: InteractionRecord) -> str:
     return " ".join(filter(None, (missed, kept, began, record.note)))
 
 
-def cells(record: InteractionRecord) -> tuple[str | None, ...]:
+def fields_of(records: Sequence[InteractionRecord]) -> tuple[Field, ...]:
+    """The columns of a session's table."""
+    by_force = any(record.handed_over is not None for record in records)
+    return tuple(field for field in FIELDS if by_force or field.title != BY_FORCE)
+
+
+def cells(record: InteractionRecord, fields: Sequence[Field] = FIELDS) -> tuple[str | None, ...]:
     """One text per field; None where nothing was measured."""
-    return tuple(field.cell(record) for field in FIELDS)
-
-
-def header_lines() -> list[str]:
-    """Heading with units, and a rule below it."""
-    titles = [f"{f.title} [{f.unit}]" if f.unit else f.title for f in FIELDS]
-    return [_line(titles), "-" * sum(_width(f) + 2 for f in FIELDS[:-1]) + "-" * 4]
-
-
-def record_line(record: InteractionRecord) -> str:
-    """One interaction, in the columns of `header_lines`."""
-    return _line([NOTHING if cell is None else cell for cell in cells(record)])
+    return tuple(field.cell(record) for field in fields)
 
 
 def table_lines(records: Sequence[InteractionRecord]) -> list[str]:
-    """The whole table as lines of a terminal."""
-    return [*header_lines(), *(record_line(record) for record in records)]
+    """The whole table as lines of a terminal, with a heading and a rule below it."""
+    fields = fields_of(records)
+    titles = [f"{f.title} [{f.unit}]" if f.unit else f.title for f in fields]
+    rule = "-" * sum(_width(f) + 2 for f in fields[:-1]) + "-" * 4
+    rows = ([cell or NOTHING for cell in cells(record, fields)] for record in records)
+    return [_line(fields, titles), rule, *(_line(fields, row) for row in rows)]
 
 
 def _width(field: Field) -> int:
@@ -72,9 +73,9 @@ def _width(field: Field) -> int:
     return max(field.width, title)
 
 
-def _line(texts: Sequence[str]) -> str:
+def _line(fields: Sequence[Field], texts: Sequence[str]) -> str:
     padded = (
         text.ljust(_width(field)) if field.align == "left" else text.rjust(_width(field))
-        for field, text in zip(FIELDS, texts, strict=True)
+        for field, text in zip(fields, texts, strict=True)
     )
     return "  ".join(padded).rstrip()

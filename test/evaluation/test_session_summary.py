@@ -18,7 +18,7 @@ from intent_recognition.evaluation.session_summary import (
     summarise,
     summary_line,
 )
-from intent_recognition.report.interaction_table import FIELDS, cells, record_line
+from intent_recognition.report.interaction_table import FIELDS, cells, table_lines
 
 RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 PLATE, HOLD, SCREW = "plate_handover", "hold_screwdriver", "screw_handover"
@@ -151,8 +151,9 @@ def test_changes_of_mind_stand_apart():
     assert summary.changed_hand_error == HandError(1, 5.0, None)
     assert summary_line(summary).startswith(summary_line(alone))
     assert summary_line(summary).endswith("changes followed 2/3 with hand error 5.0 +- - cm")
-    assert "began as hold_screwdriver" in record_line(changed[0])
-    assert "MISSED began as plate_handover" in record_line(changed[1])
+    lines = table_lines(changed)
+    assert "began as hold_screwdriver" in lines[2]
+    assert "MISSED began as plate_handover" in lines[3]
 
 
 def test_the_end_itself_is_not_before_the_end():
@@ -191,4 +192,8 @@ def test_the_table_shows_the_numbers():
         "handed over": None,
         "note": "hesitated",
     }
-    assert record_line(one).endswith("hesitated")
+    heading, _, row = table_lines([one])
+    assert row.endswith("hesitated") and "handed over" not in heading
+    by_force = replace(one, handed_over=True, transfer_s=0.5)
+    heading, _, row = table_lines([by_force])
+    assert "handed over [s]" in heading and "+0.50" in row

@@ -19,7 +19,7 @@ from intent_recognition.report.evaluation_report import (
     write_evaluation_report,
 )
 from intent_recognition.report.html import Figure, KeyNumbers, Row, TableBlock, render
-from intent_recognition.report.interaction_table import cells
+from intent_recognition.report.interaction_table import cells, fields_of
 
 LABELS = ["hold_screwdriver", "plate_handover", "screw_handover", "none"]
 
@@ -103,7 +103,7 @@ def test_the_demo_report_needs_nothing_from_outside(page):
 def test_the_demo_table_is_the_records(session, page):
     records, _ = session
     table = blocks_of(page, TableBlock)[0]
-    assert table.rows == tuple(cells(record) for record in records)
+    assert table.rows == tuple(cells(record, fields_of(records)) for record in records)
     assert table.marked == [4]
 
 
