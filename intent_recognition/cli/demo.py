@@ -11,7 +11,7 @@ from rich.console import Console
 from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_model import check_model, trained_model
 from intent_recognition.cli.demo_scene import CELL, LIVE, Scene, make_scene
-from intent_recognition.cli.demo_session import run_session
+from intent_recognition.cli.demo_session import refuse_options, run_session
 from intent_recognition.cli.options import Subparsers, add_command, add_options, number
 from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
 from intent_recognition.composing import read_sequences
@@ -146,7 +146,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
-    console = console_beside(args.json)
+    console = console_beside(args)
     import rclpy  # noqa: F401  before anything is trained
 
     end_like_interrupted(*END_SIGNALS)
@@ -176,10 +176,8 @@ def _run_several(args: argparse.Namespace, arms: list[str], console: Console) ->
     """The same session with one arm after the other, and one report of all."""
     from intent_recognition.report import write_arms_report
 
-    for option in ("record", "dashboard", "model", "tip", "base"):
-        if getattr(args, option):
-            cure = "Run one arm at a time."
-            raise ArgumentError.about("--arm", f"one arm with --{option}", args.arm, cure)
+    alone = {"record": None, "dashboard": False, "model": None, "tip": "", "base": ""}
+    refuse_options(args, alone, "several arms", "Run one arm at a time.")
     own = [{"arm": arm, "output": args.output / Path(arm).stem} for arm in arms]
     parts = [argparse.Namespace(**vars(args) | values) for values in own]
     for part in parts:
@@ -211,11 +209,8 @@ def _check(args: argparse.Namespace) -> None:
     Raises:
         IntentError: the model cannot be used, or the page's port is taken.
     """
-    for option, usual in (("pour", "empty"), ("pair", None)):
-        if getattr(args, option) != usual:
-            cure = "Add --scenario pouring."
-            expected = "--scenario pouring with it"
-            raise ArgumentError.about(f"--{option}", expected, args.scenario, cure)
+    of_pouring = {"pour": "empty", "pair": None}
+    refuse_options(args, of_pouring, f"--scenario {args.scenario}", "Add --scenario pouring.")
     if args.transfers and args.scenario not in (CELL, "toolbox"):
         cure = "Leave one of them out."
         raise ArgumentError.about("--transfers", "the scenario toolbox", args.scenario, cure)
@@ -259,8 +254,8 @@ def _run_one(
     if args.model is not None:
         check_model(args.model, scene)
     model = args.model or trained_model(args.output / "model.npz", console, scene)
-    session = run_session(args, model, console, scene)
-    records, traces = score_session(session.log, scene.plan, session.first_ns, scene.scoring)
+    log, first_ns = run_session(args, model, console, scene)
+    records, traces = score_session(log, scene.plan, first_ns, scene.scoring)
     summary = summarise(records)
     duration_s = float(scene.plan.samples.times_s[-1])
     settings = {

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import boxed_table, busy
-from intent_recognition.cli.demo_session import waits_for_answers, watched_graph
+from intent_recognition.cli.demo_session import refuse_options, waits_for_answers, watched_graph
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.cli.session_watch import NodeWatch
 from intent_recognition.errors import ArgumentError, IntentError
@@ -29,24 +29,18 @@ MANY_SPILLED = 2.0
 """Spilled balls of forty, on average, above which the demo has failed. Convention."""
 
 
-class ObservedPour(NamedTuple):
-    """A pour as the topics told it: warped parameters by container, and counts of balls."""
-
-    parameters: dict[str, dict[str, float]]
-    balls: dict[str, int]
-
-
 class Done(NamedTuple):
-    """A pour of the demo: what was poured from, into what, and what came of it."""
+    """A pour of the demo: from what, into what, their warped parameters, and counts of balls."""
 
     cup: str
     second: str
-    seen: ObservedPour
+    parameters: dict[str, dict[str, float]]
+    balls: dict[str, int]
 
     @property
     def n_balls(self) -> int:
         """Balls in the cup at the start."""
-        return sum(self.seen.balls[name] for name in ("in_cup", "in_second", "spilled"))
+        return sum(self.balls[name] for name in ("in_cup", "in_second", "spilled"))
 
 
 def run_pouring(args: argparse.Namespace, console: Console) -> int:
@@ -65,7 +59,7 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     if args.json != PRINTED:
         console.print(_table(done, args.pour))
     write_json(args.json, [_numbers(one, args.pour) for one in done])
-    mean = sum(one.seen.balls["spilled"] for one in done) / len(done)
+    mean = sum(one.balls["spilled"] for one in done) / len(done)
     console.file.write(
         f"poured with {len(done)} pairs never demonstrated: {mean:.1f} of {done[0].n_balls}"
         f" balls spilled on average, {time.monotonic() - started:.0f} s\n"
@@ -76,20 +70,10 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what only the other scenarios take, before anything is learned or started."""
-    defaults: dict[str, object] = {
-        "record": None,
-        "dashboard": False,
-        "sequences": None,
-        "params": None,
-        "arm": "lwr",
-    }
-    defaults |= {"changes": 0, "task_list": "habit"}
-    for option, default in defaults.items():
-        if getattr(args, option) != default:
-            name = f"--{option.replace('_', '-')}"
-            cure = "Leave it out, or choose another --scenario."
-            got = getattr(args, option)
-            raise ArgumentError.about(name, "no such option with --scenario pouring", got, cure)
+    usual: dict[str, object] = {"record": None, "dashboard": False, "sequences": None}
+    usual |= {"params": None, "arm": "lwr", "changes": 0, "task_list": "habit"}
+    cure = "Leave it out, or choose another --scenario."
+    refuse_options(args, usual, "--scenario pouring", cure)
     amount_to_leave(args.pour, 1.0, 1.0)
 
 
@@ -110,14 +94,6 @@ def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:
 def _pour(
     args: argparse.Namespace, skill: Path, cup: str, second: str, above_m: float, console: Console
 ) -> Done:
-    names = f"{cup} into {second}".replace("_", " ")
-    with busy(console, f"pouring from {names}"):
-        return Done(cup, second, _observe(args, skill, cup, second, above_m))
-
-
-def _observe(
-    args: argparse.Namespace, skill: Path, cup: str, second: str, stands_above_m: float
-) -> ObservedPour:
     """Start the nodes of the graph "pouring", ask for a pour, wait until it is over.
 
     Raises:
@@ -130,21 +106,26 @@ def _observe(
         "skill": str(skill.resolve()),
         "cup": cup,
         "second": second,
-        "stands_above": stands_above_m,
+        "stands_above": above_m,
         "rate": float(args.rate),
         "headless": args.headless or not os.environ.get("DISPLAY"),
         "sensor_noise": True,
         "seed": args.seed,
     }
-    with watched_graph(args, PouringObserver) as (observer, watch):
+    names = f"{cup} into {second}".replace("_", " ")
+    with (
+        busy(console, f"pouring from {names}"),
+        watched_graph(args, PouringObserver) as (observer, watch),
+    ):
         for call in resolve("pouring", given, {"lwr_sim": waits_for_answers()}):
             watch.processes.start(call.name, call.module, call.parameters, call.remappings)
-        return _follow(args, observer, watch)
+        _follow(args, observer, watch)
+        counts = {name: int(value) for name, value in observer.balls.items()}
+        return Done(cup, second, observer.parameters, counts)
 
 
-def _follow(
-    args: argparse.Namespace, observer: "PouringObserver", watch: NodeWatch
-) -> ObservedPour:
+def _follow(args: argparse.Namespace, observer: "PouringObserver", watch: NodeWatch) -> None:
+    """Ask for the pour, and wait until it is over."""
     watch.until(observer.is_ready, 180.0, "the containers, seen and warped")
     observer.ask(args.pour)
     watch.until(lambda: bool(observer.active or observer.refused), 60.0, "the pour")
@@ -155,13 +136,11 @@ def _follow(
         )
     watch.until(lambda: not observer.active, 600.0, "the pour's end")
     watch.for_seconds(1.0 / args.rate)
-    counts = {name: int(value) for name, value in observer.balls.items()}
-    return ObservedPour(observer.parameters, counts)
 
 
 def _numbers(done: Done, asked: str) -> dict[str, object]:
-    cup, second = (done.seen.parameters[name] for name in ("cup", "second"))
-    balls, volume_m3 = done.seen.balls, cup["volume_m3"]
+    cup, second = (done.parameters[name] for name in ("cup", "second"))
+    balls, volume_m3 = done.balls, cup["volume_m3"]
     left = amount_to_leave(asked, 0.5 * volume_m3, second["volume_m3"]) / volume_m3
     return {
         "cup": done.cup,
@@ -183,7 +162,7 @@ def _table(done: list[Done], asked: str) -> Table:
     sizes = (">opening [mm]", ">height [mm]", ">tilt [deg]")
     table = boxed_table(title, "pair", *sizes, ">in", ">to be left", ">left in cup", ">spilled")
     for one in done:
-        row, parameters = _numbers(one, asked), one.seen.parameters
+        row, parameters = _numbers(one, asked), one.parameters
         table.add_row(
             f"{one.cup} into {one.second}".replace("_", " "),
             f"{1e3 * parameters['second']['opening_radius_m']:.1f}",

@@ -19,6 +19,7 @@ from intent_recognition.cli.demo_session import (
     begin_library,
     page_address,
     refuse_busy_domain,
+    refuse_options,
     shared_arguments,
     watched_graph,
 )
@@ -103,15 +104,9 @@ def _check(args: argparse.Namespace) -> None:
     if args.model is None:
         cure = "intent train RECORDINGS --output M.npz makes one."
         raise ArgumentError.about("--model", "a model with --recordings", "none", cure)
-    for option, usual in (
-        ("scenario", "toolbox"), ("task_list", "habit"), ("interactions", 0), ("changes", 0),
-        ("rate", None), ("record", None),
-    ):  # fmt: skip
-        if getattr(args, option) != usual:
-            name, got = f"--{option.replace('_', '-')}", getattr(args, option)
-            raise ArgumentError.about(
-                name, "no such option with --recordings", got, "Leave it out."
-            )
+    usual = {"scenario": "toolbox", "task_list": "habit", "interactions": 0, "changes": 0}
+    usual |= {"rate": None, "record": None}
+    refuse_options(args, usual, "--recordings", "Leave it out.")
 
 
 def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, NDArray[np.float64]]":

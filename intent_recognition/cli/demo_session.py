@@ -5,12 +5,12 @@ import argparse
 import os
 import secrets
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
@@ -18,7 +18,7 @@ from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE, answers
-from intent_recognition.errors import IntentError, ResourceBusyError
+from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 from intent_recognition.interrupts import noted_interrupts
 from intent_recognition.model import LIBRARY_MODEL
 from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
@@ -46,15 +46,10 @@ DOMAINS = (1, 101)
 ROS_DOMAIN_ID")."""
 
 
-class Session(NamedTuple):
-    """A session that is over: what was observed, and the stamp of the first sample."""
-
-    log: "SessionLog"
-    first_ns: int
-
-
-def run_session(args: argparse.Namespace, model: Path, console: Console, scene: Scene) -> Session:
-    """Start the nodes, follow the session, stop the nodes.
+def run_session(
+    args: argparse.Namespace, model: Path, console: Console, scene: Scene
+) -> tuple["SessionLog", int]:
+    """Start the nodes, follow the session, stop the nodes; its log, and the first sample's stamp.
 
     Raises:
         IntentError: a node died, or nothing was received from one.
@@ -71,7 +66,17 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
         raise IntentError.about(
             "mocap/wrist/pose", "the coworker's poses", got if len(log.wrist_ns) else "none", cure
         )
-    return Session(log, first_ns)
+    return log, first_ns
+
+
+def refuse_options(
+    args: argparse.Namespace, usual: Mapping[str, object], beside: str, cure: str
+) -> None:
+    """Refuse options, given by their usual values, that mean nothing beside something else."""
+    for name, value in usual.items():
+        if (got := getattr(args, name)) != value:
+            option = f"--{name.replace('_', '-')}"
+            raise ArgumentError.about(option, f"no such option with {beside}", got, cure)
 
 
 def begin_library(library: Path, model: Path, console: Console) -> None:

@@ -71,8 +71,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables, write what was asked for."""
-    console = output.console_beside(args.json, {"--report": args.report})
-    output.check_output("--report", args.report)
+    console = output.console_beside(args, "report")
     wanted = n_components(args)
     dofs = settle_orientations(load_dofs(args.dofs), args.bags)
     recorded, rejections = read_all(args.bags, dofs, console)

@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     from experiments.runs import run_all
     from experiments.settings import Settings
 
-    console = console_beside(args.json)
+    console = console_beside(args)
     if args.list:
         if args.json != PRINTED:
             output.print_list(console, EXPERIMENTS)

@@ -48,8 +48,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Explain the decisions of one recording."""
-    console = output.console_beside(args.json, {"--report": args.report})
-    output.check_output("--report", args.report)
+    console = output.console_beside(args, "report")
     model, reader = load_model(args.model), BagReader(args.bag)
     rejected: Counter[str] = Counter()
     with busy(console, "explaining"):

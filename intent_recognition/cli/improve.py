@@ -99,7 +99,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Practise, accept or undo."""
-    console = output.console_beside(args.json)
+    console = output.console_beside(args)
     if args.undo:
         _tell(args, console, "undone", undo(args, console))
         return 0

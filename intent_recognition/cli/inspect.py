@@ -73,7 +73,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print them: models first, then the recordings, several in one table."""
-    output.check_json(args.json)
+    output.check_outputs(args)
     console = Console(quiet=True) if args.json == output.PRINTED else make_console()
     models = [path for path in args.paths if path.suffix == ".npz"]
     sources = [path for path in args.paths if path not in models]

@@ -5,7 +5,6 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 from rich.console import Console
@@ -31,28 +30,30 @@ def add_json_option(group: argparse._ActionsContainer, what: str) -> None:
     )
 
 
-def console_beside(
-    json_path: Path | None, others: Mapping[str, Path | None] | None = None
-) -> Console:
+def console_beside(args: argparse.Namespace, *options: str) -> Console:
     """The console for all else: standard error where JSON has standard output to itself.
 
-    `--json` is checked before; arguments and errors as of `check_json`.
+    `--json` and these options are checked before, see `check_outputs`.
     """
-    check_json(json_path, others)
-    return Console(stderr=True, highlight=False) if json_path == PRINTED else make_console()
+    check_outputs(args, *options)
+    return Console(stderr=True, highlight=False) if args.json == PRINTED else make_console()
 
 
-def check_json(path: Path | None, others: Mapping[str, Path | None] | None = None) -> None:
-    """`check_output` for `--json`, which may have taken the next argument for its OUT.
+def check_outputs(args: argparse.Namespace, *options: str) -> None:
+    """`check_output` for these options and `--json`, which may have taken the next argument.
 
     Raises:
-        ArgumentError: it is also the file of another option.
-        ResourceBusyError: it cannot be written, or it is a file of another kind.
+        ArgumentError: `--json` is also the file of another option.
+        ResourceBusyError: one cannot be written, or `--json` is a file of another kind.
     """
+    path: Path | None = args.json
+    others = {f"--{name}": getattr(args, name) for name in options}
+    for option, other in others.items():
+        check_output(option, other)
     if path is None or path == PRINTED:
         return
     check_output("--json", path)
-    for option, other in (others or {}).items():
+    for option, other in others.items():
         if other is not None and other.resolve() == path.resolve():
             raise ArgumentError.about(
                 f"--json {path}", f"another file than {option}", "the same", "Rename one."

@@ -37,7 +37,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Recover, and print what was saved and what was not."""
-    output.check_json(args.json)
+    output.check_outputs(args)
     with busy(Console(stderr=True), "recovering"):
         report = recover(args.bag, args.output)
     output.write_json(args.json, report_json(report))

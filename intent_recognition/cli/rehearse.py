@@ -53,8 +53,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Rehearse, print, write what was asked for."""
-    console = output.console_beside(args.json, {"--report": args.report})
-    output.check_output("--report", args.report)
+    console = output.console_beside(args, "report")
     model, trained = load_trained(args.model)
     found, rejections = read_all(args.bags, model.dofs, console)
     print_left_out(console, rejections)

@@ -44,8 +44,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay one recording."""
-    console = output.console_beside(args.json, {"--report": args.report})
-    output.check_output("--report", args.report)
+    console = output.console_beside(args, "report")
     model = load_model(args.model)
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()

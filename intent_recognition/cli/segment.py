@@ -56,7 +56,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Segment, write the bags, print what was found."""
-    console = output.console_beside(args.json)
+    console = output.console_beside(args)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."
         raise ArgumentError.about("--dofs", "no --model with it", args.model, cure)

@@ -74,8 +74,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
-    output.check_output("--output", args.output)
-    console = output.console_beside(args.json, {"--output": args.output})
+    console = output.console_beside(args, "output")
     settings = training_settings(args)
     wanted = n_components(args)
     check_adding(args)

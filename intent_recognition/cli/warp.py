@@ -90,8 +90,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Warp and print."""
-    output.check_json(args.json, {"--report": args.report})
-    output.check_output("--report", args.report)
+    output.check_outputs(args, "report")
     source = ObjectModel.learn(load_object(find_object(str(args.source))))
     viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
     target = load_target(args.target, args.points, args.scale, viewpoint, args.seed)

@@ -146,7 +146,7 @@ def test_killed_it_leaves_no_orphan(running_demo):
             ("--scenario", "assembly", "--changes", "1"),
             "--changes: expected 0 with --scenario assembly",
         ),
-        (("--arm", "lwr,panda"), "--arm: expected one arm with --model"),
+        (("--arm", "lwr,panda"), "--model: expected no such option with several arms"),
         (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
     ],
 )
