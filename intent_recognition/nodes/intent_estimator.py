@@ -40,15 +40,9 @@ class IntentEstimatorNode(ManagedNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("intent_estimator", **kwargs)
-        values = declare(self, "intent_estimator")
-        self._dofs_path = values["dofs"]
+        self._values = declare(self, "intent_estimator")
         self._own_dofs: DofSpec | None = None
         self._configured, self._meets, self._step = False, False, ""
-        self._publish_rate = values["publish_rate"]
-        self._start_posture = values["start_posture"]
-        self._switching = values["switching"]
-        self._transitions = values["transition_prior"]
-        self._forget_after_s = values["forget_after"]
         self._diagnostics = Diagnostics(self)
         self._postures = PostureInput(self, self._diagnostics)
         self._via_points = ViaPointInput(self, self._diagnostics)
@@ -89,7 +83,7 @@ class IntentEstimatorNode(ManagedNode):
         self.people[person] = belief = PersonBelief(
             self, self._diagnostics, self._frames, self._postures, self._tell, person
         )
-        belief.publish_rate = self._publish_rate
+        belief.publish_rate = self._values["publish_rate"]
         if self._configured:
             self._configure(belief)
         if self.active:
@@ -113,15 +107,15 @@ class IntentEstimatorNode(ManagedNode):
             self._plan.change(changes[PLAN])
             for estimator in self._estimators:
                 self._plan.follow(estimator)
-        self._publish_rate = changes.get("publish_rate", self._publish_rate)
+        self._values |= changes
         for belief in self.people.values():
-            belief.publish_rate = self._publish_rate
-        self._transitions = changes.get("transition_prior", self._transitions)
-        self._forget_after_s = changes.get("forget_after", self._forget_after_s)
+            belief.publish_rate = self._values["publish_rate"]
         if not self._configured or set(changes) <= {"publish_rate", VIA_POINTS}:
             return
         for belief in self.people.values():
-            belief.estimator.expectation.change(self._transitions, self._forget_after_s)
+            belief.estimator.expectation.change(
+                self._values["transition_prior"], self._values["forget_after"]
+            )
             if self.active:
                 self._tell(belief)
 
@@ -147,10 +141,10 @@ class IntentEstimatorNode(ManagedNode):
         """Let a person's estimator go by the model, which all of them share."""
         estimator = IntentEstimator(
             self._model.library,
-            transitions=self._transitions,
-            forget_after_s=self._forget_after_s,
-            start_posture=self._start_posture,
-            switching=self._switching,
+            transitions=self._values["transition_prior"],
+            forget_after_s=self._values["forget_after"],
+            start_posture=self._values["start_posture"],
+            switching=self._values["switching"],
         )
         self._plan.follow(estimator)
         estimator.expect(self._step)
@@ -160,7 +154,7 @@ class IntentEstimatorNode(ManagedNode):
         """Subscribe to the observed agents."""
         for belief in self.people.values():
             belief.inputs.open()
-        if self._start_posture:
+        if self._values["start_posture"]:
             self._postures.open(self._estimators, self._model.dofs.controlled)
         if not self._meets and "" not in self.people:
             self._meets = meet(self, self._topic_of("{}"), self._meet)
@@ -206,8 +200,8 @@ class IntentEstimatorNode(ManagedNode):
                 "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz.",
             )
         model = load_model(path)
-        if self._dofs_path:
-            self._own_dofs = check_dofs(model, load_dofs(self._dofs_path), self._dofs_path)
+        if dofs := self._values["dofs"]:
+            self._own_dofs = check_dofs(model, load_dofs(dofs), dofs)
         return model
 
     def _take_sequence(self, message: DiagnosticStatus) -> None:
