@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the node `primitive_activation`, and the settings made of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits
-from intent_recognition.motion import Clearance, Separation, is_hand, scaled_limits
+from intent_recognition.motion import Clearance, Separation, Spread, is_hand, scaled_limits
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, declare
 from intent_recognition.nodes.prediction_input import RejectionError
@@ -42,6 +42,29 @@ GUARDS = (
 """Parameters that say how fast, how surely and how long the arm is moved."""
 
 
+class Taught(NamedTuple):
+    """The tasks of a model; None without one.
+
+    Attributes:
+        library: of the tasks.
+        arm: whose hand they are of; None where they are of joints.
+        reference: quaternion that orientations of that hand start from (4,); empty without them.
+    """
+
+    library: TaskLibrary | None = None
+    arm: Arm | None = None
+    reference: tuple[float, ...] = ()
+
+    def spreads(self, make: Callable[..., Spread]) -> dict[str, Spread]:
+        """How much each task may be bent, by its label."""
+        if self.library is None:
+            return {}
+        found = enumerate(self.library.labels)
+        return {
+            label: make(self.library.primitive(k), self.arm, self.reference) for k, label in found
+        }
+
+
 class ActivationParameters:
     """The node's parameters, declared, and the settings made of their values.
 
@@ -50,9 +73,8 @@ class ActivationParameters:
         command_action: action that commands go to; empty: the topic.
         of_hand: whether the model predicts a hand instead of joints.
         taught_link: link of the arm that it was taught with; empty where that is not known.
-        reference: quaternion that its orientations start from (4,); empty without orientations.
+        taught: its tasks, once the arm is met whose hand they are of.
         described: the arm of `robot_description`, whose limits hold where none are given.
-        library: of the model; None without one.
         entries: of its controlled DOFs.
     """
 
@@ -62,8 +84,7 @@ class ActivationParameters:
         self.command_action: str = self._values["command_action"]
         self.described: Arm | None = None
         self.of_hand, self.taught_link = False, ""
-        self.reference: tuple[float, ...] = ()
-        self.library: TaskLibrary | None = None
+        self.taught = Taught()
         self.entries: Sequence[DofEntry] = ()
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
@@ -98,16 +119,18 @@ class ActivationParameters:
         names = tuple(name for name in self._values["joint_names"] if name)
         if self._values["model"]:
             model = _read_model(self._values["model"], names)
-            self.library, self.entries = model.library, model.dofs.controlled
+            self.entries = entries = model.dofs.controlled
             self._learned_end_std = end_std_limits(model.library)
             self._least_end_std = {
                 label: least_end_std(model.library, k).get("rad", 0.0)
                 for k, label in enumerate(model.labels)
             }
-            entries, of_model = model.dofs.controlled, model.dofs.controlled_message_names
+            of_model = model.dofs.controlled_message_names
             self.of_hand = is_hand(of_model)
+            self.taught = Taught(model.library)
             if self.of_hand:
-                self.taught_link, self.reference = entries[0].link, entries[-1].reference
+                self.taught_link = entries[0].link
+                self.taught = Taught(model.library, self.described, entries[-1].reference)
             starts = {}
             for k, label in enumerate(model.labels):
                 mean = start_mean(model.library, k)[None]
@@ -116,6 +139,12 @@ class ActivationParameters:
             return () if self.of_hand else of_model, starts
         self._check_pretrigger()
         return names, {}
+
+    def describe(self, arm: Arm) -> None:
+        """Take the arm of `robot_description`."""
+        self.described = arm
+        if self.of_hand:
+            self.taught = self.taught._replace(arm=arm)
 
     @property
     def home(self) -> NDArray[np.float64] | None:
@@ -192,9 +221,9 @@ class ActivationParameters:
     @property
     def risk(self) -> Risk | None:
         """From which probability to act, and how often that is wrong; None: by the threshold."""
-        if self._values["threshold"] or self.library is None:
+        if self._values["threshold"] or self.taught.library is None:
             return None
-        return learned_risk(self.library, self._values["max_wrong"])
+        return learned_risk(self.taught.library, self._values["max_wrong"])
 
     def _check_pretrigger(self) -> None:
         value = self._values["pretrigger_threshold"]

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, NamedTuple
 
-from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -17,12 +16,12 @@ from rosgraph_msgs.msg import Clock
 
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo
 from intent_recognition.errors import BagError
-from intent_recognition.nodes.conversions import message_class
+from intent_recognition.nodes.conversions import message_class, to_stamp
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
-from intent_recognition.nodes.parameters import Changes, declare, keep_live
+from intent_recognition.nodes.parameters import Changes, declare, keep_live, live_parameters
 from intent_recognition.nodes.qos import recorded_profile
 from intent_recognition.nodes.readiness import Readiness
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import now_ns, run
 from intent_recognition.nodes.services import serve
 
 IN_MEMORY_BYTES = 2**26
@@ -36,13 +35,7 @@ SETTLE_S = 0.2
 
 
 class _Anchor(NamedTuple):
-    """A recorded time and when it is played.
-
-    Attributes:
-        log_ns: recorded time [ns].
-        played_s: monotonic time at which it is played [s].
-        stamp_ns: the same by the node's clock [ns].
-    """
+    """A recorded time [ns], and when it is played: monotonic [s], and by the node's clock [ns]."""
 
     log_ns: int
     played_s: float
@@ -69,21 +62,9 @@ class BagPlayer(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_player", **kwargs)
-        values = declare(self, "bag_player")
-        bag = values["bag"]
-        self._rate = values["rate"]
-        self._loop = values["loop"]
-        paused = values["start_paused"]
-        self._wait_s = values["wait_for_subscribers"]
-        waits_for: list[str] = values["wait_for_nodes"]
-        self._exit_at_end = values["exit_at_end"]
-        self._restamp = values["restamp"]
-        self._offset_s = values["start_offset"]
-        wanted: list[str] = values["topics"]
-        self._wanted = {topic.lstrip("/") for topic in wanted}
-        without: list[str] = values["without"]
-        self._unwanted = [topic.lstrip("/") for topic in without if topic]
-        self._use_clock = values["clock"]
+        self._values = values = declare(self, "bag_player")
+        self._wanted = {topic.lstrip("/") for topic in values["topics"]}
+        self._unwanted = [topic.lstrip("/") for topic in values["without"] if topic]
         self.done = False
         self.exit_code = 0
         self.published = 0
@@ -93,12 +74,12 @@ class BagPlayer(Node):
         self._stopping = threading.Event()
         self._running = threading.Event()
         self._rate_changed = threading.Event()
-        keep_live(self, ("rate", "loop", "exit_at_end"), lambda _: None, self._change)
-        if not paused:
+        keep_live(self, live_parameters("bag_player"), lambda _: None, self._change)
+        if not values["start_paused"]:
             self._running.set()
         self._diagnostics = Diagnostics(self)
-        self._readiness = Readiness(self, waits_for)
-        self._reader = _open(bag)
+        self._readiness = Readiness(self, values["wait_for_nodes"])
+        self._reader = _open(values["bag"])
         self._start_ns = self._reader.start_ns
         self.duration_s = (self._reader.end_ns - self._start_ns) * 1e-9
         self._outputs: dict[str, Publisher] = {}
@@ -106,7 +87,7 @@ class BagPlayer(Node):
         for info in self._reader.topics.values():
             self._add_publisher(info)
         self._clock_publisher = (
-            self.create_publisher(Clock, "/clock", 1) if self._use_clock else None
+            self.create_publisher(Clock, "/clock", 1) if values["clock"] else None
         )
         serve(self, "pause", self._pause)
         serve(self, "resume", self._resume)
@@ -123,10 +104,8 @@ class BagPlayer(Node):
 
     def _change(self, changes: Changes) -> None:
         """Apply new values of parameters; the rate from the next message on."""
-        self._loop = changes.get("loop", self._loop)
-        self._exit_at_end = changes.get("exit_at_end", self._exit_at_end)
+        self._values |= changes
         if "rate" in changes:
-            self._rate = changes["rate"]
             self._rate_changed.set()
 
     def _add_publisher(self, info: TopicInfo) -> None:
@@ -139,7 +118,7 @@ class BagPlayer(Node):
             return
         topic = info.name.lstrip("/")
         name = info.name if topic in ("clock", "diagnostics") else topic
-        if topic == "clock" and self._use_clock:
+        if topic == "clock" and self._values["clock"]:
             return
         self._outputs[info.name] = self.create_publisher(kind, name, recorded_profile(info))
         fields = list(kind.get_fields_and_field_types().items())
@@ -168,7 +147,7 @@ class BagPlayer(Node):
             self.get_logger().info(f"playing {self._reader.path}")
             while not self._stopping.is_set():
                 self._play_once()
-                if not self._loop:
+                if not self._values["loop"]:
                     break
             self._wait_for_acknowledgements()
         except BagError as error:
@@ -182,11 +161,11 @@ class BagPlayer(Node):
         if not self.exit_code and not self._stopping.is_set():
             self._diagnostics.end("played")
         self.finished.set()
-        self.done = self._exit_at_end
+        self.done = self._values["exit_at_end"]
 
     def _play_once(self) -> None:
         """Publish each message when it is due."""
-        begin_ns = self._start_ns + round(self._offset_s * 1e9)
+        begin_ns = self._start_ns + round(self._values["start_offset"] * 1e9)
         anchor: _Anchor | None = None
         self._latest_s = 0.0
         for message in self._messages or self._reader.raw_messages(self._outputs):
@@ -197,26 +176,27 @@ class BagPlayer(Node):
                 self._publish(message, anchor)
         self._diagnostics.value("largest lateness [ms]", f"{self._latest_s * 1e3:.2f}")
 
-    def _wait_until_due(self, log_ns: int, anchor: "_Anchor | None") -> "_Anchor | None":
+    def _wait_until_due(self, log_ns: int, anchor: _Anchor | None) -> _Anchor | None:
         """The anchor of the schedule, a new one after a pause or a new rate; None when stopped."""
         while True:
             if anchor is None or self._interrupted:
                 self._running.wait()
                 self._rate_changed.clear()
-                anchor = _Anchor(log_ns, time.monotonic(), self._now_ns())
+                anchor = _Anchor(log_ns, time.monotonic(), now_ns(self))
             if self._stopping.is_set():
                 return None
-            if self._rate <= 0.0:
+            rate = self._values["rate"]
+            if rate <= 0.0:
                 return anchor
-            due_s = anchor.played_s + (log_ns - anchor.log_ns) * 1e-9 / self._rate
+            due_s = anchor.played_s + (log_ns - anchor.log_ns) * 1e-9 / rate
             if self._sleep_until(due_s, log_ns):
                 self._latest_s = max(self._latest_s, time.monotonic() - due_s)
                 return anchor
 
-    def _publish(self, message: RawMessage, anchor: "_Anchor") -> None:
+    def _publish(self, message: RawMessage, anchor: _Anchor) -> None:
         data = message.data
-        if self._restamp and message.topic in self._stamped:
-            rate = self._rate or 1.0
+        if self._values["restamp"] and message.topic in self._stamped:
+            rate = self._values["rate"] or 1.0
             try:
                 data = shift_stamp(
                     data, lambda ns: anchor.stamp_ns + round((ns - anchor.log_ns) / rate)
@@ -224,7 +204,7 @@ class BagPlayer(Node):
             except BagError as error:
                 self._diagnostics.reject("malformed", f"{message.topic}: {error}")
                 return
-        if self._rate <= 0.0:
+        if self._values["rate"] <= 0.0:
             self._publish_clock(message.log_time_ns)
         self._outputs[message.topic].publish(data)
         self.position_s = (message.log_time_ns - self._start_ns) * 1e-9
@@ -240,19 +220,16 @@ class BagPlayer(Node):
         """Sleep, publishing the clock; False when stopped or interrupted meanwhile."""
         while not self._stopping.is_set() and not self._interrupted:
             remaining_s = due_s - time.monotonic()
-            self._publish_clock(log_time_ns - round(max(remaining_s, 0.0) * self._rate * 1e9))
+            recorded_s = max(remaining_s, 0.0) * self._values["rate"]
+            self._publish_clock(log_time_ns - round(recorded_s * 1e9))
             if remaining_s <= 0.0:
                 return True
-            time.sleep(min(remaining_s, CLOCK_PERIOD_S if self._use_clock else POLL_PERIOD_S))
+            time.sleep(min(remaining_s, CLOCK_PERIOD_S if self._values["clock"] else POLL_PERIOD_S))
         return False
 
-    def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
-
-    def _publish_clock(self, now_ns: int) -> None:
+    def _publish_clock(self, time_ns: int) -> None:
         if self._clock_publisher is not None:
-            seconds, nanoseconds = divmod(max(now_ns, 0), 1_000_000_000)
-            self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+            self._clock_publisher.publish(Clock(clock=to_stamp(max(time_ns, 0))))
 
     def _wait_for_nodes(self) -> None:
         told: list[str] = []
@@ -267,7 +244,8 @@ class BagPlayer(Node):
             self._diagnostics.status(Level.OK, "running")
 
     def _wait_for_subscribers(self) -> None:
-        end_s = time.monotonic() + self._wait_s
+        wait_s = self._values["wait_for_subscribers"]
+        end_s = time.monotonic() + wait_s
         matched, changed_s = 0, time.monotonic()
         while not self._stopping.is_set() and time.monotonic() < end_s:
             now = sum(p.get_subscription_count() > 0 for p in self._outputs.values())
@@ -278,8 +256,8 @@ class BagPlayer(Node):
             if matched and time.monotonic() - changed_s > 1.0:
                 break
             self._stopping.wait(0.01)
-        if self._wait_s > 0.0:
-            self._stopping.wait(min(SETTLE_S, self._wait_s))
+        if wait_s > 0.0:
+            self._stopping.wait(min(SETTLE_S, wait_s))
         alone = [t for t, p in self._outputs.items() if p.get_subscription_count() == 0]
         if alone:
             self.get_logger().info(f"no subscribers of {', '.join(sorted(alone))}")

@@ -4,13 +4,13 @@
 from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, IntentError
-from intent_recognition.kinematics import Arm, Bodies, Box, parse_boxes
+from intent_recognition.kinematics import Bodies, Box, parse_boxes
 from intent_recognition.motion import Clearance, Spread
+from intent_recognition.nodes.activation_parameters import Taught
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
 from intent_recognition.nodes.prediction_input import RejectionError
-from intent_recognition.promp import TaskLibrary
 
 
 class ClearanceInput:
@@ -43,25 +43,16 @@ class ClearanceInput:
         self._of_scene: tuple[Box, ...] = ()
         self.clearance: Clearance | None = None
         self._description = ""
-        self._arm: Arm | None = None
+        self._taught: Taught | None = None
         self._rejection: RejectionError | None = None
 
-    def update(
-        self,
-        description: str,
-        names: tuple[str, ...],
-        library: TaskLibrary | None,
-        arm: Arm | None,
-        reference: tuple[float, ...] = (),
-    ) -> bool:
+    def update(self, description: str, names: tuple[str, ...], taught: Taught) -> bool:
         """Whether there is another clearance than before.
 
         Args:
             description: URDF of the arm; empty where it is not known.
             names: of its joints.
-            library: of the tasks whose motions may be bent.
-            arm: whose hand the tasks are of; None where they are of joints.
-            reference: quaternion that orientations of that hand start from; empty without them.
+            taught: tasks whose motions may be bent.
 
         Raises:
             RejectionError: things are to be kept clear of, and there is no description for it.
@@ -71,34 +62,22 @@ class ClearanceInput:
         if not description:
             raise RejectionError("no_robot_description", "clearance is set, but for which arm?")
         changed = (description, self._scene.boxes) != (self._description, self._of_scene)
-        changed |= arm is not self._arm
+        changed |= taught is not self._taught
         if changed:
-            self._description, self._arm, self._rejection = description, arm, None
+            self._description, self._taught, self._rejection = description, taught, None
             self._of_scene = self._scene.boxes
             try:
-                self._make(description, names, library, arm, reference)
+                self._make(description, names, taught)
             except IntentError as error:
                 self._rejection = RejectionError("bad_robot_description", str(error))
         if self._rejection is not None:
             raise self._rejection
         return changed
 
-    def _make(
-        self,
-        description: str,
-        names: tuple[str, ...],
-        library: TaskLibrary | None,
-        arm: Arm | None,
-        reference: tuple[float, ...],
-    ) -> None:
+    def _make(self, description: str, names: tuple[str, ...], taught: Taught) -> None:
         boxes = (*self._boxes, *self._of_scene)
         bodies = Bodies(description, names, boxes, clearance_m=self._distance_m)
-        spreads = {}
-        if library is not None:
-            spreads = {
-                label: Spread.of(library.primitive(k), arm, reference)
-                for k, label in enumerate(library.labels)
-            }
+        spreads = taught.spreads(Spread.of)
         self.clearance = Clearance(bodies, spreads, self._largest_bend, *self._times_s)
         things = ", ".join([*(box.name for box in boxes), "itself"])
         self._node.get_logger().info(

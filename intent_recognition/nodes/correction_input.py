@@ -7,10 +7,9 @@ import numpy as np
 from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import Arm
 from intent_recognition.motion import Correction, DeviationDetector, Spread
+from intent_recognition.nodes.activation_parameters import Taught
 from intent_recognition.nodes.parameters import declare
-from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import load_yaml, read_text
 
@@ -31,15 +30,9 @@ class CorrectionInput:
         name = declare(node, "correction")["correction"]
         self._detector = load_detector(name) if name else None
         self.correction: Correction | None = None
-        self._made_for: tuple[TaskLibrary | None, Arm | None] = None, None
+        self._made_for: Taught | None = None
 
-    def update(
-        self,
-        names: tuple[str, ...],
-        library: TaskLibrary | None,
-        arm: Arm | None,
-        reference: tuple[float, ...],
-    ) -> None:
+    def update(self, names: tuple[str, ...], taught: Taught) -> None:
         """Go by these joints and tasks.
 
         Raises:
@@ -52,16 +45,9 @@ class CorrectionInput:
             expected = f"errors of {len(names)} joints"
             cure = "Give a file of this arm."
             raise ArgumentError.about("correction", expected, f"{detector.explained.size}", cure)
-        before, self._made_for = self._made_for, (library, arm)
-        if self.correction is not None and before[0] is library and before[1] is arm:
-            return
-        spreads = {}
-        if library is not None:
-            spreads = {
-                label: Spread.given_person(library.primitive(k), arm, reference)
-                for k, label in enumerate(library.labels)
-            }
-        self.correction = Correction(detector, spreads)
+        if taught is not self._made_for:
+            self._made_for = taught
+            self.correction = Correction(detector, taught.spreads(Spread.given_person))
 
 
 def load_detector(name: str) -> DeviationDetector:

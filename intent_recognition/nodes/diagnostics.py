@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
@@ -88,7 +89,8 @@ class Diagnostics:
         self._counts: Counter[str] = Counter()
         self._totals: Counter[str] = Counter()
         self._in_period: Counter[str] = Counter()
-        self._period_start_s = clock()
+        self._start_s = self._period_start_s = clock()
+        self._heard_s: dict[str, float] = {}
         self._latencies_s: deque[float] = deque(maxlen=2000)
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
@@ -117,10 +119,43 @@ class Diagnostics:
         """How many inputs were rejected for `reason` so far."""
         return self._counts[reason]
 
+    def subscribe(
+        self,
+        kind: type,
+        topic: str,
+        take: Callable[[Any], object],
+        profile: QoSProfile,
+        stream: str = "",
+        **options: Any,
+    ) -> Subscription:
+        """Subscribe to a topic that is watched, and whose messages are noted.
+
+        Args:
+            kind: type of its messages.
+            topic: name.
+            take: called with each message.
+            profile: quality of service.
+            stream: what its messages are noted as, where that is not the topic's name.
+            options: others of `create_subscription`.
+        """
+
+        def noted(message: Any) -> None:
+            self.tick(stream or topic)
+            take(message)
+
+        subscription = self._node.create_subscription(kind, topic, noted, profile, **options)
+        self.watch(subscription, topic)
+        return subscription
+
     def tick(self, stream: str) -> None:
         """Note one message of `stream`, for its measured rate."""
         self._totals[stream] += 1
         self._in_period[stream] += 1
+        self._heard_s[stream] = self._clock()
+
+    def silent_s(self, stream: str) -> float:
+        """Real time since the last message of `stream`, or since the start [s]."""
+        return self._clock() - self._heard_s.get(stream, self._start_s)
 
     @property
     def answers(self) -> bool:

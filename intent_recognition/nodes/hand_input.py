@@ -28,10 +28,7 @@ class HandInput:
         self.link = declare(node, "hand")["hand_link"]
         self.description = ""
         self._arm: Arm | None = None
-        subscription = node.create_subscription(
-            String, "robot_description", self._take, qos.LATCHED
-        )
-        diagnostics.watch(subscription, "robot_description")
+        diagnostics.subscribe(String, "robot_description", self._take, qos.LATCHED)
 
     @property
     def arm(self) -> Arm | None:

@@ -24,6 +24,7 @@ from intent_recognition.nodes.people import IdentityInput, meet, named_people
 from intent_recognition.nodes.runtime import (
     LeftOvers,
     elapsed_s,
+    now_ns,
     run,
     steady_timer,
     when_clock_goes_back,
@@ -79,7 +80,7 @@ class MocapIngest(Node):
             self._timer = steady_timer(self, LOOK_S, self._look)
         self._frames = FrameOutput(self)
         self._frames.send_fixed(
-            self.get_clock().now().nanoseconds,
+            now_ns(self),
             self._settings.world_frame,
             {
                 frame: to_pose(transform.translation, transform.quaternion)
@@ -108,10 +109,8 @@ class MocapIngest(Node):
     def _hear(self, body: str) -> None:
         """Subscribe to a body of the tracker."""
         self._waiting[body] = deque()
-        topic = f"mocap/{body}/pose"
-        take = partial(self._on_pose, body)
-        subscription = self.create_subscription(PoseStamped, topic, take, qos.SENSOR, raw=True)
-        self._diagnostics.watch(subscription, topic)
+        topic, take = f"mocap/{body}/pose", partial(self._on_pose, body)
+        self._diagnostics.subscribe(PoseStamped, topic, take, qos.SENSOR, raw=True)
 
     def _tell(self, body: str) -> None:
         """Publish a body of a person."""
@@ -140,7 +139,6 @@ class MocapIngest(Node):
 
     def _on_pose(self, body: str, data: bytes) -> None:
         """Take the bytes of a PoseStamped."""
-        self._diagnostics.tick(f"mocap/{body}/pose")
         try:
             measured = read_pose(data)
         except MessageError as error:

@@ -25,7 +25,7 @@ from intent_recognition.nodes.conversions import duration_s, position_array, sta
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.parameters import declare
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import now_ns, run
 from intent_recognition.transfer import (
     Holding,
     LoadEstimator,
@@ -50,7 +50,7 @@ class ObjectTransfer(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_transfer", **kwargs)
         values = declare(self, "object_transfer")
-        self._body, self._near_m = f"human/{values['body']}", values["near"]
+        self._near_m = values["near"]
         self._takes: list[str] = values["takes"]
         self._fingers: list[str] = values["fingers"]
         self._diagnostics = Diagnostics(self)
@@ -61,17 +61,15 @@ class ObjectTransfer(Node):
         self._person: deque[tuple[int, NDArray[np.float64], float]] = deque(maxlen=2)
         self._wrench: tuple[int, str, NDArray[np.float64]] | None = None
         self._out = self.create_publisher(JointState, TRANSFER, qos.STATE)
-        subscribe = self.create_subscription
-        subscribe(String, "intent/active_task", self._on_task, qos.LATCHED)
-        subscribe(Bool, HOLDING, self._on_holding, qos.STATE)
-        subscribe(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
-        subscribe(Odometry, self._body, self._on_person, qos.SENSOR)
-        subscribe(WrenchStamped, WRENCH, self._on_wrench, qos.SENSOR)
-        states = subscribe(JointState, "joint_states", self._on_joints, qos.MEASURED)
-        self._diagnostics.watch(states, "joint_states")
+        hear = self._diagnostics.subscribe
+        hear(String, "intent/active_task", self._on_task, qos.LATCHED)
+        hear(Bool, HOLDING, self._on_holding, qos.STATE)
+        hear(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
+        hear(Odometry, f"human/{values['body']}", self._on_person, qos.SENSOR)
+        hear(WrenchStamped, WRENCH, self._on_wrench, qos.SENSOR)
+        hear(JointState, "joint_states", self._on_joints, qos.MEASURED)
 
     def _on_joints(self, message: JointState) -> None:
-        self._diagnostics.tick("joint_states")
         arm = self._hand.arm
         if arm is None:
             self._diagnostics.reject("no_robot_description", "which arm is this?")
@@ -154,29 +152,24 @@ class ObjectTransfer(Node):
         return distance_m < self._near_m, toward, speed
 
     def _on_task(self, message: String) -> None:
-        self._diagnostics.tick("intent/active_task")
         self._task = message.data
 
     def _on_holding(self, message: Bool) -> None:
         """The gripper grasped something by itself, or let it go."""
-        self._diagnostics.tick(HOLDING)
         self._machine.carry() if message.data else self._machine.drop()
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        self._diagnostics.tick("joint_trajectory")
-        begin_ns = stamp_ns(message) or self.get_clock().now().nanoseconds
+        begin_ns = stamp_ns(message) or now_ns(self)
         end_s = duration_s(message.points[-1].time_from_start) if message.points else 0.0
         self._until_ns = begin_ns + round(end_s * 1e9)
 
     def _on_person(self, message: Odometry) -> None:
-        self._diagnostics.tick(self._body)
         at_m, v = position_array(message.pose.pose), message.twist.twist.linear
         speed = float(np.linalg.norm([v.x, v.y, v.z]))
         if np.all(np.isfinite(at_m)):
             self._person.append((stamp_ns(message), at_m, speed if np.isfinite(speed) else 0.0))
 
     def _on_wrench(self, message: WrenchStamped) -> None:
-        self._diagnostics.tick(WRENCH)
         f = message.wrench.force
         force = np.array([f.x, f.y, f.z])
         if not np.all(np.isfinite(force)):

@@ -75,12 +75,11 @@ class ObjectWarper(Node):
         self._vector = self.create_publisher(JointState, PARAMETERS, qos.STATE)
         self._pose = self.create_publisher(PoseStamped, POSE, qos.STATE)
         self._grasp = self.create_publisher(PoseStamped, GRASP, qos.STATE)
-        self.create_subscription(PoseStamped, TOWARD, self._on_toward, qos.STATE)
-        self._input = self.create_subscription(PointCloud2, INPUT, self._on_cloud, qos.SENSOR)
+        self._diagnostics.subscribe(PoseStamped, TOWARD, self._on_toward, qos.STATE)
+        self._diagnostics.subscribe(PointCloud2, INPUT, self._on_cloud, qos.SENSOR)
 
     def _on_cloud(self, message: PointCloud2) -> None:
         start_s = time.perf_counter()
-        self._diagnostics.tick(INPUT)
         try:
             target = self._target(*cloud_arrays(message))
             warped = warp_object(self._source, target, self._mapping, self._neighbours)
@@ -120,7 +119,6 @@ class ObjectWarper(Node):
             return None
 
     def _on_toward(self, message: PoseStamped) -> None:
-        self._diagnostics.tick(TOWARD)
         if np.isfinite(position_array(message.pose)).all():
             self._toward = message
         else:

@@ -3,7 +3,6 @@
 
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -11,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -40,16 +38,20 @@ from intent_recognition.nodes.prediction_input import (
     read_prediction,
     reason_of,
 )
-from intent_recognition.nodes.runtime import run, steady_timer
+from intent_recognition.nodes.runtime import now_ns, run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
-from intent_recognition.nodes.silence import SilenceWatch
 from intent_recognition.nodes.transfer_input import TransferInput
 from intent_recognition.promp import Trajectory
 
 _LOOK_S = 0.1
 """Time between two looks for silent streams [s]. Convention."""
-SENDERS = {"intent/tasks": "estimator or tracker", "joint_states": "arm driver"}
+SILENT_S = 0.6
+"""A stream without a message for this long is reported as silent [s]. Convention: with the time
+between two looks, a sender that died is named within 1 s."""
+TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
+"""Streams that are noted together for all people."""
+SENDERS = {TASKS: "estimator or tracker", "joint_states": "arm driver"}
 """Streams that never pause while all is well, and who is dead if they do."""
 
 
@@ -68,7 +70,7 @@ class PrimitiveActivation(ManagedNode):
         self._things = ClearanceInput(self, self.diagnostics)
         self._person = PersonInput(self, self._hand, self.diagnostics)
         self._correction = CorrectionInput(self)
-        self._transfer = TransferInput(self, self.diagnostics)
+        self._transfer = TransferInput(self.diagnostics)
         self._sequences = SequenceRunner(self, self.diagnostics)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
@@ -77,10 +79,11 @@ class PrimitiveActivation(ManagedNode):
             CommandAction(self, action, self.diagnostics, self._give_up) if action else None
         )
         self._output = ActivationOutput(self, self.diagnostics, self._action)
-        self._hear(JointState, "joint_states", self._on_joint_states, qos.MEASURED)
+        hear = self.diagnostics.subscribe
+        hear(JointState, "joint_states", self._on_joint_states, qos.MEASURED)
         if not meet(self, "intent/{}/tasks", self._meet):
             self._meet("")
-            self._hear(JointState, "intent/next_task", self._on_next_task, qos.LATCHED)
+            hear(JointState, "intent/next_task", self._on_next_task, qos.LATCHED)
         elif self.get_parameter("sequences").value:
             cure = "Leave one of the two empty: a sequence is of one person's work."
             raise ArgumentError.about("sequences", "none with persons", "both", cure)
@@ -89,29 +92,25 @@ class PrimitiveActivation(ManagedNode):
         self._taught_starts = self._starts
         self._starts_near = np.empty(0)
         keep_live(self, live_parameters("activation"), self._changed, self._change)
-        self._streams = SilenceWatch(SENDERS)
         self._silent, self._refused = "", False
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
         self._look = steady_timer(self, _LOOK_S, self._look_for_silence)
         self.start()
 
-    def _hear(self, kind: type, topic: str, handle: Callable, profile: QoSProfile) -> None:
-        self.diagnostics.watch(self.create_subscription(kind, topic, handle, profile), topic)
-
     def _meet(self, person: str) -> None:
         """Hear what is believed of a person."""
-        topic = f"intent/{person}/" if person else "intent/"
-        self._hear(JointState, f"{topic}tasks", partial(self._on_tasks, person), qos.STATE)
-        predicted = partial(self._on_prediction, person)
-        self._hear(JointTrajectory, f"{topic}robot_trajectory", predicted, qos.COMMAND)
-        self._person.hear(person, f"{topic}human_trajectory")
+        hear, of = self.diagnostics.subscribe, f"intent/{person}/" if person else "intent/"
+        tasks, predicted = partial(self._on_tasks, person), partial(self._on_prediction, person)
+        hear(JointState, f"{of}tasks", tasks, qos.STATE, TASKS)
+        hear(JointTrajectory, f"{of}robot_trajectory", predicted, qos.COMMAND, PREDICTION)
+        self._person.hear(person, f"{of}human_trajectory")
 
     # Lifecycle
 
     def configure(self) -> None:
         """Read the model, if one is named, and fix the joints where they are known."""
         names, self._taught_starts = self._settings.joints()
-        self._sequences.configure(self._settings.library)
+        self._sequences.configure(self._settings.taught.library)
         self._hand.taught = self._settings.taught_link
         # Those of a hand become joints when the arm is met, also one that was met before.
         self._starts = {} if self._settings.of_hand else self._taught_starts
@@ -141,14 +140,12 @@ class PrimitiveActivation(ManagedNode):
         """Brake the arm along its path and forget the interaction."""
         self._sequences.forget()
         if self.activation is not None:
-            self._output.command(self.activation.halt(self._now_ns()))
+            self._output.command(self.activation.halt(now_ns(self)))
         self._output.task(self.activation)
 
     # Messages in
 
     def _on_tasks(self, person: str, message: JointState) -> None:
-        self.diagnostics.tick("intent/tasks")
-        self._streams.hear("intent/tasks")
         activation = self.activation
         if not self.active or activation is None:
             return
@@ -157,7 +154,7 @@ class PrimitiveActivation(ManagedNode):
         evidence = np.array(message.effort, dtype=np.float64) if message.effort else None
         try:
             activation.take_tasks(
-                self._now_ns(),
+                now_ns(self),
                 stamp_ns(message),
                 list(message.name),
                 probabilities,
@@ -171,7 +168,6 @@ class PrimitiveActivation(ManagedNode):
             self.diagnostics.latency(time.perf_counter() - start_s)
 
     def _on_prediction(self, person: str, message: JointTrajectory) -> None:
-        self.diagnostics.tick("intent/robot_trajectory")
         if not self.active:
             return
         start_s = time.perf_counter()
@@ -179,7 +175,7 @@ class PrimitiveActivation(ManagedNode):
         activation = self.activation
         if prediction is None or activation is None:
             return
-        activation.take_prediction(self._now_ns(), prediction, person)
+        activation.take_prediction(now_ns(self), prediction, person)
         if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
 
@@ -222,7 +218,8 @@ class PrimitiveActivation(ManagedNode):
             raise RejectionError("no_robot_description", "a hand is predicted, but of which arm?")
         rest = self._rest(arm)
         if arm is not self._settings.described or not np.array_equal(rest, self._starts_near):
-            self._settings.described, self._starts_near = arm, rest
+            self._settings.describe(arm)
+            self._starts_near = rest
             self._starts = {
                 label: arm.nearest(hand_targets(start), rest, rest).q
                 for label, start in self._taught_starts.items()
@@ -233,11 +230,7 @@ class PrimitiveActivation(ManagedNode):
 
     def _keep_clear(self, names: tuple[str, ...]) -> None:
         """Go by the arm's shape, where it counts, as soon as that is known."""
-        settings = self._settings
-        arm = settings.described if settings.of_hand else None
-        new = self._things.update(
-            self._hand.description, names, settings.library, arm, settings.reference
-        )
+        new = self._things.update(self._hand.description, names, self._settings.taught)
         new |= self._person.update(names)
         if new and self.activation is not None:
             self._set_joints(self.joint_names)
@@ -248,8 +241,6 @@ class PrimitiveActivation(ManagedNode):
         return arm.rest if home is None or len(home) != arm.n_joints else home
 
     def _on_joint_states(self, message: JointState) -> None:
-        self.diagnostics.tick("joint_states")
-        self._streams.hear("joint_states")
         if not self.active:
             return
         try:
@@ -270,18 +261,17 @@ class PrimitiveActivation(ManagedNode):
         elif stamp_ns(message) == 0:
             self.diagnostics.reject("joint_states_zero_stamp", "joint_states without a stamp")
         else:
-            now_ns = self._now_ns()
-            self.activation.take_joint_state(stamp_ns(message), position, velocity, now_ns=now_ns)
+            now = now_ns(self)
+            self.activation.take_joint_state(stamp_ns(message), position, velocity, now_ns=now)
             if self.diagnostics.answers:  # time waits for this step, and for no timer
                 self._step(self.activation)
 
     def _on_next_task(self, message: JointState) -> None:
-        self.diagnostics.tick("intent/next_task")
         if not self.active or self.activation is None:
             return
         try:
             self.activation.take_next_task(
-                self._now_ns(), stamp_ns(message), list(message.name), np.array(message.position)
+                now_ns(self), stamp_ns(message), list(message.name), np.array(message.position)
             )
         except IntentError as error:
             self.diagnostics.reject("bad_next_task", str(error))
@@ -289,20 +279,21 @@ class PrimitiveActivation(ManagedNode):
     def _reset(self) -> str:
         self.check_active()
         if self.activation is not None:
-            self._output.command(self.activation.reset(self._now_ns()))
-            self._sequences.forget()
-            self._output.outcomes(self.activation)
-            self._output.task(self.activation)
+            self._output.command(self.activation.reset(now_ns(self)))
+            self._tell_forgotten(self.activation)
         return "interaction forgotten"
 
     def _give_up(self, reason: str) -> None:
         """The controller does not execute the command in force: forget it and its interaction."""
         if self.activation is not None:
-            self.activation.give_up(self._now_ns(), reason)
-            self._sequences.forget()
-            self._output.outcomes(self.activation)
-            self._output.task(self.activation)
+            self.activation.give_up(now_ns(self), reason)
+            self._tell_forgotten(self.activation)
             self._output.status(self.activation, self._silent)
+
+    def _tell_forgotten(self, activation: Activation) -> None:
+        self._sequences.forget()
+        self._output.outcomes(activation)
+        self._output.task(activation)
 
     def _on_timer(self) -> None:
         if self.active and self.activation is not None and not self.diagnostics.answers:
@@ -317,17 +308,23 @@ class PrimitiveActivation(ManagedNode):
         if self.active and self.joint_names:
             with suppress(RejectionError):  # predictions are rejected for it
                 self._keep_clear(self.joint_names)
-        silent = self._streams.silent() if self.active else ""
+        silent = self._silent_streams() if self.active else ""
         changed = self._output.look_for_others() or silent != self._silent
         refused = bool(self._output.shared) and not self._settings.allows_shared_arm
         if refused and not self._refused and self.activation is not None:
             self.diagnostics.reject("shared_arm", self._output.shared)
-            self._output.command(self.activation.halt(self._now_ns()))
+            self._output.command(self.activation.halt(now_ns(self)))
         self._refused = refused
         if changed:
             self._silent = silent
             self._output.status(self.activation, self._silent)
             self.diagnostics.publish()
+
+    def _silent_streams(self) -> str:
+        """Which streams are silent, with their senders; empty if none is."""
+        silent_s = self.diagnostics.silent_s
+        dead = [f"{name} ({who})" for name, who in SENDERS.items() if silent_s(name) > SILENT_S]
+        return f"silent: {', '.join(dead)}" if dead else ""
 
     # Steps
 
@@ -336,9 +333,9 @@ class PrimitiveActivation(ManagedNode):
         if self._refused:
             return False
         activation.take_people(self._person.people)
-        activation.take_exchange(self._transfer.exchanging_until_ns(self._now_ns()))
+        activation.take_exchange(self._transfer.exchanging_until_ns(now_ns(self)))
         self._sequences.update(activation, self._path_of, lambda: self._hand.arm)
-        command = activation.step(self._now_ns())
+        command = activation.step(now_ns(self))
         self._output.command(command)
         self._output.outcomes(activation)
         self._output.task(self.activation)
@@ -352,7 +349,7 @@ class PrimitiveActivation(ManagedNode):
         settings = self._settings.changed(changes)
         of_motion = sorted(set(changes) & set(AT_REST))
         activation = self.activation
-        if of_motion and activation is not None and activation.moves(self._now_ns()):
+        if of_motion and activation is not None and activation.moves(now_ns(self)):
             mode = "braking" if activation.mode is Mode.IDLE else activation.mode.value
             cure = "Wait until it is home, or call ~/reset."
             raise ArgumentError.about(of_motion[0], "an arm at rest", mode, cure)
@@ -368,8 +365,7 @@ class PrimitiveActivation(ManagedNode):
 
     def _set_joints(self, names: tuple[str, ...]) -> None:
         """Fix the joints; for those of before, the command in force is not forgotten."""
-        arm = self._settings.described if self._settings.of_hand else None
-        self._correction.update(names, self._settings.library, arm, self._settings.reference)
+        self._correction.update(names, self._settings.taught)
         settings = replace(
             self._settings.settings(
                 names, self._starts, self._things.clearance, self._person.separation
@@ -386,9 +382,6 @@ class PrimitiveActivation(ManagedNode):
             self.activation.change(settings)
         self.joint_names = names
         self._output.set_joints(names)
-
-    def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
 
 
 main = partial(run, PrimitiveActivation)

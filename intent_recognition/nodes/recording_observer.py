@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 from intent_recognition.demonstrations import DofEntry
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import message_class
+from intent_recognition.nodes.runtime import now_ns
 
 
 class RecordingObserver(Node):
@@ -56,15 +57,12 @@ class RecordingObserver(Node):
         """Positions (n,) of these joints where the arm went; None where it did not move."""
         return None if self.held is None else np.array([self.held[name] for name in names])
 
-    def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
-
     def _begun(self, _: bytes) -> None:
-        self._began_ns = self._began_ns or self._now_ns()
+        self._began_ns = self._began_ns or now_ns(self)
 
     def _take_active(self, message: String) -> None:
         if message.data and self._began_ns and not self.task:
-            self.task, self._acted_ns = message.data, self._now_ns()
+            self.task, self._acted_ns = message.data, now_ns(self)
         self.active = bool(message.data)
 
     def _take_joints(self, message: JointState) -> None:

@@ -97,8 +97,12 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         _log_fatal(node, getattr(make_node, "__name__", "node"), one_line(error))
         return 1
     finally:
-        _close(node)
-        signals.restore(ending=args is None)
+        signals.ignore()
+        try:
+            end(node)
+            try_shutdown()
+        finally:
+            signals.restore(ending=args is None)
     return int(getattr(node, "exit_code", 0) or 0)
 
 
@@ -125,14 +129,19 @@ def settle() -> None:
     gc.freeze()
 
 
+def now_ns(node: Node) -> int:
+    """Time of the node's clock [ns]."""
+    return int(node.get_clock().now().nanoseconds)
+
+
 def elapsed_s(node: Node) -> float:
     """Seconds since an arbitrary start, for timeouts of a node.
 
     Simulated time with `use_sim_time`, so that nothing times out while simulated time stands
     still; else a monotonic clock.
     """
-    now_ns = simulated_ns(node)
-    return time.monotonic() if now_ns is None else now_ns * 1e-9
+    simulated = simulated_ns(node)
+    return time.monotonic() if simulated is None else simulated * 1e-9
 
 
 def simulated_ns(node: Node) -> int | None:
@@ -269,6 +278,11 @@ class _Signals:
         numbers = (signal.SIGINT, signal.SIGTERM)
         self._previous = {number: signal.signal(number, self._handle) for number in numbers}
 
+    def ignore(self) -> None:
+        """Hear none any more: a second Ctrl-C while the node ends must not leave a traceback."""
+        for number in self._previous:
+            signal.signal(number, signal.SIG_IGN)
+
     def restore(self, *, ending: bool) -> None:
         """Give the signals back to the handlers they had; a process that ends hears no SIGINT."""
         for number, handler in self._previous.items():
@@ -308,15 +322,3 @@ def _log_fatal(node: Node | None, class_name: str, text: str) -> None:
             node.get_logger().fatal(text)
     except (*_START_ERRORS, NotInitializedException):
         sys.stderr.write(f"{class_name}: {text}\n")
-
-
-def _close(node: Node | None) -> None:
-    """Destroy and shut down; a second Ctrl-C meanwhile must not leave a traceback."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    previous = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
-    try:
-        end(node)
-        try_shutdown()
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

@@ -20,6 +20,7 @@ from intent_recognition.evaluation import ContactLog, SessionLog, TransferLog
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
 from intent_recognition.nodes.diagnostics import answer_of
+from intent_recognition.nodes.runtime import now_ns
 from intent_recognition.promp import NONE
 from intent_recognition.registry import ANSWERS
 
@@ -39,7 +40,7 @@ class SessionObserver(Node):
         self, on_task: Callable[[str], None], on_active: Callable[[str], None], **kwargs: Any
     ) -> None:
         super().__init__("session_observer", **kwargs)
-        self._on_task, self._on_active = on_task, on_active
+        self._on_active = on_active
         self._labels: tuple[str, ...] = (NONE,)
         self._wrist: list[tuple[int, NDArray[np.float64]]] = []
         self._tasks: list[tuple[int, NDArray[np.float64]]] = []
@@ -56,7 +57,7 @@ class SessionObserver(Node):
             (JointState, "joint_states", self._take_joints, qos.MEASURED),
             (JointTrajectory, "intent/robot_trajectory", self._take_prediction, qos.COMMAND),
             (Path, "intent/human_path", self._take_path, qos.COMMAND),
-            (String, "coworker/task", self._take_truth, qos.STATE),
+            (String, "coworker/task", lambda message: on_task(message.data), qos.STATE),
             (JointState, "coworker/hand", partial(self._keep, self._contacts, 3), qos.STATE),
             (JointState, "intent/transfer", partial(self._keep, self._transfers, 5), qos.STATE),
         )
@@ -113,9 +114,6 @@ class SessionObserver(Node):
             TransferLog(*_states(self._transfers, 5)),
         )
 
-    def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
-
     def _take_wrist(self, message: PoseStamped) -> None:
         self._wrist.append((stamp_ns(message), position_array(message.pose)))
 
@@ -132,7 +130,7 @@ class SessionObserver(Node):
 
     def _take_active(self, message: String) -> None:
         if self._active or message.data:
-            self._active.append((self._now_ns(), message.data))
+            self._active.append((now_ns(self), message.data))
         self._on_active(message.data)
 
     def _take_joints(self, message: JointState) -> None:
@@ -141,7 +139,7 @@ class SessionObserver(Node):
             self._joints.append((stamp_ns(message), positions))
 
     def _take_prediction(self, message: JointTrajectory) -> None:
-        now = self._now_ns()
+        now = now_ns(self)
         if self._predictions and now - self._predictions[-1][0] < EVERY_PATH_NS:
             return
         try:
@@ -154,7 +152,7 @@ class SessionObserver(Node):
         )
 
     def _take_path(self, message: Path) -> None:
-        now = self._now_ns()
+        now = now_ns(self)
         if not self._paths or now - self._paths[-1][0] >= EVERY_PATH_NS:
             points = np.array([position_array(pose.pose) for pose in message.poses])
             self._paths.append((now, points))
@@ -164,9 +162,6 @@ class SessionObserver(Node):
     ) -> None:
         if len(message.position) == width:
             rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
-
-    def _take_truth(self, message: String) -> None:
-        self._on_task(message.data)
 
 
 def _columns(

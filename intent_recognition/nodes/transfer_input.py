@@ -3,7 +3,6 @@
 
 from collections import deque
 
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from intent_recognition.nodes import qos
@@ -23,14 +22,11 @@ class TransferInput:
     Where time waits for the nodes, whichever message of one time comes first changes nothing so.
     """
 
-    def __init__(self, node: Node, diagnostics: Diagnostics) -> None:
-        self._diagnostics = diagnostics
+    def __init__(self, diagnostics: Diagnostics) -> None:
         self._states: deque[tuple[int, bool]] = deque(maxlen=2)
-        subscription = node.create_subscription(JointState, TRANSFER, self._take, qos.STATE)
-        diagnostics.watch(subscription, TRANSFER)
+        diagnostics.subscribe(JointState, TRANSFER, self._take, qos.STATE)
 
     def _take(self, message: JointState) -> None:
-        self._diagnostics.tick(TRANSFER)
         self._states.append((stamp_ns(message), message.header.frame_id in _STATES))
 
     def exchanging_until_ns(self, now_ns: int) -> int:

@@ -26,7 +26,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
 from intent_recognition.nodes.diagnostics import Diagnostics, values_of
 from intent_recognition.nodes.parameters import declare
-from intent_recognition.nodes.runtime import run, when_clock_goes_back
+from intent_recognition.nodes.runtime import now_ns, run, when_clock_goes_back
 from intent_recognition.nodes.seen_container import seen_container
 from intent_recognition.promp import NONE
 from intent_recognition.share import share_path
@@ -69,11 +69,9 @@ class WarpedPrimitiveNode(Node):
             self.create_subscription(
                 PoseStamped, f"{name}/pose", partial(self._keep, self._poses, name), 10
             )
-        states = self.create_subscription(
-            JointState, "joint_states", self._on_joint_states, qos.MEASURED
-        )
-        self._diagnostics.watch(states, "joint_states")
-        self.create_subscription(String, REQUEST, self._on_request, qos.STATE)
+        hear = self._diagnostics.subscribe
+        hear(JointState, "joint_states", self._on_joint_states, qos.MEASURED)
+        hear(String, REQUEST, self._on_request, qos.STATE)
         self.create_subscription(
             DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK
         )
@@ -89,7 +87,6 @@ class WarpedPrimitiveNode(Node):
         self._diagnostics.tick(name)
 
     def _on_joint_states(self, message: JointState) -> None:
-        self._diagnostics.tick("joint_states")
         try:
             joints = joint_values(message, JOINT_NAMES)
         except IntentError as error:
@@ -109,7 +106,6 @@ class WarpedPrimitiveNode(Node):
         self._end_ns, self._arrived = 0, False
 
     def _on_request(self, message: String) -> None:
-        self._diagnostics.tick(REQUEST)
         try:
             if self._busy:
                 raise MessageError.about(REQUEST, "no pour under way", "one", "Wait for it.")
@@ -119,7 +115,7 @@ class WarpedPrimitiveNode(Node):
             self._diagnostics.value(REFUSED, one_line(error))
             return
         self._diagnostics.value(REFUSED, "")
-        onset_ns = self._now_ns() + DELAY_NS
+        onset_ns = now_ns(self) + DELAY_NS
         self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + WATCH_NS
         self._left, self._arrived = plan.left, False
         trajectory = self._builder.build(
@@ -151,25 +147,20 @@ class WarpedPrimitiveNode(Node):
         return self._end_ns > 0
 
     def _on_timer(self) -> None:
-        now_ns = self._now_ns()
-        if now_ns <= 0:
+        now = now_ns(self)
+        if now <= 0:
             return
-        if self._busy and now_ns > self._end_ns:
+        if self._busy and now > self._end_ns:
             self._end_ns = 0
             if self._arrived:
                 self._fluid = self._left
             else:
                 self._diagnostics.reject("not_poured", "the arm did not get to the pour's end")
         pours = float(self._busy)
-        message = to_joint_state(
-            (self._task, NONE), (pours, 1.0 - pours), (0.0, 0.0), time_ns=now_ns
-        )
+        message = to_joint_state((self._task, NONE), (pours, 1.0 - pours), (0.0, 0.0), time_ns=now)
         self._tasks.publish(message)
         self._diagnostics.tick("intent/tasks")
         self._diagnostics.value("in the cup, share of its volume", f"{self._fluid:.2f}")
-
-    def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
 
 
 def joint_std(plan: PourPlan, joints: NDArray[np.float64]) -> NDArray[np.float64]:
