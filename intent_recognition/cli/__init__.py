@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `intent COMMAND`."""
+"""The command line: `intent COMMAND`.
+
+What a command raises on purpose is an `IntentError`: `main` prints it in one line, and ends with 1.
+"""
 
 import os
 

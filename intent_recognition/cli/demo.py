@@ -204,11 +204,7 @@ def _end(records: list["InteractionRecord"], console: Console) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Check before the training what would otherwise end the demo after it.
-
-    Raises:
-        IntentError: the model cannot be used, or the page's port is taken.
-    """
+    """Check before the training what would otherwise end the demo after it."""
     of_pouring = {"pour": "empty", "pair": None}
     refuse_options(args, of_pouring, f"--scenario {args.scenario}", "Add --scenario pouring.")
     if args.transfers and args.scenario not in (CELL, "toolbox"):

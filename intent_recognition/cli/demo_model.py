@@ -23,11 +23,7 @@ _N_KEPT = 4
 
 
 def check_model(path: Path, scene: Scene) -> None:
-    """Make sure that a model observes what the scenario shows.
-
-    Raises:
-        DofError: the scenario lacks one of its topics.
-    """
+    """Make sure that a model observes what the scenario shows."""
     shown = load_dofs(share_path(scene.dofs)) if scene.dofs else load_dofs()
     observed, topics = (
         {entry.topic for entry in dofs.observed} for dofs in (load_model(path).dofs, shown)

@@ -110,11 +110,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, NDArray[np.float64]]":
-    """The arm, and the posture (n,) in which the tasks begin [rad].
-
-    Raises:
-        DofError: the model is of another arm's joints.
-    """
+    """The arm, and the posture (n,) in which the tasks begin [rad]."""
     from sim_bridge.arm import find_robot
     from sim_bridge.scenarios.toolbox import ToolboxArm
 

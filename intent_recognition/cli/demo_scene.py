@@ -69,20 +69,12 @@ class Scene(NamedTuple):
 
 
 def make_scene(args: argparse.Namespace) -> Scene:
-    """The session that the options of `intent demo` ask for.
-
-    Raises:
-        ArgumentError: a task list, or an arm, with which there is none.
-    """
+    """The session that the options of `intent demo` ask for."""
     return _assembly(args) if args.scenario == "assembly" else _toolbox(args)
 
 
 def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
-    """The entries of a toolbox session's task list, some of them changed on the way.
-
-    Raises:
-        ArgumentError: an entry is not possible, or there are fewer than shall be changed.
-    """
+    """The entries of a toolbox session's task list, some of them changed on the way."""
     from sim_bridge.coworker import change_some, parse_task_list, work_order
 
     if args.scenario == CELL and args.task_list == "habit":
@@ -179,11 +171,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
 def _arm(
     args: argparse.Namespace, home_m: NDArray[np.float64], places_m: NDArray[np.float64]
 ) -> "ToolboxArm":
-    """The arm that the options name; one from a file stands where it reaches the places (n, 3).
-
-    Raises:
-        ArgumentError: there is no such arm, or it cannot reach home.
-    """
+    """The arm that the options name; one from a file stands where it reaches the places (n, 3)."""
     from sim_bridge.arm import NAMES, find_robot
     from sim_bridge.handover import with_fingers
     from sim_bridge.scenarios.toolbox import ToolboxArm

@@ -87,9 +87,6 @@ def begin_library(library: Path, model: Path, console: Console) -> None:
             the estimator's model is its own.
         model: model file of the estimator.
         console: where that is told.
-
-    Raises:
-        ResourceBusyError: the model is an earlier one of the library.
     """
     if not library.exists() or model.resolve() == (library / LIBRARY_MODEL).resolve():
         return
@@ -213,11 +210,7 @@ def _follow(
 
 
 def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, NodeCall]:
-    """The nodes to start, by name.
-
-    Raises:
-        ResourceBusyError: the folder to record to exists.
-    """
+    """The nodes to start, by name."""
     if args.record and args.record.exists():
         raise ResourceBusyError.about(
             "--record", "a folder that does not exist", args.record, "Name another."
@@ -277,11 +270,7 @@ def refuse_busy_domain(observer: "Node", watch: NodeWatch) -> None:
 
 
 def _domain() -> int:
-    """The user's ROS_DOMAIN_ID, or one of this process's own.
-
-    Raises:
-        IntentError: ROS_DOMAIN_ID is no domain.
-    """
+    """The user's ROS_DOMAIN_ID, or one of this process's own."""
     chosen = os.environ.get("ROS_DOMAIN_ID")
     if chosen is None:
         return DOMAINS[0] + os.getpid() % (DOMAINS[1] - DOMAINS[0] + 1)

@@ -49,12 +49,7 @@ PRACTICE_FOLDER = Path("practice")
 
 @contextmanager
 def subject_of(args: argparse.Namespace, console: Console) -> "Iterator[Pouring | TaskOfFolder]":
-    """What the arguments name.
-
-    Raises:
-        ArgumentError: an argument does not belong to it, or names nothing.
-        ModelError: there is no model to practise with.
-    """
+    """What the arguments name."""
     if is_pouring(args):
         from sim_bridge.scenarios.pouring import PouringPractice
 
@@ -71,11 +66,7 @@ def is_pouring(args: argparse.Namespace) -> bool:
 
 
 def undo(args: argparse.Namespace, console: Console) -> str:
-    """Take the last accepted practice back; says what is so now.
-
-    Raises:
-        ModelError: there is none.
-    """
+    """Take the last accepted practice back; says what is so now."""
     if not is_pouring(args):
         folder, task = _folder(args), args.task
         what = f"took practice of {task} back"
@@ -102,11 +93,7 @@ class Pouring:
         self._folder = args.output or PRACTICE_FOLDER
 
     def session(self, cost: Cost) -> PracticeSession:
-        """The folder of practice, from where it was left.
-
-        Raises:
-            ResourceBusyError: it holds another practice.
-        """
+        """The folder of practice, from where it was left."""
         args, practice = self._args, self.practice
         about = {"task": POURING, "cup": args.cup, "second": args.into}
         about |= {"wanted": args.wanted, "seed": args.seed, "short": args.short}
@@ -117,11 +104,7 @@ class Pouring:
         return session
 
     def accept(self, session: PracticeSession) -> str:
-        """Take over what it came to; says what that is.
-
-        Raises:
-            ModelError: there is nothing to take over.
-        """
+        """Take over what it came to; says what that is."""
         weights, skill = session.settled(), self._folder / SKILL
         if skill.exists():
             if np.array_equal(load_pouring_skill(skill).primitive.mean, weights):

@@ -40,12 +40,7 @@ def console_beside(args: argparse.Namespace, *options: str) -> Console:
 
 
 def check_outputs(args: argparse.Namespace, *options: str) -> None:
-    """`check_output` for these options and `--json`, which may have taken the next argument.
-
-    Raises:
-        ArgumentError: `--json` is also the file of another option.
-        ResourceBusyError: one cannot be written, or `--json` is a file of another kind.
-    """
+    """`check_output` for these options and `--json`, which may have taken the next argument."""
     path: Path | None = args.json
     others = {f"--{name}": getattr(args, name) for name in options}
     for option, other in others.items():
@@ -65,12 +60,7 @@ def check_outputs(args: argparse.Namespace, *options: str) -> None:
 
 
 def check_output(option: str, path: Path | None) -> None:
-    """Find out before long work that its result could not be written.
-
-    Raises:
-        MissingPackageError: a report is wanted, and matplotlib is not installed.
-        ResourceBusyError: the path is a folder, or its folder cannot be made or written to.
-    """
+    """Find out before long work that its result could not be written."""
     if path is None:
         return
     if option == "--report":
@@ -96,9 +86,6 @@ def write_json(path: Path | None, content: object, indent: int | None = 2) -> No
         path: a file, PRINTED, or None for nowhere.
         content: plain values.
         indent: spaces per level; None for one line.
-
-    Raises:
-        ResourceBusyError: the file cannot be written.
     """
     if path is None:
         return

@@ -78,11 +78,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def load_plan(path: Path) -> WorkPlan:
-    """The plan in a file.
-
-    Raises:
-        ArgumentError: it cannot be read, or is no plan.
-    """
+    """The plan in a file."""
     return read_plan(_text(path))
 
 

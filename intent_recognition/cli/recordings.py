@@ -49,11 +49,7 @@ def training_settings(args: argparse.Namespace) -> TrainingSettings:
 def read_all(
     paths: Sequence[Path], dofs: DofSpec, console: Console
 ) -> tuple[list[Demonstration], list[Rejection]]:
-    """Read all recordings with a progress bar.
-
-    Raises:
-        BagError: a path does not exist, or nothing at all could be read.
-    """
+    """Read all recordings with a progress bar."""
     demonstrations: list[Demonstration] = []
     rejections: list[Rejection] = []
     total = sum(len(find_bags(path)) for path in paths)
@@ -81,11 +77,7 @@ def accumulate_all(
     run: Run = map,
     preprocessing: Preprocessing | None = None,
 ) -> FromBags:
-    """Statistics of all recordings with a progress bar, in memory that does not grow with them.
-
-    Raises:
-        BagError: a path does not exist, or nothing at all could be read.
-    """
+    """Statistics of all recordings with a progress bar, in memory that does not grow with them."""
     total = len(list_bags(paths)[0])
     with progress_bar(console) as bar:
         task = bar.add_task("reading bags", total=total)

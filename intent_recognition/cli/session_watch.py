@@ -44,11 +44,7 @@ class Heartbeats:
         self._silent_s[name] = 0.0
 
     def check(self, names: Iterable[str]) -> None:
-        """Make sure that none of these nodes hangs.
-
-        Raises:
-            IntentError: one has not reported for `HUNG_S`.
-        """
+        """Make sure that none of these nodes hangs."""
         now_s = self._clock()
         step_s, self._looked_s = min(now_s - self._looked_s, LONGEST_STEP_S), now_s
         for name in self._silent_s:
@@ -111,11 +107,7 @@ class NodeWatch:
         self.until_or(lambda: False, seconds)
 
     def until_interrupted(self) -> None:
-        """Wait for a signal.
-
-        Raises:
-            IntentError: a node died or hangs.
-        """
+        """Wait for a signal."""
         with suppress(KeyboardInterrupt):
             while True:
                 self._step()

@@ -125,12 +125,7 @@ def _paths(args: argparse.Namespace) -> dict[str, str]:
 
 
 def refuse_other_model(library: Path, model: Path | None, dofs: Path | None) -> None:
-    """Make sure that a library that has a model is not asked to begin with another one.
-
-    Raises:
-        ResourceBusyError: it is.
-        DofError: the DOF file is not that of its model.
-    """
+    """Make sure that a library that has a model is not asked to begin with another one."""
     if not is_task_folder(library):
         return
     folder = TaskFolder(library, library_dofs(library, model or "", dofs or ""))

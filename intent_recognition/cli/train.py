@@ -131,11 +131,7 @@ def train(
     console: Console,
     run: Run = map,
 ) -> tuple[Model, TrainingReport]:
-    """Read bags and learn; what was left out is printed to the console.
-
-    Raises:
-        IntentError: nothing can be read or learned.
-    """
+    """Read bags and learn; what was left out is printed to the console."""
     dofs = settle_orientations(load_dofs(dofs_path), bags)
     found = accumulate_all(bags, dofs, settings, console, run=run)
     provenance = provenance_of(list(found.accumulated.used), found.frames)

@@ -39,11 +39,7 @@ def add_adding_options(parser: argparse.ArgumentParser) -> None:
 
 
 def check_adding(args: argparse.Namespace) -> None:
-    """Refuse what has no meaning without a model to add to.
-
-    Raises:
-        ArgumentError: `--choose-again` without `--add`.
-    """
+    """Refuse what has no meaning without a model to add to."""
     if args.choose_again and args.add is None:
         cure = "Leave it out: training anew always chooses."
         raise ArgumentError.about("--choose-again", "--add with it", "none", cure)
@@ -52,13 +48,7 @@ def check_adding(args: argparse.Namespace) -> None:
 def add_to_model(
     args: argparse.Namespace, settings: TrainingSettings, console: Console, run: Run
 ) -> tuple[Model, TrainingReport]:
-    """The model of `--add` with the demonstrations of the bags; what was left out is printed.
-
-    Raises:
-        ModelError: no model, or one without statistics.
-        ArgumentError: options that contradict the model.
-        TrainingError: nothing of the bags can be added.
-    """
+    """The model of `--add` with the demonstrations of the bags; what was left out is printed."""
     model, trained = load_trained(args.add)
     _check_settings(args.add, settings, trained.preprocessing.settings)
     dofs = model.dofs

@@ -33,11 +33,7 @@ def add_sessions_option(parser: argparse.ArgumentParser) -> None:
 
 
 def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> Model:
-    """The model with the transition prior of recorded sessions; as it is when there are none.
-
-    Raises:
-        BagError: a path does not exist, or no session holds a task of the model.
-    """
+    """The model with the transition prior of recorded sessions; as it is when there are none."""
     if not sessions:
         return model
     library = model.library

@@ -47,12 +47,6 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
     Args:
         jobs: number of processes; 1 is this one.
         scheduler: address as `tcp://127.0.0.1:8786`; its workers read the same paths.
-
-    Raises:
-        ArgumentError: fewer than one process.
-        MissingPackageError: dask is not installed.
-        ResourceBusyError: no scheduler answers, or it has no workers.
-        IntentError: a worker or the scheduler died.
     """
     if jobs < 1:
         raise ArgumentError.about("--jobs", "one process or more", jobs, "Try 2.")

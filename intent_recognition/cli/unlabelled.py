@@ -45,11 +45,7 @@ def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
 
 
 def n_components(args: argparse.Namespace) -> int | None:
-    """What `--components` asks for, None for `auto`.
-
-    Raises:
-        ArgumentError: neither `auto` nor a positive number, or given without `--unlabelled`.
-    """
+    """What `--components` asks for, None for `auto`."""
     text = args.components
     if text != "auto" and not (text.isdecimal() and len(text) < 10 and int(text) > 0):
         raise ArgumentError.about("--components", "`auto` or a number", text, "Try auto.")
@@ -61,11 +57,7 @@ def n_components(args: argparse.Namespace) -> int | None:
 
 
 def check_alone(args: argparse.Namespace) -> None:
-    """Refuse what `train` cannot do together with `--unlabelled`.
-
-    Raises:
-        ArgumentError: bags read elsewhere, one by one, or added to a model.
-    """
+    """Refuse what `train` cannot do together with `--unlabelled`."""
     clashes = {"--add": args.add, "--scheduler": args.scheduler, "--jobs": args.jobs > 1}
     for option, given in clashes.items():
         if given:
@@ -84,11 +76,7 @@ def train_unlabelled(
     wanted: int | None,
     console: Console,
 ) -> tuple[Model, TrainingReport]:
-    """Read bags, find the components and learn them as tasks; prints what came of it.
-
-    Raises:
-        IntentError: nothing can be read or learned.
-    """
+    """Read bags, find the components and learn them as tasks; prints what came of it."""
     dofs = settle_orientations(load_dofs(dofs_path), bags)
     demonstrations, rejections = read_all(bags, dofs, console)
     found = find_components(demonstrations, settings, wanted, console)

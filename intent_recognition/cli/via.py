@@ -122,12 +122,7 @@ def run(change: Change, args: argparse.Namespace) -> int:
 def change_via_points(
     node: Any, executor: Any, change: Callable[[Points], Sequence[ViaPoint]]
 ) -> Points:
-    """Read the via points of the estimator, and set others where the change makes others of them.
-
-    Raises:
-        ResourceBusyError: no estimator answers.
-        ArgumentError: it refuses a point; says why.
-    """
+    """Read the via points of the estimator, and set what the change makes of them."""
     from rcl_interfaces.srv import GetParameters, SetParameters
     from rclpy.parameter import Parameter
 

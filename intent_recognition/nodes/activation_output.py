@@ -24,8 +24,6 @@ class ActivationOutput:
     """Publishes what has changed since it was last told.
 
     Args:
-        node: has the publishers.
-        diagnostics: of the node.
         action: takes the commands; None: the topic `joint_trajectory` does.
 
     Attributes:

@@ -96,11 +96,7 @@ class ActivationParameters:
         return bool(self._values["allow_shared_arm"])
 
     def changed(self, changes: Changes) -> "ActivationParameters":
-        """The same with other values.
-
-        Raises:
-            ArgumentError: they do not fit one another.
-        """
+        """The same with other values."""
         other = copy(self)
         other._values = self._values | dict(changes)
         other._decision()

@@ -24,11 +24,7 @@ class Argument:
     needed: bool = False
 
     def read(self, value: object) -> object:
-        """Convert text to a value of this kind; None for an empty text or list.
-
-        Raises:
-            ArgumentError: the text is not such a value.
-        """
+        """Convert text to a value of this kind; None for an empty text or list."""
         if not isinstance(value, str) or self.kind is str:
             return None if value == "" else value
         text = value.strip()

@@ -26,7 +26,6 @@ class BagListener:
     """Calls `on_message(topic, data, received_ns, sent_ns)` for every message, in its thread.
 
     Args:
-        node: owner of the subscriptions.
         on_message: times are in nanoseconds, 0 where the middleware does not know them.
         on_error: called with what `on_message` raised; listening goes on.
     """

@@ -18,9 +18,6 @@ class ClearanceInput:
 
     Attributes:
         clearance: None where nothing is kept clear of, or as long as the arm is not known.
-
-    Raises:
-        ArgumentError: the parameters do not fit one another.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics) -> None:

@@ -47,9 +47,7 @@ class CommandAction:
     A goal tolerance that was not kept is reported: the arm is at rest near its end.
 
     Args:
-        node: has the client.
         name: of the action, such as `joint_trajectory_controller/follow_joint_trajectory`.
-        diagnostics: of the node.
         give_up: called with the reason when a command is not executed.
 
     Attributes:

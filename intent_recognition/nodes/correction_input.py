@@ -21,9 +21,6 @@ class CorrectionInput:
 
     Attributes:
         correction: None where the arm does not yield.
-
-    Raises:
-        ArgumentError: the file does not describe a detector.
     """
 
     def __init__(self, node: Node) -> None:
@@ -33,11 +30,7 @@ class CorrectionInput:
         self._made_for: Taught | None = None
 
     def update(self, names: tuple[str, ...], taught: Taught) -> None:
-        """Go by these joints and tasks.
-
-        Raises:
-            ArgumentError: the detector is of another number of joints.
-        """
+        """Go by these joints and tasks."""
         detector = self._detector
         if detector is None:
             return
@@ -51,11 +44,7 @@ class CorrectionInput:
 
 
 def load_detector(name: str) -> DeviationDetector:
-    """A detector from a YAML file, or a shipped one by its name.
-
-    Raises:
-        ArgumentError: it does not describe one.
-    """
+    """A detector from a YAML file, or a shipped one by its name."""
     path = Path(name)
     if path.suffix != ".yaml":
         path = share_path(f"{SHIPPED}/{name}.yaml")

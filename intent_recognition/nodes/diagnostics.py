@@ -128,16 +128,7 @@ class Diagnostics:
         stream: str = "",
         **options: Any,
     ) -> Subscription:
-        """Subscribe to a topic that is watched, and whose messages are noted.
-
-        Args:
-            kind: type of its messages.
-            topic: name.
-            take: called with each message.
-            profile: quality of service.
-            stream: what its messages are noted as, where that is not the topic's name.
-            options: others of `create_subscription`.
-        """
+        """Subscribe to a topic; watch it, and note its messages as `stream`, or under its name."""
 
         def noted(message: Any) -> None:
             self.tick(stream or topic)

@@ -30,8 +30,6 @@ class IntentOutput:
     """Turns estimates and predictions into messages.
 
     Args:
-        node: that publishes.
-        diagnostics: what is published is counted there.
         frames: where the predicted hand is told.
         person: whose topics; empty for the only one.
 

@@ -28,9 +28,6 @@ def check_arguments(graph: str, command: Sequence[str]) -> None:
     Args:
         graph: one of `GRAPHS`.
         command: of the process; one that launches another file passes.
-
-    Raises:
-        ArgumentError: there is one.
     """
     if not any(Path(word).name == f"{graph}.launch.py" for word in command):
         return
@@ -45,11 +42,7 @@ def check_arguments(graph: str, command: Sequence[str]) -> None:
 
 
 def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None:
-    """Make sure that packages and files are there.
-
-    Raises:
-        ArgumentError: something is not.
-    """
+    """Make sure that packages and files are there."""
     for call in calls:
         if call.package != PACKAGE:
             try:
@@ -78,9 +71,6 @@ def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
 
     A section of a node that is not started here, but in another graph, passes. ROS itself passes
     over what is misspelt.
-
-    Raises:
-        ArgumentError: there is one.
     """
     started = ["/" + "/".join(filter(None, (call.namespace, call.name))) for call in calls]
     executables = {name: spec.executable or name for name, spec in NODES.items()}

@@ -52,20 +52,12 @@ class ManagedNode(LifecycleNode):
         return self._state_machine.current_state[1] == "active"
 
     def check_active(self) -> None:
-        """Refuse what only an active node does.
-
-        Raises:
-            ArgumentError: it is not active.
-        """
+        """Refuse what only an active node does."""
         if not self.active:
             raise ArgumentError("the node is not active")
 
     def start(self) -> None:
-        """Configure and activate if `autostart` is set.
-
-        Raises:
-            Exception: what `configure` or `activate` raised.
-        """
+        """Configure and activate if `autostart` is set."""
         if not self._autostart:
             return
         self._starting = True

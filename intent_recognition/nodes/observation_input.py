@@ -50,7 +50,6 @@ class ObservationInput:
     """One subscription for each observed topic; all entries of the topic read its messages.
 
     Args:
-        node: owner of the subscriptions.
         diagnostics: counts messages that cannot be read, under `missing_dof` or `malformed`.
         observe: takes an observation and the name of its topic; returns False if it was refused.
         observe_context: the same for samples of the scene.

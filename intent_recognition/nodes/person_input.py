@@ -24,16 +24,11 @@ class PersonInput:
     """Keeps the newest tube of each person's tracked point.
 
     Args:
-        node: has the parameters, and subscribes where they ask for it.
-        hand: the arm.
         diagnostics: counts what cannot be used under `bad_human_trajectory`.
 
     Attributes:
         people: in the frame of the URDF's root link; those of whom something is predicted.
         separation: slows plans; None where nothing does, or as long as the arm is not known.
-
-    Raises:
-        ArgumentError: the parameters do not fit one another.
     """
 
     def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:

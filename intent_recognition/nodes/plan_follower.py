@@ -28,9 +28,6 @@ class PlanFollower:
     `intent/plan` is a diagnostic_msgs/DiagnosticStatus: `message` names the steps that were
     forgotten and those that may come, and `values` hold for each step "done", "may come",
     "forgotten" or "later" with its probability of being done, and the plan itself as `yaml`.
-
-    Raises:
-        ArgumentError: the parameter names no plan.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -42,11 +39,7 @@ class PlanFollower:
         self._told: DiagnosticStatus | None = None
 
     def check(self, text: str, estimators: Sequence[IntentEstimator]) -> None:
-        """Make sure that a value of the parameter can be taken.
-
-        Raises:
-            ArgumentError: it is no plan, or one of other tasks.
-        """
+        """Make sure that a value of the parameter can be taken."""
         plan = _read(text)
         if plan is not None and estimators:
             WorkProgress(plan, estimators[0].library.labels)
@@ -57,11 +50,7 @@ class PlanFollower:
         self._file = self._file if "\n" in text else text
 
     def _save(self) -> str:
-        """Write the plan in force.
-
-        Raises:
-            ArgumentError: there is none, or no file.
-        """
+        """Write the plan in force."""
         if self._plan is None or not self._file:
             cure = "Start with `plan:=FILE`."
             raise ArgumentError.about(PLAN, "a plan from a file", "none", cure)
@@ -72,11 +61,7 @@ class PlanFollower:
         return f"saved the plan in {self._file}"
 
     def follow(self, estimator: IntentEstimator) -> None:
-        """Let an estimator follow the plan; steps that were done stay done.
-
-        Raises:
-            ArgumentError: no step is a task of its library.
-        """
+        """Let an estimator follow the plan; steps that were done stay done."""
         estimator.expectation.follow(self._plan)
 
     def update(self, estimator: IntentEstimator) -> None:

@@ -27,7 +27,6 @@ class PlanningSceneLink:
     """The things that move_group knows, and ours for it.
 
     Args:
-        node: subscribes and publishes.
         diagnostics: of the node; counts things that cannot be used.
         use: what is done: `OFF`, `READ`, `OFFER` or `BOTH`.
         frame: of the scene, in which our boxes stand; objects in another one are rejected.

@@ -107,11 +107,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
 
 
 def check_given(node: Node, arguments: Sequence[str]) -> None:
-    """Refuse parameters of a command line that a node has not declared.
-
-    Raises:
-        ArgumentError: there is one.
-    """
+    """Refuse parameters of a command line that a node has not declared."""
     known = node.get_parameters_by_prefix("")
     for name, source in parameter_sources(arguments, node.get_fully_qualified_name()).items():
         if source == COMMAND_LINE and name not in known and name.partition(".")[0] != QOS:

@@ -76,11 +76,7 @@ class SequenceRunner:
             node.create_subscription(String, "intent/via_points", self._take_points, qos.LATCHED)
 
     def configure(self, library: TaskLibrary | None) -> None:
-        """Read the file.
-
-        Raises:
-            ArgumentError: it cannot be read, or names what the library has not.
-        """
+        """Read the file."""
         if not self._path or self._sequences:
             return
         if library is None:

@@ -52,12 +52,7 @@ class TaskPracticeService:
         self._judged_before: str | None = None
 
     def start(self) -> str:
-        """Begin, or go on; returns what is practised.
-
-        Raises:
-            ArgumentError: the task or a parameter cannot be used.
-            BagError: it goes on already, or nobody could judge.
-        """
+        """Begin, or go on; returns what is practised."""
         if self.running:
             raise BagError.about("~/practise", "no practice", "one", "End it first.")
         self._begun = begun = self._open()
@@ -71,21 +66,13 @@ class TaskPracticeService:
         return text
 
     def stop(self) -> str:
-        """End it; it can go on later.
-
-        Raises:
-            BagError: none goes on.
-        """
+        """End it; it can go on later."""
         if not self.running or self._begun is None:
             raise BagError.about("~/practise", "practice to end", "none", "Begin one first.")
         return self._end("ended")
 
     def accept(self) -> str:
-        """Take over what it has come to; returns what changed.
-
-        Raises:
-            ModelError: it has come to nothing, or the model has changed since.
-        """
+        """Take over what it has come to; returns what changed."""
         begun = self._open() if self._begun is None else self._begun
         what = f"accepted practice of {begun.practised.task}"
         change = begun.practised.accept(begun.session)

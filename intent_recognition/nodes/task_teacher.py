@@ -125,12 +125,7 @@ class TaskTeacher(TopicRecorder):
         self.report(Level.OK, f"ready; library {self.folder.path}{left}")
 
     def start(self) -> str:
-        """Begin a recording of the task named by the parameter `task`; returns its path.
-
-        Raises:
-            ResourceBusyError: it is recording already.
-            BagError: the label names no task, or the disk is full.
-        """
+        """Begin a recording of the task named by the parameter `task`; returns its path."""
         task = self.get_parameter("task").value
         path = self.folder.new_bag(task)
         hand = {HAND_LINK: self._hand_link} if self._hand_link else {}
@@ -183,11 +178,7 @@ class TaskTeacher(TopicRecorder):
         return text
 
     def discard(self) -> str:
-        """Do not learn the recording under way, or the last that waits; `undone` keeps it.
-
-        Raises:
-            BagError: nothing is being recorded, and nothing waits.
-        """
+        """Do not learn the recording under way, or the last that waits; `undone` keeps it."""
         waits = self.recording is None and self.waiting
         bag = self.waiting.pop() if waits else self.close_bag("~/discard").path
         self.folder.prune(bag)
@@ -196,11 +187,7 @@ class TaskTeacher(TopicRecorder):
         return text
 
     def undo(self) -> str:
-        """Take the last recording back; returns what changed.
-
-        Raises:
-            ModelError: there is nothing to take back.
-        """
+        """Take the last recording back; returns what changed."""
         change = self.folder.undo()
         return self.changed(change, f"took {Path(change.bag).name} back")
 

@@ -32,12 +32,8 @@ class ViaPointInput:
     Points of the hand of an arm whose joints are predicted wait for its `robot_description`.
 
     Args:
-        node: owner of the parameter and the topic.
         diagnostics: shows how many are in force, and which a task cannot pass through; what cannot
             be used at the start is counted under `bad_via_points`.
-
-    Raises:
-        ArgumentError: the parameter is no list of via points.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -51,11 +47,7 @@ class ViaPointInput:
         self._shown: tuple[tuple[ViaPoint, ...], tuple[str, ...]] | None = None
 
     def check(self, text: str, estimators: Sequence[IntentEstimator], arm: Arm | None) -> None:
-        """Make sure that a value of the parameter can be taken.
-
-        Raises:
-            IntentError: it cannot; see `read_via_points` and `check_via_points`.
-        """
+        """Make sure that a value of the parameter can be taken."""
         points = read_via_points(text)
         if estimators:
             check_via_points(estimators[0].taught, points, arm)
