@@ -17,6 +17,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import Writer
 
 from intent_recognition.bags.definitions import Definition, definition, serialize
+from intent_recognition.bags.messages import RawMessage
 from intent_recognition.bags.metadata import (
     RECORD_KEY,
     RECORD_NAME,
@@ -187,6 +188,11 @@ class BagWriter:
         self._pending += 1
         self._pending_bytes += len(data)
         self._flush_when_due()
+
+    def write_raw(self, message: RawMessage) -> None:
+        """Append a message as it was received; errors as of `write`."""
+        at_ns = message.log_time_ns, message.publish_time_ns
+        self.write(message.topic, message.type, message.data, *at_ns, sequence=message.sequence)
 
     def write_message(self, topic: str, type_name: str, message: object, log_time_ns: int) -> None:
         """Serialize and append a message, without ROS.

@@ -140,11 +140,6 @@ class ProgressLine:
         self._news.__exit__(None, None, None)
         self._status.stop()
 
-    @property
-    def over(self) -> bool:
-        """Whether the last movement of the session has ended."""
-        return self._number == self.total and not self._truth
-
     def on_task(self, label: str) -> None:
         """Take note of the ground truth: a movement began, became another, or ended."""
         self._changed = bool(label and self._truth)

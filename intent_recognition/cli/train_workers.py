@@ -12,7 +12,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from intent_recognition.cli.options import add_options, number
-from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, optional
+from intent_recognition.errors import IntentError, ResourceBusyError, optional
 from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
 
@@ -48,8 +48,6 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
         jobs: number of processes; 1 is this one.
         scheduler: address as `tcp://127.0.0.1:8786`; its workers read the same paths.
     """
-    if jobs < 1:
-        raise ArgumentError.about("--jobs", "one process or more", jobs, "Try 2.")
     if scheduler is not None:
         with _dask(scheduler) as run:
             yield run

@@ -91,20 +91,16 @@ class PostureInput:
         in_place = bool(self._hand.link) and is_hand(numbers)
         for group, entry in enumerate(entries):
             raw = is_raw_pose(entry.topic, entry.type)
+            take, topic = partial(self._take, group, entry, raw), entry.topic
             if entry.link or in_place:
-                take = partial(self._take_joints, group, entry)
-                self._subscriptions.append(
-                    self._node.create_subscription(JointState, JOINTS_TOPIC, take, POSTURES)
-                )
-                continue
-            self._subscriptions.append(
-                self._node.create_subscription(
-                    Odometry if raw else message_class(entry.type),
-                    human_topic(entry) if raw else entry.topic,
-                    partial(self._take, group, entry, raw),
-                    POSTURES,
-                )
-            )
+                take, topic = partial(self._take_joints, group, entry), JOINTS_TOPIC
+                kind: type = JointState
+            elif raw:
+                kind, topic = Odometry, human_topic(entry)
+            else:
+                kind = message_class(entry.type)
+            subscription = self._node.create_subscription(kind, topic, take, POSTURES)
+            self._subscriptions.append(subscription)
 
     def close(self) -> None:
         """Unsubscribe."""

@@ -2,6 +2,7 @@
 """Observations that come faster than they can be used are thinned; the newest is always used."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from heapq import merge
 from typing import TypeVar
@@ -21,13 +22,17 @@ MAX_WAITING = 16
 BacklogItem = TypeVar("BacklogItem")
 
 
-class _Subscribed:
-    """One topic: its subscription, and the function that takes its messages."""
+@dataclass(eq=False)
+class _Source:
+    """One topic: the function that takes its messages, and whether too many waited the last time.
 
-    def __init__(self, callback: Callable[[object], None], raw: bool):
-        self.callback, self.raw = callback, raw
-        self.subscription: Subscription | None = None
-        self.behind = False
+    `subscription` is None once it is closed.
+    """
+
+    callback: Callable[[object], None]
+    raw: bool
+    subscription: Subscription | None = None
+    behind: bool = False
 
 
 class Backlog:
@@ -46,7 +51,7 @@ class Backlog:
 
     def __init__(self, dropped: Callable[[int], None]):
         self._dropped = dropped
-        self._sources: list[_Subscribed] = []
+        self._sources: list[_Source] = []
 
     def subscribe(
         self,
@@ -59,11 +64,12 @@ class Backlog:
         raw: bool = False,
     ) -> Subscription:
         """Subscribe to one more topic."""
-        source = _Subscribed(callback, raw)
-        arrival = partial(self._on_message, len(self._sources))
+        source = _Source(callback, raw)
+        arrival = partial(self._on_message, source)
+        subscription = node.create_subscription(kind, topic, arrival, qos, raw=raw)
+        source.subscription = subscription
         self._sources.append(source)
-        source.subscription = node.create_subscription(kind, topic, arrival, qos, raw=raw)
-        return source.subscription
+        return subscription
 
     @property
     def subscriptions(self) -> list[Subscription]:
@@ -78,20 +84,18 @@ class Backlog:
                 node.destroy_subscription(source.subscription)
             source.subscription = None
 
-    def _on_message(self, number: int, message: object) -> None:
+    def _on_message(self, arrived: _Source, message: object) -> None:
         """Use a message and whatever waits, behind it or elsewhere."""
-        waiting = [self._take_waiting(source) for source in self._sources]
-        waiting[number].insert(0, message)
-        used = [
-            [(source, one) for one in self._thinned(source, messages)]
-            for source, messages in zip(self._sources, waiting, strict=True)
-            if messages
-        ]
+        used = []
+        for source in self._sources:
+            waiting = [message] * (source is arrived) + self._take_waiting(source)
+            if waiting:
+                used.append([(source, one) for one in self._thinned(source, waiting)])
         for source, one in used[0] if len(used) == 1 else merge(*used, key=_time_ns):
             if source.subscription is not None:  # what came before may have closed it
                 source.callback(one)
 
-    def _thinned(self, source: _Subscribed, waiting: list[object]) -> list[object]:
+    def _thinned(self, source: _Source, waiting: list[object]) -> list[object]:
         too_many = len(waiting) > MAX_WAITING
         used = thin(waiting, MAX_WAITING) if too_many and source.behind else waiting
         source.behind = too_many
@@ -99,7 +103,7 @@ class Backlog:
             self._dropped(len(waiting) - len(used))
         return used
 
-    def _take_waiting(self, source: _Subscribed) -> list[object]:
+    def _take_waiting(self, source: _Source) -> list[object]:
         taken: list[object] = []
         if source.subscription is None:
             return taken
@@ -110,7 +114,7 @@ class Backlog:
         return taken
 
 
-def _time_ns(arrival: tuple[_Subscribed, object]) -> int:
+def _time_ns(arrival: tuple[_Source, object]) -> int:
     """Stamp of a message; without one it is of now, so it comes last."""
     _, message = arrival
     if isinstance(message, bytes):

@@ -5,9 +5,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
-from intent_recognition.bags import BagWriter, DiskFullError
+from intent_recognition.bags import BagWriter, DiskFullError, RawMessage
 from intent_recognition.demonstrations import CORRECTION_TOPIC, CORRECTION_TYPE
 from intent_recognition.errors import IntentError
 from intent_recognition.model import CORRECTIONS, Executions
@@ -15,16 +14,6 @@ from intent_recognition.model import CORRECTIONS, Executions
 BEFORE_NS = 6_000_000_000
 """So much of what came before the execution is recorded with it [ns]. Convention: a rest, and the
 reach until it is recognised."""
-MOST_MESSAGES = 20_000
-"""Messages of that time that are held at most. Convention: ten streams at 300 Hz."""
-
-
-class _Message(NamedTuple):
-    topic: str
-    type: str
-    data: bytes
-    received_ns: int
-    sent_ns: int
 
 
 class ExecutionRecorder:
@@ -45,7 +34,7 @@ class ExecutionRecorder:
         reject: Callable[[str, str], None],
     ) -> None:
         self.executions, self._most, self._model, self._reject = executions, most, model, reject
-        self._recent: deque[_Message] = deque(maxlen=MOST_MESSAGES)
+        self._recent: deque[RawMessage] = deque(maxlen=20_000)  # of ten streams at 300 Hz
         self._writer: BagWriter | None = None
         self._last: dict[str, Path] = {}
         self._values: dict[str, str] = {}
@@ -65,21 +54,20 @@ class ExecutionRecorder:
         """Name of the execution of a task now or last; empty for none."""
         return self._last[task].name if task in self._last else ""
 
-    def take(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+    def take(self, message: RawMessage) -> None:
         """Take a message of a recorded topic."""
         if not self._most:
             return
-        message = _Message(topic, kind, data, received_ns, sent_ns)
-        recent = self._recent
-        recent.append(message)
-        while recent[0].received_ns < received_ns - BEFORE_NS:
-            recent.popleft()
+        self._recent.append(message)
+        while self._recent[0].log_time_ns < message.log_time_ns - BEFORE_NS:
+            self._recent.popleft()
         self._write(message)
 
     def correct(self, data: bytes, received_ns: int) -> None:
         """Take a corrected path."""
         self._corrected = self._writer is not None
-        self._write(_Message(CORRECTION_TOPIC, CORRECTION_TYPE, data, received_ns, received_ns))
+        at_ns = received_ns
+        self._write(RawMessage(CORRECTION_TOPIC, CORRECTION_TYPE, at_ns, at_ns, data))
 
     def set_task(self, task: str) -> None:
         """Another task is active, or (empty) none."""
@@ -120,11 +108,11 @@ class ExecutionRecorder:
         self.executions.add(writer.path, self._values, self._model())
         self.executions.thin(writer.path.parent.name, self._most)
 
-    def _write(self, message: _Message) -> None:
+    def _write(self, message: RawMessage) -> None:
         if self._writer is None:
             return
         try:
-            self._writer.write(*message)
+            self._writer.write_raw(message)
         except DiskFullError as error:
             self._reject("execution_not_recorded", str(error))
             self._writer = None

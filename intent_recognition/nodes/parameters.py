@@ -135,30 +135,21 @@ def _descriptor(kind: Parameter.Type, spec: ParameterSpec) -> ParameterDescripto
     descriptor = ParameterDescriptor(
         type=kind.value, description=spec.description, read_only=not spec.live
     )
-    if spec.minimum is not None or spec.maximum is not None:
-        _add_range(descriptor, isinstance(spec.default, float), spec.minimum, spec.maximum)
-    return descriptor
-
-
-def _add_range(
-    descriptor: ParameterDescriptor, floating: bool, minimum: float | None, maximum: float | None
-) -> None:
-    if floating:
-        descriptor.floating_point_range = [
-            FloatingPointRange(
-                from_value=float(-sys.float_info.max if minimum is None else minimum),
-                to_value=float(sys.float_info.max if maximum is None else maximum),
-                step=0.0,
-            )
-        ]
+    low, high = spec.minimum, spec.maximum
+    if low is None and high is None:
+        return descriptor
+    if isinstance(spec.default, float):
+        least, most = (-sys.float_info.max, sys.float_info.max)
+        limits = [float(least if low is None else low), float(most if high is None else high)]
+        limited = FloatingPointRange(from_value=limits[0], to_value=limits[1], step=0.0)
+        descriptor.floating_point_range = [limited]
     else:
-        descriptor.integer_range = [
-            IntegerRange(
-                from_value=int(-(2**63) if minimum is None else minimum),
-                to_value=int(2**63 - 1 if maximum is None else maximum),
-                step=1,
-            )
-        ]
+        first, last = (
+            int(-(2**63) if low is None else low),
+            int(2**63 - 1 if high is None else high),
+        )
+        descriptor.integer_range = [IntegerRange(from_value=first, to_value=last, step=1)]
+    return descriptor
 
 
 def _is_finite(value: object) -> bool:

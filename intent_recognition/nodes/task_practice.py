@@ -18,8 +18,6 @@ from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_
 from intent_recognition.model import DOWN, THUMBS, UP, PractisedTask
 from intent_recognition.nodes.diagnostics import Level
 
-PERIOD_S = 0.1
-"""Time from one rollout to the next at least [s]. Convention: the node stays responsive."""
 COST_OF = {UP: 0.0, DOWN: 1.0}
 
 

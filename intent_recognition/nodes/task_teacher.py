@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.bags import RawMessage
 from intent_recognition.demonstrations import HAND_LINK, topics_of
 from intent_recognition.errors import ArgumentError, BagError, IntentError, ResourceBusyError
 from intent_recognition.model import (
@@ -37,9 +38,9 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import declare
-from intent_recognition.nodes.runtime import run, steady_timer
+from intent_recognition.nodes.runtime import now_ns, run, steady_timer
 from intent_recognition.nodes.services import answer, serve
-from intent_recognition.nodes.task_practice import PERIOD_S, TaskPracticeService
+from intent_recognition.nodes.task_practice import TaskPracticeService
 from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
 
 ESTIMATOR = "intent_estimator"
@@ -92,7 +93,7 @@ class TaskTeacher(TopicRecorder):
         )
         declare(self, "practice")
         self.practice = TaskPracticeService(self)
-        steady_timer(self, PERIOD_S, self.practice.step)
+        steady_timer(self, 0.1, self.practice.step)
         self.add_on_set_parameters_callback(refuse_label)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         self._skills = self.create_publisher(DiagnosticArray, "teach/skills", qos.LATCHED)
@@ -210,9 +211,9 @@ class TaskTeacher(TopicRecorder):
         change = self.folder.learn(self.folder.correct(last))
         return self.changed(change, f"kept the correction of {last.name}")
 
-    def heard(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+    def heard(self, message: RawMessage) -> None:
         """Record executions."""
-        self.executions.take(topic, kind, data, received_ns, sent_ns)
+        self.executions.take(message)
 
     def destroy_node(self) -> None:
         """Close the recordings, then the node."""
@@ -234,7 +235,7 @@ class TaskTeacher(TopicRecorder):
 
     def _on_correction(self, data: bytes) -> None:
         with self._lock:
-            self.executions.correct(data, self.get_clock().now().nanoseconds)
+            self.executions.correct(data, now_ns(self))
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         values = values_of(message)

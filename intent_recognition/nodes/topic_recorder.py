@@ -5,7 +5,7 @@ import operator
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +14,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
-from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
+from intent_recognition.bags import (
+    FLUSH_PERIOD_S,
+    BagWriter,
+    DiskFullError,
+    RawMessage,
+    rosbag2_profile,
+)
 from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, one_line
 from intent_recognition.nodes.bag_listener import BagListener
@@ -52,7 +58,7 @@ class _RecordedTopic:
     type: str
     guarantees: _Guarantees
     profiles: list[dict]
-    latched: tuple[bytes, int] | None = None
+    latched: RawMessage | None = None
 
 
 class TopicRecorder(Node):
@@ -128,10 +134,9 @@ class TopicRecorder(Node):
             for source in self._sources.values():
                 self._declare(writer, source)
                 if source.latched is not None:
-                    data, sent_ns = source.latched
                     now_ns = simulated_ns(self)
                     received_ns = time.time_ns() if now_ns is None else now_ns
-                    self._write(writer, source, data, received_ns, sent_ns)
+                    self._write(writer, replace(source.latched, log_time_ns=received_ns))
         self.diagnostics.status(Level.OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
@@ -154,7 +159,7 @@ class TopicRecorder(Node):
         self.get_logger().info(f"{writer.message_count} messages in {writer.path}")
         return writer
 
-    def heard(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+    def heard(self, message: RawMessage) -> None:
         """Called with every message, recorded or not."""
 
     def gave_up(self) -> None:
@@ -259,15 +264,16 @@ class TopicRecorder(Node):
             sent_ns = sent_ns or received_ns
         with self._lock:
             source = self._sources[topic]
+            message = RawMessage(source.name, source.type, received_ns, sent_ns, data)
             if source.guarantees.latched:
-                source.latched = (data, sent_ns)
+                source.latched = message
             if received_ns == 0 and self._writer is not None:
                 self.diagnostics.reject("no_clock", f"{topic}, before /clock")
             if received_ns == 0:
                 return
-            self.heard(source.name, source.type, data, received_ns, sent_ns)
+            self.heard(message)
             if self._writer is not None:
-                self._write(self._writer, source, data, received_ns, sent_ns)
+                self._write(self._writer, message)
 
     def _on_error(self, error: Exception) -> None:
         self.diagnostics.reject("unexpected", repr(error))
@@ -278,17 +284,15 @@ class TopicRecorder(Node):
         except IntentError as error:
             self.diagnostics.reject("undeclared_topic", str(error))
 
-    def _write(
-        self, writer: BagWriter, source: _RecordedTopic, data: bytes, received_ns: int, sent_ns: int
-    ) -> None:
+    def _write(self, writer: BagWriter, message: RawMessage) -> None:
         try:
-            writer.write(source.name, source.type, data, received_ns, sent_ns)
+            writer.write_raw(message)
         except DiskFullError as error:
             self._give_up(error)
         except IntentError as error:
             self.diagnostics.reject("unwritable", str(error))
         else:
-            self.diagnostics.tick(source.name.lstrip("/"))
+            self.diagnostics.tick(message.topic.lstrip("/"))
 
     def _flush(self) -> None:
         with self._lock:
