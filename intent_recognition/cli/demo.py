@@ -24,14 +24,8 @@ if TYPE_CHECKING:
     from intent_recognition.evaluation import InteractionRecord
 
 SCENARIOS = (*LIVE, "pouring")
-DEFAULT_INTERACTIONS = 40
-"""Interactions where the task list has no end. Convention."""
 DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
 """Simulated seconds per real second, without and with a page to watch. Convention."""
-DEFAULT_PORT = 8080
-LAST_PORT = 65535
-RATES = (0.01, 50.0)
-"""Limits of `real_time_factor` of the simulated arm."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -58,7 +52,7 @@ def add_parser(subparsers: Subparsers) -> None:
                             changes, a file of them, 'habit' (default: the order in which the
                             coworker of the shipped sessions works, with variation) or 'random'
         --interactions N    number of interactions (default: those of the list;
-                            {DEFAULT_INTERACTIONS} with habit or random)
+                            40 with habit or random)
         --changes N         the coworker changes his mind on the way in N of the interactions
                             (default: 0)
         --arm ARM           lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file;
@@ -129,8 +123,8 @@ def add_parser(subparsers: Subparsers) -> None:
         tip={"default": ""},
         base={"default": ""},
         seed={"type": number(int, 0), "default": 1},
-        rate=number(float, *RATES),
-        port={"type": number(int, 1, LAST_PORT), "default": DEFAULT_PORT},
+        rate=number(float, 0.01, 50.0),
+        port={"type": number(int, 1, 65535), "default": 8080},
     )
     written = parser.add_argument_group("what is written")
     add_options(

@@ -18,9 +18,6 @@ from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, save_model
 from intent_recognition.share import share_path
 
-_N_KEPT = 4
-"""Models that are kept between demos. Convention: two scenarios, of two versions."""
-
 
 def check_model(path: Path, scene: Scene) -> None:
     """Make sure that a model observes what the scenario shows."""
@@ -57,7 +54,7 @@ def trained_model(path: Path, console: Console, scene: Scene) -> Path:
     with suppress(OSError):  # a home that cannot be written to only costs the training
         cache.mkdir(parents=True, exist_ok=True)
         older = sorted(cache.glob("*.npz"), key=lambda file: file.stat().st_mtime)
-        for file in older[: max(len(older) + 1 - _N_KEPT, 0)]:
+        for file in older[:-3]:  # four are kept: of two scenarios and two versions
             file.unlink()
         durable.copy(path, kept)
     return path

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from intent_recognition.nodes.pouring_observer import PouringObserver
 
 DEFAULT_POURS = 2
-MANY_SPILLED = 2.0
-"""Spilled balls of forty, on average, above which the demo has failed. Convention."""
 
 
 class Done(NamedTuple):
@@ -65,7 +63,7 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
         f" balls spilled on average, {time.monotonic() - started:.0f} s\n"
     )
     console.file.flush()
-    return 1 if mean > MANY_SPILLED else 0
+    return 1 if mean > 2.0 else 0
 
 
 def _check(args: argparse.Namespace) -> None:

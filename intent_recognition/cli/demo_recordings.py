@@ -41,10 +41,6 @@ if TYPE_CHECKING:
 AFTER_S = 6.0
 """Longest motion of the arm after a recording [s]. Convention: a recording ends with the person's
 movement, and the arm goes on with what it has begun."""
-HOME_S = 20.0
-"""Longest way home, and longest wait for the arm at first [s]. Convention."""
-AT_HOME_RAD = 0.05
-"""How near to home the arm is at home [rad]. Convention."""
 START_S = 60.0
 """Longest start of the nodes [s]. Convention."""
 END_S = 0.2
@@ -198,9 +194,9 @@ def _play(
     def at_home() -> bool:
         joints = observer.joints or {}
         here = np.array([joints.get(name, np.inf) for name in names])
-        return bool(np.all(np.abs(here - home) < AT_HOME_RAD))
+        return bool(np.all(np.abs(here - home) < 0.05))
 
-    watch.until_or(at_home, HOME_S)
+    watch.until_or(at_home, 20.0)
     label, off_cm = ", ".join(dict.fromkeys(one.task or "-" for one in recorded)), np.nan
     if posture is not None and len(recorded) == 1:
         off_cm = 100.0 * float(np.linalg.norm(arm.hand(posture) - _end(recorded[0], model, arm)))

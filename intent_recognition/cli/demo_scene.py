@@ -33,13 +33,9 @@ CELL_PLAN = "config/examples/cell_plan.yaml"
 CELL_BOXES = ("bin 0.60 -0.13 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.535 0.06 0.05 0.10")
 """Boxes on the way of its arm. Convention: below the way to the screwdriver, and above that to the
 plates and the screws; nearly all ways can be bent around them."""
-CELL_CLEARANCE_M = 0.02
-"""Distance that its arm keeps from them [m]. Convention: that of config/examples/boxes."""
 TRANSFER_HOLD_S = (5.0, 6.0)
 """Shortest and longest time for which the worker stays where an object is handed over [s].
 Convention: an arm that is late, and both of them taking their time."""
-REACHED_M = 0.01
-"""A place is reached if the hand comes so near to it [m]. Convention: below the demo's errors."""
 
 
 class Scene(NamedTuple):
@@ -119,7 +115,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         things = {"boxes": list(CELL_BOXES)}
         for arm_node in ARMS:
             own[arm_node] = {**own.get(arm_node, {}), **things}
-        own["primitive_activation"] |= {**things, "clearance": CELL_CLEARANCE_M}
+        own["primitive_activation"] |= {**things, "clearance": 0.02}  # as config/examples/boxes
     if args.transfers:
         robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
         fingers = finger_joints(robot)
@@ -188,7 +184,7 @@ def _arm(
         except KinematicsError as error:
             reason = reason or error
             continue
-        reached = len(places_m) if fixed else arm.n_reached(places_m, REACHED_M)
+        reached = len(places_m) if fixed else arm.n_reached(places_m, 0.01)
         if reached > most:
             best, most = arm, reached
         if most == len(places_m):

@@ -37,8 +37,6 @@ GRAPH_DEADLINE_S = 30.0
 """Longest wait until the nodes have found one another [s]. Convention."""
 START_S, LONGEST_INTERACTION_S = 120.0, 150.0
 """Longest session [s]: its start, and each interaction at the slowest pace. Convention."""
-LAST_MOTION_S = 3.0
-"""Simulated time after the session in which the arm ends its last motion [s]. Convention."""
 PRETRIGGER_THRESHOLD = 0.7
 """Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""
 DOMAINS = (1, 101)
@@ -199,7 +197,7 @@ def _follow(
     began_s, began_ns = time.monotonic(), observer.get_clock().now().nanoseconds
     with progress:
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
-        over_ns = observer.get_clock().now().nanoseconds + round(LAST_MOTION_S * 1e9)
+        over_ns = observer.get_clock().now().nanoseconds + 3_000_000_000
         watch.until(
             lambda: observer.get_clock().now().nanoseconds >= over_ns,
             START_S,

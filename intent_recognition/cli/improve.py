@@ -22,8 +22,6 @@ from intent_recognition.cli.options import Subparsers, add_command, add_options,
 from intent_recognition.cli.teach import add_library_options
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
 
-ROLLOUTS = 40
-"""Rollouts of a practice unless more are asked for. Convention: a person still watches as many."""
 CHECKS = 5
 """Pours with which the start and what practice has come to are compared at the end."""
 
@@ -76,7 +74,7 @@ def add_parser(subparsers: Subparsers) -> None:
         # take over what it has come to
         intent improve pouring --short 0.9 --accept
         """,
-        rollouts={"type": number(int, 1), "default": ROLLOUTS},
+        rollouts={"type": number(int, 1), "default": 40},
         seed={"type": number(int, 0), "default": 1},
         beside=number(float),
         moved={"type": number(float), "default": (0.0, 0.0, 0.0)},

@@ -22,9 +22,6 @@ from intent_recognition.recognition import MAX_WRONG, decision_settings
 from intent_recognition.report import rehearsal_tables, write_rehearsal_report
 from intent_recognition.signals import Demonstration
 
-N_SUGGESTED = 5
-"""Demonstrations that are suggested. Convention."""
-
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
@@ -63,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(console) as bar:
         runs = bar.track(recordings, description="rehearsing")
         rehearsal = rehearse(model.library, runs, settings)
-    suggestions = suggest_next(trained, rehearsal, N_SUGGESTED)
+    suggestions = suggest_next(trained, rehearsal, 5)
     output.write_json(args.json, rehearsal_to_json(rehearsal, suggestions))
     worst = rehearsal.worst(10)
     tables = rehearsal_tables(rehearsal, suggestions, worst)

@@ -16,8 +16,6 @@ from intent_recognition.signals import Demonstration, Rejection, stream_doubts
 
 MOST_KINDS = 3
 """Kinds of reasons that a message tells when nothing could be read. Convention."""
-MOST_NAMES = 10
-"""Names in such a line. Convention."""
 
 
 def print_left_out(
@@ -77,7 +75,7 @@ def _folded(items: Sequence[object]) -> Iterator[str]:
             yield from (f"{name}{own}" for name, own in kind.items())
             continue
         names = [first, *(Path(name).name for name, _ in others)]
-        yield f"{first_of(names, MOST_NAMES)}{reason}"
+        yield f"{first_of(names, 10)}{reason}"
 
 
 def _print_lines(console: Console, lines: Sequence[str]) -> None:

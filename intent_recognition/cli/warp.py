@@ -29,8 +29,6 @@ from intent_recognition.warping import (
     warp_object,
 )
 
-SCALES = (1e-9, 1e9)
-"""Factors to metres that can be asked for. Convention."""
 ROWS = (
     ("opening radius", "opening_radius_m", 1e3, "mm"),
     ("volume", "volume_m3", 1e6, "ml"),
@@ -80,7 +78,7 @@ def add_parser(subparsers: Subparsers) -> None:
         mapping={"choices": ("label", "point"), "default": "label"},
         neighbours={"type": number(int, 1), "default": 1},
         points={"type": number(int, 1), "default": N_POINTS},
-        scale={"type": number(float, *SCALES), "default": 1.0},
+        scale={"type": number(float, 1e-9, 1e9), "default": 1.0},
         toward=number(float),
         viewpoint=number(float),
         seed={"type": number(int, 0), "default": 0},

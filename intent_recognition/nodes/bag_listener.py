@@ -18,8 +18,6 @@ from rclpy.type_support import check_is_valid_msg_type
 
 WAIT_NS = 20_000_000
 """Longest time until a new or closed subscription is noticed [ns]. Convention."""
-CATCH_UP_S = 1.0
-"""Longest wait for what was received already [s]. Convention: a full queue takes some 0.1 s."""
 
 
 class BagListener:
@@ -64,7 +62,7 @@ class BagListener:
         """Wait until all that was received before this call is passed on."""
         with self._passed:
             enough = self._passes + 2  # the pass under way may have left a topic behind
-            self._passed.wait_for(lambda: self._passes >= enough or self._ended, CATCH_UP_S)
+            self._passed.wait_for(lambda: self._passes >= enough or self._ended, timeout=1.0)
 
     def close(self) -> None:
         """End the thread and the subscriptions."""

@@ -24,14 +24,8 @@ from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import now_ns, run
 from intent_recognition.nodes.services import serve
 
-IN_MEMORY_BYTES = 2**26
-"""Larger bags are read while they are played [bytes]. Convention."""
-CLOCK_PERIOD_S = 0.01
-"""Time between two messages on /clock while nothing is published [s]. Convention."""
 POLL_PERIOD_S = 0.05
 """Longest time between two looks at pause, stop and rate [s]. Convention."""
-SETTLE_S = 0.2
-"""Wait after the last subscriber was found, so that its side is ready too [s]. Convention."""
 
 
 class _Anchor(NamedTuple):
@@ -134,7 +128,7 @@ class BagPlayer(Node):
     def _load(self) -> Iterable[RawMessage]:
         """The messages in memory, so that reading costs no time later; a stream of big bags."""
         size = sum(f.stat().st_size for f in self._reader.path.glob("*.mcap"))
-        if size > IN_MEMORY_BYTES:
+        if size > 2**26:
             return ()
         messages = list(self._reader.raw_messages(self._outputs))
         gc.freeze()
@@ -224,7 +218,7 @@ class BagPlayer(Node):
             self._publish_clock(log_time_ns - round(recorded_s * 1e9))
             if remaining_s <= 0.0:
                 return True
-            time.sleep(min(remaining_s, CLOCK_PERIOD_S if self._values["clock"] else POLL_PERIOD_S))
+            time.sleep(min(remaining_s, 0.01 if self._values["clock"] else POLL_PERIOD_S))
         return False
 
     def _publish_clock(self, time_ns: int) -> None:
@@ -257,7 +251,7 @@ class BagPlayer(Node):
                 break
             self._stopping.wait(0.01)
         if wait_s > 0.0:
-            self._stopping.wait(min(SETTLE_S, wait_s))
+            self._stopping.wait(min(0.2, wait_s))  # the other side is to be ready, too
         alone = [t for t, p in self._outputs.items() if p.get_subscription_count() == 0]
         if alone:
             self.get_logger().info(f"no subscribers of {', '.join(sorted(alone))}")

@@ -20,8 +20,6 @@ TUBE_ALPHA = 0.15
 
 LINE_WIDTH_M = 0.006
 """Width of both paths [m]. Convention."""
-NEW_MOVEMENT_NS = 500_000_000
-"""Pause between two observations that begins a new path [ns]. Convention."""
 TUBE_FACES = tube_faces().ravel()
 
 
@@ -82,8 +80,8 @@ class MarkerBuilder:
         self._observed.clear()
 
     def observe(self, stamp_ns: int, position: NDArray[np.float64]) -> None:
-        """Remember one observed position (3,) [m]; a pause in them begins a new path."""
-        if abs(stamp_ns - self._last_ns) > NEW_MOVEMENT_NS:
+        """Remember one observed position (3,) [m]; half a second without begins a new path."""
+        if abs(stamp_ns - self._last_ns) > 500_000_000:
             self._observed.clear()
         self._last_ns = stamp_ns
         self._observed.append(position)

@@ -43,8 +43,6 @@ from intent_recognition.tracking import (
     parse_extrinsics,
 )
 
-LOOK_S = 0.05
-"""Time between two looks for transforms that have not come [s]. Convention."""
 MAX_WAITING = 1000
 """Poses of a body that wait for transforms at most. Convention: seconds of a fast tracker."""
 
@@ -77,7 +75,7 @@ class MocapIngest(Node):
         self._tree = TransformTree()
         self._hears = self._wait_s > 0.0 and hear_frames(self, self._tree, self._look)
         if self._hears:
-            self._timer = steady_timer(self, LOOK_S, self._look)
+            self._timer = steady_timer(self, 0.05, self._look)
         self._frames = FrameOutput(self)
         self._frames.send_fixed(
             now_ns(self),

@@ -19,13 +19,9 @@ from intent_recognition.tracking import NOBODY, Identities, IngestSettings, fram
 ANYBODY = "*"
 """Stands for everybody whose topics appear."""
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
-_LOOK_S = 0.5
-"""Time between two looks for new people [s]. Convention."""
 _WAIT_NS = 50_000_000
 """A frame waits for bodies that were seen until now, at most as long as this by the stamps [ns].
 Convention: some frames of a tracker, and shorter than a person reacts."""
-_SET_BACK_NS = 1_000_000_000
-"""Stamps that are earlier by more than this are of a clock that was set back [ns]. Convention."""
 
 
 def named_people(node: Node) -> list[str]:
@@ -74,7 +70,7 @@ def meet_all(
                 node.get_logger().info(f"meets {found[1]}")
                 act(found[1])
 
-    steady_timer(node, _LOOK_S, look)
+    steady_timer(node, 0.5, look)
 
 
 class _Frame(NamedTuple):
@@ -112,7 +108,7 @@ class IdentityInput:
         if not usable or frame not in settings.frames:
             self._send(self._who.get(label) or label, body, measured)  # to be refused
             return
-        if stamp_ns < self._newest_ns - _SET_BACK_NS:
+        if stamp_ns < self._newest_ns - 1_000_000_000:  # a clock was set back
             self.forget()
         self._newest_ns = max(self._newest_ns, stamp_ns)
         if body == self._body:

@@ -44,8 +44,6 @@ from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.transfer_input import TransferInput
 from intent_recognition.promp import Trajectory
 
-_LOOK_S = 0.1
-"""Time between two looks for silent streams [s]. Convention."""
 SILENT_S = 0.6
 """A stream without a message for this long is reported as silent [s]. Convention: with the time
 between two looks, a sender that died is named within 1 s."""
@@ -94,7 +92,7 @@ class PrimitiveActivation(ManagedNode):
         keep_live(self, live_parameters("activation"), self._changed, self._change)
         self._silent, self._refused = "", False
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
-        self._look = steady_timer(self, _LOOK_S, self._look_for_silence)
+        self._look = steady_timer(self, 0.1, self._look_for_silence)
         self.start()
 
     def _meet(self, person: str) -> None:

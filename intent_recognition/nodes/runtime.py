@@ -25,20 +25,17 @@ from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
 from intent_recognition.errors import ArgumentError, IntentError, nearest, one_line
+from intent_recognition.interrupts import SAME_S
 from intent_recognition.nodes.parameter_sources import COMMAND_LINE, parameter_sources
 
 SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""
-SAME_SIGNAL_S = 1.0
-"""Signals that come within this time of the first are one request to end [s]. Convention."""
 END_S = 30.0
 """A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
 closing any file takes."""
 LARGEST_BACK_S = 0.1
 """/clock may go back by this [s] and be the same. Convention: more than jitter, less than a pass
 of any recording."""
-LEFT_OVER_S = 1.0
-"""How long after such a jump messages from before may still arrive [s]. Convention."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
 QOS = "qos_overrides"
@@ -59,7 +56,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     or by raising an IntentError; an attribute `exit_code` on the node, if any, is returned.
     SIGINT and SIGTERM end it with 0, once it is built and the callback in hand is done: an
     interrupt raised inside a callback would leave a traceback and lose what it was writing. A
-    terminal and launch both send one, so that a second one within `SAME_SIGNAL_S` is the same;
+    terminal and launch both send one, so that a second one within `SAME_S` is the same;
     a later one interrupts at once.
 
     Args:
@@ -168,7 +165,7 @@ def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
 
 
 class LeftOvers:
-    """Messages of the pass before /clock went back: other topics may bring them after it.
+    """Messages of the pass before /clock went back: for a second other topics may bring some.
 
     Args:
         last_ns: stamp of the last message used before it, by stream [ns].
@@ -176,7 +173,7 @@ class LeftOvers:
 
     def __init__(self, last_ns: Mapping[Any, int]):
         self._last_ns = dict(last_ns)
-        self._end_s = time.monotonic() + LEFT_OVER_S
+        self._end_s = time.monotonic() + 1.0
 
     def include(self, stream: Hashable, stamp_ns: int) -> bool:
         """Whether a message goes on where the stream was; false from the first that does not."""
@@ -289,7 +286,7 @@ class _Signals:
         now_s = time.monotonic()
         if not self.received:
             self.received, self._first_s = True, now_s
-        elif now_s - self._first_s > SAME_SIGNAL_S:
+        elif now_s - self._first_s > SAME_S:
             raise KeyboardInterrupt
 
 

@@ -12,8 +12,6 @@ from intent_recognition.errors import MessageError
 from intent_recognition.nodes.conversions import orientation_array, position_array
 from intent_recognition.warping import Emptying, PouringParameters, References, SeenContainer
 
-SHORTEST_QUATERNION = 1e-6
-"""Norm below which a quaternion is no rotation. Convention."""
 PERCENTS = tuple(range(100, 0, -5))
 """Shares of the volume whose tilts are told [%]. Convention: between them 0.5 % of it are lost."""
 EMPTY_NAME = "tilt_empty_rad"
@@ -59,7 +57,7 @@ def seen_container(vector: JointState, pose: PoseStamped) -> SeenContainer:
         return found
 
     turn, place = orientation_array(pose.pose), position_array(pose.pose)
-    if not (np.isfinite([*turn, *place]).all() and np.linalg.norm(turn) > SHORTEST_QUATERNION):
+    if not (np.isfinite([*turn, *place]).all() and np.linalg.norm(turn) > 1e-6):
         cure = "Take that of object_warper."
         got = f"{place.tolist()}, {turn.tolist()}"
         raise MessageError.about("object/pose", "a finite place and a rotation", got, cure)

@@ -43,8 +43,6 @@ FRESH_S = 0.5
 AGAIN_S = 1.0
 """A step that could not begin is ordered again after this [s]. Convention: often enough for a
 person, rare enough for the log."""
-N_POINTS = 50
-"""Points of a path that is executed without being recognised. Convention: as of a prediction."""
 
 MakePath = Callable[[Trajectory], JointPath]
 FindArm = Callable[[], Arm | None]
@@ -150,7 +148,7 @@ class SequenceRunner:
                 replace(point, task=task) for point in self._points if point.task in ("", task)
             ]
             bent = bend_all(library, points, arm() if points else None)
-            trajectory = bent.primitive(number).predict_controlled(N_POINTS)
+            trajectory = bent.primitive(number).predict_controlled(50)
             end_std = largest_by_unit(trajectory.std[-1], library.controlled_units)
             return PredictedInteraction(task, 0, make_path(trajectory), end_std)
         except IntentError as error:

@@ -38,8 +38,6 @@ REFUSED = "refused"
 """Key of the diagnostics: why the last pour asked for was refused; empty where it was not."""
 SHIPPED = "config/skills/pouring.npz"
 """What was learned from `bags/pouring/train`."""
-RATE_HZ = 25.0
-"""Task messages a second [Hz]. Convention: those of the estimator."""
 DELAY_NS = 500_000_000
 """From a request to the onset of the pour [ns]. Convention: more than a decision takes."""
 WATCH_NS = 1_000_000_000
@@ -80,7 +78,7 @@ class WarpedPrimitiveNode(Node):
         self._trajectory = self.create_publisher(
             JointTrajectory, "intent/robot_trajectory", qos.COMMAND
         )
-        self._timer = self.create_timer(1.0 / RATE_HZ, self._on_timer)
+        self._timer = self.create_timer(0.04, self._on_timer)  # as often as the estimator
 
     def _keep(self, table: dict, name: str, message: Any) -> None:
         table[name] = message
