@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ModelError, describe
+from intent_recognition.errors import ArgumentError, ModelError, describe
 
 MOST_TEXT = 4_000_000
 """Bytes of a YAML or JSON text. Convention: the metadata of a thousand topics take 0.7 MB."""
@@ -71,6 +71,18 @@ def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise UntrustedError(str(error)) from error
+
+
+def read_named(path: Path, argument: str, cure: str) -> str:
+    """The text of the file that an argument names.
+
+    Raises:
+        ArgumentError: there is none that could be used.
+    """
+    try:
+        return read_text(path)
+    except (OSError, UntrustedError) as error:
+        raise ArgumentError.about(argument, "a file of YAML", error, cure) from error
 
 
 def read_log(path: Path, start: int = 0) -> bytes:

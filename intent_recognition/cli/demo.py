@@ -18,7 +18,7 @@ from intent_recognition.composing import read_sequences
 from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
 from intent_recognition.model import load_model, load_trained
-from intent_recognition.untrusted import UntrustedError, read_text
+from intent_recognition.untrusted import read_named
 
 if TYPE_CHECKING:
     from intent_recognition.evaluation import InteractionRecord
@@ -214,11 +214,7 @@ def _check(args: argparse.Namespace) -> None:
         cure = "Write its path."
         raise ArgumentError.about("--params", "a YAML file", args.params, cure)
     if args.sequences is not None:
-        try:
-            read_sequences(read_text(args.sequences))
-        except (OSError, UntrustedError) as error:
-            cure = "Write its path."
-            raise ArgumentError.about("--sequences", "a YAML file", error, cure) from error
+        read_sequences(read_named(args.sequences, "--sequences", "Write its path."))
     if args.model is not None:
         (load_trained if args.dashboard else load_model)(args.model)
     if args.dashboard:

@@ -3,7 +3,7 @@
 
 import argparse
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -11,7 +11,7 @@ from rich.progress import track
 
 from intent_recognition.bags import cure_of
 from intent_recognition.cli import output
-from intent_recognition.cli.console import busy, escape, make_console, plain_table, print_facts
+from intent_recognition.cli.console import escape, make_console, plain_table, print_facts
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
 from intent_recognition.cli.options import Subparsers, add_command
@@ -92,15 +92,11 @@ def run(args: argparse.Namespace) -> int:
         tasks = {label: [one._asdict() for one in periods] for label, periods in skills.items()}
         content.append({"path": str(path), "tasks": tasks})
         _print_tasks(console, path, skills)
-    failed = False
-    is_one = len(bags) == 1 and bags == sources
-    if is_one:
-        one, failed = _inspect_one(console, bags[0], dofs)
-        content.append(one)
-    elif bags:
+    failed, is_one = False, len(bags) == 1 and bags == sources
+    if bags:
         root = Path(os.path.commonpath(sources))
         root = root.parent if root in bags else root
-        listed, failed = _inspect_several(console, root, bags, dofs)
+        listed, failed = _inspect_bags(console, root, bags, dofs, is_one)
         content += listed
     alone = len(args.paths) == 1 and (models or folders or is_one)
     output.write_json(args.json, content[0] if alone else content)
@@ -118,21 +114,13 @@ def _bags_of(source: Path) -> list[Path]:
     return bags
 
 
-def _inspect_one(console: Console, path: Path, dofs: DofSpec | None) -> tuple[object, bool]:
-    """Print one recording; its JSON object, and whether it is damaged."""
-    with busy(Console(stderr=True), "reading"):
-        summary = inspect_bag(path)
-        faults = _stream_faults([(path, summary)], path.parent, dofs)
-    print_bag(console, summary)
-    _print_faults(console, faults)
-    streams = {"streams": [f.reason for f in faults[path]]}
-    return bag_json(summary) | streams, bool(summary.damage)
-
-
-def _inspect_several(
-    console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None
+def _inspect_bags(
+    console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None, is_one: bool
 ) -> tuple[list[object], bool]:
-    """One line and JSON object per bag, an unreadable one too; whether one is damaged."""
+    """All about one bag, or a line for each; their JSON objects, and whether one is damaged.
+
+    One alone that cannot be read is an error.
+    """
     found: list[tuple[Path, BagSummary | BagError]] = []
     stderr = Console(stderr=True)
     for bag in track(
@@ -141,10 +129,15 @@ def _inspect_several(
         try:
             found.append((bag, inspect_bag(bag)))
         except BagError as error:
+            if is_one:
+                raise
             found.append((bag, error))
     faults = _stream_faults(found, root, dofs)
-    print_folder(console, root, found)
-    _print_faults(console, faults)
+    if is_one and isinstance(summary := found[0][1], BagSummary):
+        print_bag(console, summary)
+    else:
+        print_folder(console, root, found)
+    print_doubtful(console, [fault for faulty in faults.values() for fault in faulty])
     listed: list[object] = [
         bag_json(got) | {"streams": [f.reason for f in faults[bag]]}
         if isinstance(got, BagSummary)
@@ -178,10 +171,6 @@ def _stream_faults(
     for doubt in stream_doubts(correlations):
         faults[owner[doubt.name]].append(doubt)
     return faults
-
-
-def _print_faults(console: Console, faults: Mapping[Path, Sequence[StreamFinding]]) -> None:
-    print_doubtful(console, [fault for found in faults.values() for fault in found])
 
 
 def _print_tasks(console: Console, path: Path, skills: dict[str, list[SkillPeriod]]) -> None:

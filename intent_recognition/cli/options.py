@@ -158,29 +158,24 @@ def a_path(text: str) -> Path:
     return Path(text)
 
 
-def topic_name(text: str) -> str:
-    """The `type` of an option that takes the name of a topic."""
-    if not re.fullmatch(NAME, text, re.ASCII):
-        raise argparse.ArgumentTypeError(
-            f"expected a topic such as /joint_states, of letters, digits, _ and /, got {text!r}"
-        )
-    return text
+def matching(pattern: str, expected: str) -> Callable[[str], str]:
+    """The `type` of an option whose whole text matches a pattern."""
+
+    def read(text: str) -> str:
+        if not re.fullmatch(pattern, text, re.ASCII):
+            raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}")
+        return text
+
+    return read
 
 
-def _namespace(text: str) -> str:
-    if not re.fullmatch(rf"/*(?:{PART}(?:/{PART})*)?/*", text, re.ASCII):
-        raise argparse.ArgumentTypeError(
-            f"expected a namespace such as /cell_1, of letters, digits, _ and /, got {text!r}"
-        )
-    return text
-
-
-def _remapping(text: str) -> str:
-    if not re.fullmatch(rf"(?:(?!:=)\S)+:={NAME}", text, re.ASCII):
-        raise argparse.ArgumentTypeError(
-            f"expected FROM:=TO, such as /mocap/wrist/pose:=/vrpn/wrist/pose, got {text!r}"
-        )
-    return text
+topic_name = matching(NAME, "a topic such as /joint_states, of letters, digits, _ and /")
+_namespace = matching(
+    rf"/*(?:{PART}(?:/{PART})*)?/*", "a namespace such as /cell_1, of letters, digits, _ and /"
+)
+_remapping = matching(
+    rf"(?:(?!:=)\S)+:={NAME}", "FROM:=TO, such as /mocap/wrist/pose:=/vrpn/wrist/pose"
+)
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,6 @@ from intent_recognition.cli.options import Subparsers, a_path, add_command, numb
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.durable import write_text
-from intent_recognition.errors import ArgumentError
 from intent_recognition.plans import (
     Assembly,
     DoneTask,
@@ -26,7 +25,7 @@ from intent_recognition.plans import (
     write_plan,
 )
 from intent_recognition.recognition import FORGET_AFTER_S
-from intent_recognition.untrusted import UntrustedError, read_text
+from intent_recognition.untrusted import read_named
 
 YAML = (".yaml", ".yml")
 
@@ -137,8 +136,4 @@ def _assemblies(paths: Sequence[Path], pause_s: float, console: Console) -> tupl
 
 
 def _text(path: Path) -> str:
-    try:
-        return read_text(path)
-    except (OSError, UntrustedError) as error:
-        cure = "Name a YAML file (docs/plans.md)."
-        raise ArgumentError.about(str(path), "a YAML file", error, cure) from error
+    return read_named(path, str(path), "Name a YAML file (docs/plans.md).")

@@ -15,7 +15,7 @@ from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.services import serve
 from intent_recognition.plans import WorkPlan, WorkProgress, read_plan, write_plan
 from intent_recognition.recognition import IntentEstimator
-from intent_recognition.untrusted import UntrustedError, read_text
+from intent_recognition.untrusted import read_named
 
 PLAN = "plan"
 """The parameter that names it."""
@@ -94,8 +94,5 @@ def _read(text: str) -> WorkPlan | None:
         return None
     if "\n" in text:
         return read_plan(text)
-    try:
-        return read_plan(read_text(Path(text)))
-    except (OSError, UntrustedError) as error:
-        cure = "Name a file of `intent plan learn`, or give its YAML."
-        raise ArgumentError.about(PLAN, "a file", error, cure) from error
+    cure = "Name a file of `intent plan learn`, or give its YAML."
+    return read_plan(read_named(Path(text), PLAN, cure))

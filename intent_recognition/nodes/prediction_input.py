@@ -23,28 +23,6 @@ class RejectionError(IntentError):
         self.reason = reason
 
 
-def check_trajectory(
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    rest: Mapping[str, NDArray[np.float64]],
-) -> None:
-    """Raise what is wrong with a predicted trajectory, under the reason it is counted by."""
-    if len(times_s) < 2:
-        raise RejectionError("too_few_points", f"intent/robot_trajectory of {len(times_s)} points")
-    arrays = (times_s, positions, *rest.values())
-    if not all(np.all(np.isfinite(array)) for array in arrays):
-        raise RejectionError("not_finite", "intent/robot_trajectory holds NaN or infinity")
-    if times_s[0] < 0.0 or np.min(np.diff(times_s)) <= 0.0:
-        raise RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
-
-
-def std_by_unit(std: NDArray[np.float64], of_hand: bool) -> dict[str, float]:
-    """The largest standard deviation of each unit, of joints or of the numbers of a hand (d,)."""
-    n_metres = len(POSITION_FIELDS) if of_hand else 0
-    parts = {"m": std[:n_metres], "rad": std[n_metres:]}
-    return {unit: float(part.max()) for unit, part in parts.items() if part.size}
-
-
 class PredictionNumbers(NamedTuple):
     """What a message with a prediction holds.
 
@@ -78,8 +56,17 @@ def read_prediction(message: JointTrajectory) -> PredictionNumbers:
     if not label:
         raise RejectionError("no_task", "intent/robot_trajectory without a task in frame_id")
     times_s, positions, rest = trajectory_arrays(message)
-    check_trajectory(times_s, positions, rest)
-    end_std = std_by_unit(rest["effort"][-1], of_hand) if "effort" in rest else None
+    if len(times_s) < 2:
+        raise RejectionError("too_few_points", f"intent/robot_trajectory of {len(times_s)} points")
+    if not all(np.all(np.isfinite(array)) for array in (times_s, positions, *rest.values())):
+        raise RejectionError("not_finite", "intent/robot_trajectory holds NaN or infinity")
+    if times_s[0] < 0.0 or np.min(np.diff(times_s)) <= 0.0:
+        raise RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
+    end_std = None
+    if "effort" in rest:
+        std, n_metres = rest["effort"][-1], len(POSITION_FIELDS) if of_hand else 0
+        parts = {"m": std[:n_metres], "rad": std[n_metres:]}
+        end_std = {unit: float(part.max()) for unit, part in parts.items() if part.size}
     onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(times_s[0]) * 1e9)
     return PredictionNumbers(
         label, onset_ns, of_hand, times_s, positions, rest.get("velocities"), end_std

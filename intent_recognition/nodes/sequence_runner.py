@@ -36,7 +36,7 @@ from intent_recognition.nodes.diagnostics import Diagnostics, key_values
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import when_clock_goes_back
 from intent_recognition.promp import TaskLibrary, Trajectory, largest_by_unit
-from intent_recognition.untrusted import UntrustedError, read_text
+from intent_recognition.untrusted import read_named
 
 FRESH_S = 0.5
 """A place that was measured longer ago is not known any more [s]. Convention."""
@@ -79,11 +79,7 @@ class SequenceRunner:
             return
         if library is None:
             raise ArgumentError.about("sequences", "a model", "none", "Set the parameter model.")
-        try:
-            text = read_text(Path(self._path))
-        except (OSError, UntrustedError) as error:
-            cure = "Name a YAML file."
-            raise ArgumentError.about("sequences", "a file", error, cure) from error
+        text = read_named(Path(self._path), "sequences", "Name a YAML file.")
         self._library, self._sequences = library, read_sequences(text, library.labels)
         steps = [step for steps in self._sequences.values() for step in steps]
         for body in sorted({step.when.body for step in steps} - {""}):
