@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 _WINDOW_NS = 2_000_000_000
 """The offset is the least of two windows of this length [ns]. Convention: at 10 Hz 20 messages,
 the quickest of which is not late."""
-_TELLING_RAD = 0.02
+TELLING_RAD = 0.02
 """Difference of two references that tells which of both an arm follows [rad]. Convention: several
 times the noise of encoders, less than what an arm lags behind."""
 
@@ -50,7 +50,7 @@ class ArmClock:
         at_arrival: NDArray[np.float64],
     ) -> None:
         """Take where the arm was measured, and its references at the stamp and less the offset."""
-        if np.abs(at_stamp - at_arrival).max() < _TELLING_RAD:
+        if np.abs(at_stamp - at_arrival).max() < TELLING_RAD:
             return
         by_stamp, by_arrival = (np.abs(position - q).max() for q in (at_stamp, at_arrival))
         if min(by_stamp, by_arrival) < 0.5 * max(by_stamp, by_arrival):

@@ -2,14 +2,13 @@
 """Where the arm is asked to be and where it is: the commands in force, the joints measured."""
 
 from collections import deque
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.arm_clock import ArmClock
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.arm_clock import TELLING_RAD, ArmClock
+from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.motion import JointReference
 
@@ -19,22 +18,12 @@ a graph differ by less."""
 HELD_WITHIN_RAD = 0.05
 """An arm at rest farther from its reference than this in a joint [rad] was moved by others.
 Convention: 3 degrees, more than an arm sags."""
-SAME_POSTURE_RAD = 1e-3
-"""Postures nearer than this in every joint [rad] are the same. Convention: about 1 mm at the
-hand."""
-TELLING_RAD = 0.02
-"""A measured arm farther than this in a joint [rad] from its reference, and less than half as far
-from the one before, has not got the command. Convention: as for clocks, `ArmClock`."""
 LARGEST_LATENESS_NS = 500_000_000
 """Commands later than this [ns] count as lost. Convention: above the delays of networks on which
 an arm should move."""
-_LATENESS_MARGIN = 1.5
-"""Commands lead by so many times the lateness more. Convention: latencies vary."""
 _SLIVER_NS = 1_000_000
 """Samples nearer than this [ns] to a switch are left out. Numerical safeguard: differences of
 positions are divided by the square of it."""
-_FORGET = 0.9
-"""What is left of the lateness at the next motion from rest. Convention."""
 _SETTLING_NS = 500_000_000
 """Time an arm needs to settle after the end of a command [ns]. Convention."""
 _REST_WINDOW_NS = 100_000_000
@@ -61,9 +50,8 @@ class ArmTracking:
         clock: how the stamps of joint states relate to ours.
     """
 
-    def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self.settings = settings
-        self._reject = reject
+    def __init__(self, common: Common):
+        self._common, self._reject = common, common.reject
         self.forget_joints()
         self.forget_commands()
 
@@ -106,7 +94,7 @@ class ArmTracking:
             asked = self._reference(stamp_ns), self._reference(stamp_ns + self.clock.offset_ns)
             if asked[0] is not None and asked[1] is not None:
                 self.clock.compare(position, asked[0].position, asked[1].position)
-            age_ns = self.settings.max_joint_state_age_s * 1e9
+            age_ns = self._common.settings.max_joint_state_age_s * 1e9
             time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
@@ -156,7 +144,7 @@ class ArmTracking:
     @property
     def clocks(self) -> dict[str, str]:
         """For diagnostics: how late commands are, how far stamps are behind, and ages by what."""
-        by_stamp = self.clock.by_stamp(self.settings.max_joint_state_age_s * 1e9)
+        by_stamp = self.clock.by_stamp(self._common.settings.max_joint_state_age_s * 1e9)
         return {
             "commands late [s]": f"{self.late_ns * 1e-9:.3f}",
             "joint states behind": f"{self.clock.offset_ns * 1e-9:.3f} s",
@@ -175,21 +163,21 @@ class ArmTracking:
 
         Positions are too few, or too old to be of one movement: not known, so not at rest.
         """
-        speed = self.settings.rest_speed_rad_s
+        speed = self._common.settings.rest_speed_rad_s
         if measured.velocity is not None:
             return bool(np.abs(measured.velocity).max() <= speed)
         times_ns, positions = zip(*self._recent_positions, strict=True)
         span_ns = times_ns[-1] - times_ns[0]
         gap_ns = max(np.diff(times_ns), default=span_ns)
-        if span_ns < _REST_WINDOW_NS or gap_ns > self.settings.max_joint_state_age_s * 1e9:
+        if span_ns < _REST_WINDOW_NS or gap_ns > self._common.settings.max_joint_state_age_s * 1e9:
             return False
         return bool(np.ptp(np.array(positions), axis=0).max() <= speed * span_ns * 1e-9)
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
         """Note that a command holds from its start on; returns it as it is to be sent."""
         if not self.under_way(now_ns):
-            self.late_ns = round(_FORGET * self.late_ns)
-        elif command.start_ns - now_ns > 2e9 * self.settings.command_period_s:
+            self.late_ns = round(0.9 * self.late_ns)
+        elif command.start_ns - now_ns > 2e9 * self._common.settings.command_period_s:
             command = command._replace(before=self._samples(now_ns, command.start_ns))
         self.current = command
         self._history.append(command)
@@ -226,7 +214,7 @@ class ArmTracking:
 
         The lead grows with the lateness of commands, so that the next ones are in time.
         """
-        ahead = now_ns + round(self.settings.lead_s * 1e9 + _LATENESS_MARGIN * self.late_ns)
+        ahead = now_ns + round(self._common.settings.lead_s * 1e9 + 1.5 * self.late_ns)
         return ahead if self.current is None else max(ahead, self.current.start_ns)
 
     def phase(self, now_ns: int) -> float:
@@ -247,7 +235,7 @@ class ArmTracking:
 
     def is_update_due(self, now_ns: int) -> bool:
         """Whether a running plan may be updated again, but for the jitter of a timer."""
-        return now_ns - self.last_command_ns >= 0.9 * self.settings.command_period_s * 1e9
+        return now_ns - self.last_command_ns >= 0.9 * self._common.settings.command_period_s * 1e9
 
     def fresh(self, now_ns: int) -> bool:
         """Whether the measured arm is recent; reported once for each joint state that is not."""
@@ -261,7 +249,7 @@ class ArmTracking:
     def _is_near(self, measured: Measured) -> bool:
         """Whether the measured arm is near its reference then; reported once a command."""
         error = self._error(measured)
-        if error <= self.settings.max_tracking_error_rad:
+        if error <= self._common.settings.max_tracking_error_rad:
             return True
         text = f"arm is {error:.2f} rad off its reference"
         self._report_once("arm_off_reference", self.last_command_ns, text)
@@ -285,7 +273,7 @@ class ArmTracking:
             return None
         if current is not None:
             settled = measured.time_ns > current.end_ns + _SETTLING_NS
-            largest = self.settings.max_tracking_error_rad
+            largest = self._common.settings.max_tracking_error_rad
             if self._error(measured) <= (min(largest, HELD_WITHIN_RAD) if settled else largest):
                 return current.at(start_ns)
         if self.under_way(now_ns):
@@ -301,7 +289,7 @@ class ArmTracking:
     def _recent(self, now_ns: int) -> Measured | None:
         """The measured arm, None where it is stale."""
         measured = self._measured
-        age_ns = self.settings.max_joint_state_age_s * 1e9
+        age_ns = self._common.settings.max_joint_state_age_s * 1e9
         if measured is not None and now_ns - measured.time_ns <= age_ns:
             return measured
         old = f" for {(now_ns - measured.time_ns) * 1e-9:.2f} s" if measured else ""
@@ -332,4 +320,4 @@ class ArmTracking:
 
 def same_posture(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     """Whether two postures (n,) [rad] are as good as the same."""
-    return bool(np.abs(a - b).max() <= SAME_POSTURE_RAD)
+    return bool(np.abs(a - b).max() <= 1e-3)  # about 1 mm at the hand

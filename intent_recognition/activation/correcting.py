@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A person moves the arm while it executes: whether, where it yields to, how it goes on."""
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.arm_tracking import ArmTracking, same_posture
-from intent_recognition.activation.motions import Motions
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.arm_tracking import same_posture
+from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.states import (
     ActiveInteraction,
     Executing,
@@ -31,11 +29,9 @@ from intent_recognition.motion import (
 class Correcting:
     """Compares the measured arm with its reference, where `settings.correction` asks for it."""
 
-    def __init__(
-        self, settings: ActivationSettings, arm: ArmTracking, motions: Motions, counts: Counter[str]
-    ) -> None:
-        self.settings = settings
-        self._arm, self._motions, self._counts = arm, motions, counts
+    def __init__(self, parts: Parts) -> None:
+        self._common, self._counts = parts.common, parts.counts
+        self._arm, self._motions = parts.arm, parts.motions
         self._forget()
 
     def _forget(self) -> None:
@@ -45,14 +41,14 @@ class Correcting:
 
     def observe(self) -> None:
         """Look at the newest joint state."""
-        compared, correction = self._arm.compared(), self.settings.correction
+        compared, correction = self._arm.compared(), self._common.settings.correction
         if compared is None or correction is None:
             self._forget()
             return
         measured, reference = compared
         position, time_ns, detector = measured.position, measured.time_ns, correction.detector
         error_rad = np.abs(position - reference.position).max()
-        self._off = bool(error_rad > self.settings.max_tracking_error_rad)
+        self._off = bool(error_rad > self._common.settings.max_tracking_error_rad)
         if not (self._off or detector.deviates(position, reference)):
             self._pushed_since_ns = None
         elif self._pushed_since_ns is None:
@@ -69,7 +65,7 @@ class Correcting:
 
     def pushed(self, now_ns: int) -> bool:
         """Whether somebody has pushed the arm for long enough; not where nothing is asked of it."""
-        correction = self.settings.correction
+        correction = self._common.settings.correction
         if correction is None or self._arm.current is None or not self._arm.fresh(now_ns):
             return False
         return self._off or _lasts(self._pushed_since_ns, now_ns, correction.detector.sustained_s)
@@ -84,7 +80,7 @@ class Correcting:
         self, now_ns: int, state: Yielding, newest: PredictedInteraction | None
     ) -> Transition | str:
         """Follow the person who leads the arm, and go on once it was left; or why to stop."""
-        compared, correction = self._arm.compared(), self.settings.correction
+        compared, correction = self._arm.compared(), self._common.settings.correction
         if compared is None or correction is None or not self._arm.fresh(now_ns):
             return "stale_joint_states"
         measured, reference = compared

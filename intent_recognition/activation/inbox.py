@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The estimator inbox: task probabilities, what they decide, and the newest prediction."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import ActiveInteraction, PredictedInteraction
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import (
@@ -72,8 +72,8 @@ class EstimatorInbox:
         idle_since_ns: stamp of the first observation that found the human at rest again.
     """
 
-    def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self.settings, self._reject = settings, reject
+    def __init__(self, common: Common):
+        self._common, self._reject = common, common.reject
         self.forget()
 
     def forget(self) -> None:
@@ -96,7 +96,7 @@ class EstimatorInbox:
 
     def silent(self, now_ns: int) -> bool:
         """Whether no observation has come for too long."""
-        return now_ns - self._received_ns > self.settings.timeout_s * 1e9
+        return now_ns - self._received_ns > self._common.settings.timeout_s * 1e9
 
     def is_ahead(self, now_ns: int, stamp_ns: int, topic: str) -> bool:
         """Whether a message is from the future; such a one is rejected."""
@@ -150,9 +150,6 @@ class EstimatorInbox:
         Several bodies measured at one time give several estimates with one stamp, which differ
         during a movement and agree at rest. A repeated estimate during a movement means that the
         sender is stuck. Only a later stamp ends a silence.
-
-        Raises:
-            IntentError: they are not probabilities; nothing has changed.
         """
         estimate = _Estimate(labels, probabilities, log_evidence)
         if stamp_ns <= 0:
@@ -175,7 +172,7 @@ class EstimatorInbox:
         if self.prediction is not None and 0 < len(labels) == len(probabilities):
             best = labels[int(np.argmax(probabilities))]
             end_std = self.prediction.end_std if best == self.prediction.label else None
-        settings = self.settings.decision
+        settings = self._common.settings.decision
         state, _ = decide(settings, self.decision, labels, probabilities, end_std, log_evidence)
         if state.idle and not self.decision.idle:
             self.idle_since_ns = stamp_ns
@@ -203,7 +200,7 @@ class EstimatorInbox:
         """Keep what to begin without recognition, unless its end is too uncertain."""
         if prediction is not None:
             label, end_std = prediction.label, prediction.end_std
-            if not is_certain(self.settings.decision, end_std, label):
+            if not is_certain(self._common.settings.decision, end_std, label):
                 self._reject("uncertain_end", f"{label} does not begin unrecognised: {end_std}")
                 prediction = None
         self.ordered = prediction
@@ -214,7 +211,7 @@ class EstimatorInbox:
             self._reject("zero_stamp", "intent/robot_trajectory without a stamp")
         elif self.is_ahead(now_ns, prediction.onset_ns, "intent/robot_trajectory"):
             pass
-        elif now_ns - prediction.end_ns > self.settings.max_lateness_s * 1e9:
+        elif now_ns - prediction.end_ns > self._common.settings.max_lateness_s * 1e9:
             late_s = (now_ns - prediction.end_ns) * 1e-9
             self._reject("outdated", f"intent/robot_trajectory was over {late_s:.1f} s ago")
         else:

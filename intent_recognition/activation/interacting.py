@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """An interaction begins when a task is active, and follows the newest prediction of it."""
 
-from collections import Counter
 from dataclasses import replace
 from typing import NamedTuple
 
-from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.inbox import EstimatorInbox
-from intent_recognition.activation.motions import Motions
-from intent_recognition.activation.people import People
-from intent_recognition.activation.pretrigger import Pretrigger
+from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.states import (
     ActiveInteraction,
     Arrived,
@@ -52,17 +48,9 @@ class Interacting:
     after the movement, since things and people move.
     """
 
-    def __init__(
-        self,
-        arm: ArmTracking,
-        motions: Motions,
-        people: People,
-        waiting: Waiting,
-        pretrigger: Pretrigger,
-        counts: Counter[str],
-    ) -> None:
-        self._arm, self._motions, self._people = arm, motions, people
-        self._waiting, self._pretrigger, self._counts = waiting, pretrigger, counts
+    def __init__(self, parts: Parts, waiting: Waiting) -> None:
+        self._parts, self._waiting, self._counts = parts, waiting, parts.counts
+        self._arm, self._motions, self._pretrigger = parts.arm, parts.motions, parts.pretrigger
         self._blocked: _Blocked | None = None
 
     @property
@@ -77,22 +65,17 @@ class Interacting:
         """Wait for nothing."""
         self._blocked = None
 
-    @property
-    def _inbox(self) -> EstimatorInbox:
-        """Of whom the arm attends to."""
-        return self._people.inbox
-
     def begin(self, now_ns: int) -> Transition | None:
         """Start the active task, if there is one to start and it can be started."""
-        prediction = self._inbox.startable(now_ns) or self._waited_for(now_ns)
+        prediction = self._parts.inbox.startable(now_ns) or self._waited_for(now_ns)
         if prediction is None:
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.start_reference(now_ns, start_ns)
-        self._inbox.unused, self._inbox.refused = False, True
+        self._parts.inbox.unused, self._parts.inbox.refused = False, True
         if start is None:
             return None
-        self._inbox.ordered = None
+        self._parts.inbox.ordered = None
         if self._waiting.home is None:
             self._waiting.home = start.position
         command = self._motions.interact(now_ns, prediction, start_ns, start)
@@ -103,25 +86,29 @@ class Interacting:
         if self._pretrigger.label:
             right = self._pretrigger.label == prediction.label
             self._counts["pretrigger right" if right else "pretrigger wrong"] += 1
-        self._inbox.refused = False
+        self._parts.inbox.refused = False
         self._pretrigger.interaction_began()
-        self._inbox.mark_served(None)
+        self._parts.inbox.mark_served(None)
         self._counts["started"] += 1
-        ordered = not self._inbox.decision.active
+        ordered = not self._parts.inbox.decision.active
         interaction = ActiveInteraction(prediction, now_ns, ordered=ordered)
         return Transition(Executing(interaction), command)
 
     def _wait(self, now_ns: int, prediction: PredictedInteraction) -> None:
         """Try again later, where something is in the way."""
-        clearance, blocked = self._motions.settings.clearance, self._blocked
+        clearance, blocked = self._parts.settings.clearance, self._blocked
         if clearance is None or (blocked is None and self._motions.things.obstruction is None):
             return
         until_ns = now_ns + round(1e9 * clearance.wait_s)
-        if blocked is None or blocked.inbox is not self._inbox or blocked.label != prediction.label:
+        if (
+            blocked is None
+            or blocked.inbox is not self._parts.inbox
+            or blocked.label != prediction.label
+        ):
             self._counts["waited"] += 1
-        elif not self._inbox.decision.active:
+        elif not self._parts.inbox.decision.active:
             until_ns = blocked.until_ns
-        self._blocked = _Blocked(self._inbox, prediction, now_ns, until_ns)
+        self._blocked = _Blocked(self._parts.inbox, prediction, now_ns, until_ns)
 
     def _waited_for(self, now_ns: int) -> PredictedInteraction | None:
         """What to try again now; refused where another task has begun or it has waited in vain."""
@@ -133,18 +120,18 @@ class Interacting:
             self._motions.things.refuse(label)
             self._blocked = None
             return None
-        due = now_ns - blocked.tried_ns >= _RETRY_NS and blocked.inbox is self._inbox
-        return blocked.prediction if due and not self._inbox.silent(now_ns) else None
+        due = now_ns - blocked.tried_ns >= _RETRY_NS and blocked.inbox is self._parts.inbox
+        return blocked.prediction if due and not self._parts.inbox.silent(now_ns) else None
 
     def follow(self, state: Executing | Arrived, now_ns: int) -> Transition:
         """Follow the newest prediction of the running task, if it is time for an update."""
-        inbox, arm, current = self._inbox, self._arm, self._arm.current
+        inbox, arm, current = self._parts.inbox, self._arm, self._arm.current
         label, prediction = state.interaction.prediction.label, inbox.prediction
         if not (arm.is_update_due(now_ns) and inbox.unused) or state.interaction.over:
             return Transition(state, self._motions.keep_pace(now_ns))
         if prediction is None or current is None or prediction.label != label:
             return Transition(state)
-        if self._inbox.decision.active != label or not arm.follows(now_ns):
+        if self._parts.inbox.decision.active != label or not arm.follows(now_ns):
             return Transition(state)
         start_ns = arm.switch_ns(now_ns)
         start, progress = current.at(start_ns), current.phase_at(start_ns)

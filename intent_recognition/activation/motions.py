@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands of the activation, planned from the motion under way."""
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,10 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import ArmTracking
-from intent_recognition.activation.settings import ActivationSettings
-from intent_recognition.activation.states import Command, PredictedInteraction
+from intent_recognition.activation.settings import Common
+from intent_recognition.activation.states import (
+    Command,
+    PlannedWay,
+    PredictedInteraction,
+    TaskPath,
+)
 from intent_recognition.activation.things import Things
-from intent_recognition.activation.ways import PlannedWay, TaskPath
 from intent_recognition.motion import (
     BEGINNING,
     Clearance,
@@ -33,8 +36,6 @@ from intent_recognition.motion import (
     stop_plan,
 )
 
-_N_SLOWED = 6
-"""Further plans tried until one keeps the speeds permitted near people. Convention."""
 _HEADROOM = 0.93
 """Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
 Convention: the first or second further plan mostly keeps it."""
@@ -53,22 +54,16 @@ class Motions:
         things: what is in the way of motions.
     """
 
-    def __init__(
-        self,
-        settings: ActivationSettings,
-        arm: ArmTracking,
-        reject: Callable[[str, str], None],
-        counts: Counter[str],
-    ):
-        self.settings, self._arm = settings, arm
-        self._reject, self._counts = reject, counts
+    def __init__(self, common: Common, arm: ArmTracking):
+        self._common, self._arm = common, arm
+        self._reject, self._counts = common.reject, common.counts
         self._followed: TaskPath | None = None
         self._way: PlannedWay | None = None
         self._paced_by: tuple[PredictedPerson, ...] = ()
         self._clear_of: Clearance | None = None
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
-        self.things = Things(arm, reject, counts)
+        self.things = Things(common, arm)
 
     def interact(
         self,
@@ -79,19 +74,10 @@ class Motions:
         progress: PhaseState = BEGINNING,
         vias: tuple[Via, ...] = (),
     ) -> Command | None:
-        """Follow a prediction from a reference on; None where no plan keeps the limits, or clear.
-
-        Args:
-            now_ns: now.
-            prediction: what to follow.
-            start_ns: when the command takes over.
-            start: the reference then.
-            progress: how much of it is done then.
-            vias: corrections, which the prediction is conditioned on.
-        """
-        if vias and self.settings.correction is not None:
-            path = self.settings.correction.corrected(
-                prediction.path, prediction.label, vias, self.settings.limits
+        """Follow a prediction from a reference on; None where no plan keeps limits, or clear."""
+        if vias and self._common.settings.correction is not None:
+            path = self._common.settings.correction.corrected(
+                prediction.path, prediction.label, vias, self._common.settings.limits
             )
             prediction = prediction._replace(path=path)
         label, self.things.obstruction = prediction.label, None
@@ -131,7 +117,7 @@ class Motions:
 
         Where the arm is faster than that already, it brakes along the path.
         """
-        limits = self.settings.limits
+        limits = self._common.settings.limits
 
         def plan(rate_ceiling: NDArray[np.float64] | None, stretch: float) -> JointPlan | None:
             if rate_ceiling is not None and progress.rate > 0.0:
@@ -151,10 +137,10 @@ class Motions:
         Where the arm is at a time depends on how much it is slowed, and so does the distance: the
         ceiling on the rate falls from round to round, by where the plan before was when.
         """
-        separation, people, ceiling = self.settings.separation, self.people, None
+        separation, people, ceiling = self._common.settings.separation, self.people, None
         if separation is None or not people:
             return plan
-        for k in range(_N_SLOWED + 1):
+        for k in range(7):
             if plan is None or separation.worst_excess(plan, start_ns, people) <= 1.0:
                 self._counts["slowed by person"] += k > 0 and plan is not None
                 return plan
@@ -169,13 +155,13 @@ class Motions:
         self, now_ns: int, label: str, path: JointPath, phase: float
     ) -> ClearPath | Obstruction:
         """A path of a task, moved where it must be; what is in its way where nothing is found."""
-        last, settings = self._followed, self.settings
+        last, settings = self._followed, self._common.settings
         before = last.clear if last is not None and last.label == label else None
         limits, clearance = settings.limits, settings.clearance
         return self.things.clear(clearance, now_ns, path, label, phase, limits, before)
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
-        clearance = self.settings.clearance
+        clearance = self._common.settings.clearance
         return None if clearance is None else clearance.obstruction(plan, since_s)
 
     def _touches(self, plan: JointPlan, what: str) -> bool:
@@ -228,7 +214,7 @@ class Motions:
         self, start_ns: int, start: JointReference, target: NDArray[np.float64], kind: str = "home"
     ) -> PlannedWay | None:
         """To a posture, slowed near people; None where no plan keeps the limits."""
-        settings = self.settings
+        settings = self._common.settings
         plan = home_plan(start, target, settings.limits)
         if plan is None or settings.separation is None:
             return None if plan is None else PlannedWay(kind, plan)
@@ -268,7 +254,7 @@ class Motions:
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan))
         self._way, self._paced_by = way._replace(command=command), self.people
-        self._clear_of = self.settings.clearance
+        self._clear_of = self._common.settings.clearance
         return command
 
     def keep_pace(self, now_ns: int) -> Command | None:
@@ -285,10 +271,10 @@ class Motions:
             return None
         brakes = way.plan.kind == "stop"
         paced = bool(self.people) and (brakes or self.people is not self._paced_by)
-        moved = self.settings.clearance is not self._clear_of
+        moved = self._common.settings.clearance is not self._clear_of
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
-        self._paced_by, self._clear_of = self.people, self.settings.clearance
+        self._paced_by, self._clear_of = self.people, self._common.settings.clearance
         too_fast = paced and self._too_fast(current, start_ns)
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
@@ -309,7 +295,7 @@ class Motions:
         if brakes or not (too_fast or touches):
             return None
         self._counts["braked for person" if too_fast else "braked for things"] += 1
-        brake = stop_plan(way.path, start, self.settings.limits, progress)
+        brake = stop_plan(way.path, start, self._common.settings.limits, progress)
         command = self._arm.put_in_force(now_ns, Command(start_ns, brake))
         self._way = way._replace(
             plan=brake, slowed=True, command=command, blocked=touches and not too_fast
@@ -318,7 +304,7 @@ class Motions:
 
     def waited_in_vain(self, now_ns: int) -> bool:
         """Whether the arm rests since things came in the way, and no way has been found."""
-        way, clearance = self._way, self.settings.clearance
+        way, clearance = self._way, self._common.settings.clearance
         if way is None or way.command is None or clearance is None or not way.blocked:
             return False
         rests_s = (now_ns - way.command.end_ns) * 1e-9
@@ -326,7 +312,7 @@ class Motions:
 
     def _too_fast(self, current: Command, start_ns: int) -> bool:
         """Whether the motion in force is faster from a time on than people permit."""
-        separation, begun_ns = self.settings.separation, current.start_ns
+        separation, begun_ns = self._common.settings.separation, current.start_ns
         return separation is not None and (
             separation.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
         )
@@ -341,7 +327,9 @@ class Motions:
             self._touches(way.plan, what)
             return None
         ends = np.stack([start.position, way.plan.end])
-        straight = make_path(np.array([0.0, way.plan.duration_s]), ends, self.settings.limits)
+        straight = make_path(
+            np.array([0.0, way.plan.duration_s]), ends, self._common.settings.limits
+        )
         found = self._clear_of_things(now_ns, "", straight, 0.0)
         if isinstance(found, Obstruction):
             self.things.refuse(what, found)
@@ -362,7 +350,7 @@ class Motions:
     def yield_to(self, now_ns: int, target: NDArray[np.float64], phase: float) -> Command | None:
         """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
         start_ns = self._arm.switch_ns(now_ns)
-        start, settings = self._arm.in_force().at(start_ns), self.settings
+        start, settings = self._arm.in_force().at(start_ns), self._common.settings
         plan = home_plan(start, target, settings.limits)
         if plan is None:
             return None
@@ -385,7 +373,7 @@ class Motions:
         start = current.at(start_ns)
         progress, limits, followed = (
             current.phase_at(start_ns),
-            self.settings.limits,
+            self._common.settings.limits,
             self._followed,
         )
         if executed is None or followed is None or current.plan.kind in ("home", "yield"):

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several people and one arm: whom it helps first, and what is known of each of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from intent_recognition.activation.inbox import EstimatorInbox
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import PredictedInteraction
 from intent_recognition.recognition import DecisionState
 
@@ -63,8 +63,8 @@ class People:
         reasons: who asked when that was decided: when the arm is needed, and how certain the task.
     """
 
-    def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self._settings, self._reject = settings, reject
+    def __init__(self, common: Common):
+        self._common = common
         self._inboxes: dict[str, EstimatorInbox] = {}
         self._waiting: dict[str, HelpRequest] = {}
         self.attended = self.reasons = ""
@@ -78,14 +78,8 @@ class People:
     def of(self, person: str) -> EstimatorInbox:
         """What is known of a person."""
         if person not in self._inboxes:
-            self._inboxes[person] = EstimatorInbox(self._settings, self._reject)
+            self._inboxes[person] = EstimatorInbox(self._common)
         return self._inboxes[person]
-
-    def change(self, settings: ActivationSettings) -> None:
-        """Act by other settings from now on."""
-        self._settings = settings
-        for inbox in self._inboxes.values():
-            inbox.settings = settings
 
     def forget(self) -> None:
         """Back to the beginning."""
@@ -131,7 +125,7 @@ class People:
             elif inbox.ordered is not None:
                 found[inbox.refused].append(self._waiting[person])
         if requests := found[False] or found[True]:  # who cannot be helped now blocks nobody
-            self.attended = first_to_help(requests, now_ns, self._settings.hold_s)
+            self.attended = first_to_help(requests, now_ns, self._common.settings.hold_s)
             self.inbox = self.of(self.attended)
             by_need = sorted(requests, key=lambda request: request.needed_ns)
             self.reasons = "; ".join(_in_words(request, now_ns) for request in by_need)

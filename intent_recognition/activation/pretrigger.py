@@ -84,12 +84,7 @@ class Pretrigger:
     def take_expectation(
         self, stamp_ns: int, labels: Sequence[str], probabilities: NDArray[np.float64]
     ) -> None:
-        """Take p(s) of the next movement, as it was known at a stamp.
-
-        Raises:
-            ShapeError: labels and probabilities differ in number, or there are none.
-            ArgumentError: they are no probabilities.
-        """
+        """Take p(s) of the next movement, as it was known at a stamp."""
         p = np.asarray(probabilities, dtype=np.float64)
         if p.shape != (len(labels),) or not len(labels):
             cure = "Give one probability per task."

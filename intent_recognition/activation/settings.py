@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,3 +63,18 @@ class ActivationSettings:
     clearance: Clearance | None = None
     separation: Separation | None = None
     correction: Correction | None = None
+
+
+@dataclass(eq=False)
+class Common:
+    """What all parts of an activation share.
+
+    Attributes:
+        settings: how to act; they may change.
+        reject: called with (reason, text) for everything not acted on.
+        counts: how often plans were made, slowed, clamped, stopped and so on.
+    """
+
+    settings: ActivationSettings
+    reject: Callable[[str, str], None]
+    counts: Counter[str] = field(default_factory=Counter)

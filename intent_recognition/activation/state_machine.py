@@ -19,19 +19,15 @@ rest within the limits: when nothing better can be planned, it stays in force.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.correcting import Correcting
-from intent_recognition.activation.inbox import EstimatorInbox
-from intent_recognition.activation.motions import Motions
-from intent_recognition.activation.people import People
-from intent_recognition.activation.pretrigger import Pretrigger
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.parts import Parts
+from intent_recognition.activation.settings import ActivationSettings, Common
 from intent_recognition.activation.states import (
     UNDER_WAY,
     Arrived,
@@ -77,26 +73,12 @@ class Activation:
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self._settings, self._reject = settings, reject
-        self.counts: Counter[str] = Counter()
-        self.pretrigger = Pretrigger(settings.pretrigger, settings.decision)
-        self._people = People(settings, reject)
-        self._arm = ArmTracking(settings, reject)
-        self._motions = Motions(settings, self._arm, reject, self.counts)
-        self._correcting = Correcting(settings, self._arm, self._motions, self.counts)
-        self._waiting = Waiting(
-            settings, self._arm, self._motions, self._people, self.pretrigger, self.counts
-        )
-        self._transitions = Transitions(
-            settings,
-            self._arm,
-            self._motions,
-            self._people,
-            self.pretrigger,
-            self._waiting,
-            self._correcting,
-            self.counts,
-        )
+        self._parts, self._reject = Parts(Common(settings, reject)), reject
+        parts = self._parts
+        self._arm, self._motions, self._people = parts.arm, parts.motions, parts.people
+        self.counts, self.pretrigger = parts.counts, parts.pretrigger
+        self._correcting, self._waiting = Correcting(parts), Waiting(parts)
+        self._transitions = Transitions(parts, self._waiting, self._correcting)
         self._now_ns = 0
         self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
         self.state: State = Idle()
@@ -110,17 +92,9 @@ class Activation:
 
     def change(self, settings: ActivationSettings) -> None:
         """Act by other settings from now on, for the same joints; what is under way goes on."""
-        self._settings = settings
-        self._people.change(settings)
-        for part in (self._arm, self._motions, self._correcting):
-            part.settings = settings
+        self._parts.common.settings = settings
         self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
-        self._waiting.change(settings)
-
-    @property
-    def _inbox(self) -> EstimatorInbox:
-        """What has come from the estimator of whom the arm attends to."""
-        return self._people.inbox
+        self._waiting.change()
 
     @property
     def attended(self) -> str:
@@ -155,7 +129,7 @@ class Activation:
     @property
     def question(self) -> dict[str, float]:
         """Tasks that the movement under way may be, while none is acted on; empty else."""
-        return self._inbox.question
+        return self._parts.inbox.question
 
     @property
     def clocks(self) -> dict[str, str]:
@@ -180,12 +154,12 @@ class Activation:
     @property
     def decision(self) -> DecisionState:
         """The state of the decision."""
-        return self._inbox.decision
+        return self._parts.inbox.decision
 
     @property
     def held_back(self) -> str:
         """Why a recognised task is not executed (its end is uncertain), or empty."""
-        return self._inbox.held_back
+        return self._parts.inbox.held_back
 
     @property
     def waits_for(self) -> str:
@@ -247,13 +221,13 @@ class Activation:
         Raises:
             ArgumentError: they are no probabilities, or not one for each label.
         """
-        if not self._inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
+        if not self._parts.inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
             self.pretrigger.take_expectation(stamp_ns, labels, probabilities)
 
     @property
     def ordered(self) -> bool:
         """Whether a task waits that was ordered."""
-        return self._inbox.ordered is not None
+        return self._parts.inbox.ordered is not None
 
     def order(self, prediction: PredictedInteraction | None) -> None:
         """Begin a task that is not recognised, once none is; None takes that back.
@@ -261,7 +235,7 @@ class Activation:
         It begins with its onset at that moment, and a recognised task ends it as any other. One
         whose end is too uncertain is rejected.
         """
-        self._inbox.order(prediction)
+        self._parts.inbox.order(prediction)
 
     def take_exchange(self, until_ns: int) -> None:
         """An object changes hands, which is news until a time: the arm does not go home."""
@@ -301,7 +275,7 @@ class Activation:
         if isinstance(state, Pretriggered):
             return self._enter(self._waiting.withdraw(now_ns) or Transition(Homing(None)))
         if isinstance(state, UNDER_WAY):
-            self._inbox.mark_served(state.interaction)
+            self._parts.inbox.mark_served(state.interaction)
             home = self._waiting.go_home(now_ns, state.interaction)
             return self._enter(home or Transition(Homing(state.interaction)))
         return None
@@ -326,7 +300,7 @@ class Activation:
         self.counts[f"stopped: {reason}"] += 1
         interaction = interaction_of(self.state)
         if interaction is not None:
-            self._inbox.mark_served(interaction)
+            self._parts.inbox.mark_served(interaction)
         self._enter(Transition(Idle()))
         self._transitions.interacting.forget()
         self.pretrigger.forget()

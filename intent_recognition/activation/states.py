@@ -9,7 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.motion import JointPath, JointPlan, JointReference, PhaseState, Via
+from intent_recognition.motion import (
+    ClearPath,
+    JointPath,
+    JointPlan,
+    JointReference,
+    PhaseState,
+    Via,
+)
 
 
 class Mode(Enum):
@@ -66,6 +73,35 @@ class Command(NamedTuple):
     def phase_at(self, time_ns: int) -> PhaseState:
         """How much of the interaction is done at a time."""
         return self.plan.phase_at((time_ns - self.start_ns) * 1e-9)
+
+
+class TaskPath(NamedTuple):
+    """The path of a task that the arm follows."""
+
+    label: str
+    clear: ClearPath
+
+
+class PlannedWay(NamedTuple):
+    """A motion along a path, which can be planned again at another speed.
+
+    Attributes:
+        kind: of its plan as it is sent.
+        plan: with the phases on the path.
+        path: that it keeps to at any speed; None where it has but one.
+        onset_ns: when the motion is to begin; None: as soon as it may.
+        slowed: whether it is slower than it would be without people.
+        command: that was sent: the plan, or a brake along the path.
+        blocked: whether it brakes because of things.
+    """
+
+    kind: str
+    plan: JointPlan
+    path: JointPath | None = None
+    onset_ns: int | None = None
+    slowed: bool = False
+    command: Command | None = None
+    blocked: bool = False
 
 
 class PredictedInteraction(NamedTuple):

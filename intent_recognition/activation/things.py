@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Things in the way of motions: when to search for a way around, and when a motion is refused."""
 
-from collections import Counter
-from collections.abc import Callable
-
 from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.activation.settings import Common
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import Clearance, ClearPath, JointPath, Obstruction
 
@@ -20,10 +18,8 @@ class Things:
         obstruction: what was in the way last; None since an interaction has begun.
     """
 
-    def __init__(
-        self, arm: ArmTracking, reject: Callable[[str, str], None], counts: Counter[str]
-    ) -> None:
-        self._arm, self._reject, self._counts = arm, reject, counts
+    def __init__(self, common: Common, arm: ArmTracking) -> None:
+        self._arm, self._reject, self._counts = arm, common.reject, common.counts
         self._n_searches, self._search_ns = 0, 0
         self.obstruction: Obstruction | None = None
 

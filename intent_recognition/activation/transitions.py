@@ -1,16 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """From one state of the activation to the next, as time goes on."""
 
-from collections import Counter
-
-from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.correcting import Correcting
-from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.interacting import Interacting
-from intent_recognition.activation.motions import Motions
-from intent_recognition.activation.people import People
-from intent_recognition.activation.pretrigger import Pretrigger
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.states import (
     ActiveInteraction,
     Arrived,
@@ -26,39 +19,20 @@ from intent_recognition.activation.states import (
 )
 from intent_recognition.activation.waiting import Waiting
 
-_ARRIVED_PHASE = 1.0 - 1e-6
-"""Phase from which an interaction counts as arrived. Convention: 1 up to rounding."""
-
 
 class Transitions:
     """Decides what follows on a state.
 
     Attributes:
-        settings: how to act.
         interacting: begins interactions, and plans them anew.
     """
 
-    def __init__(
-        self,
-        settings: ActivationSettings,
-        arm: ArmTracking,
-        motions: Motions,
-        people: People,
-        pretrigger: Pretrigger,
-        waiting: Waiting,
-        correcting: Correcting,
-        counts: Counter[str],
-    ) -> None:
-        self.settings, self._counts = settings, counts
-        self._arm, self._motions, self._people = arm, motions, people
-        self._pretrigger, self._waiting, self._correcting = pretrigger, waiting, correcting
+    def __init__(self, parts: Parts, waiting: Waiting, correcting: Correcting) -> None:
+        self._parts, self._waiting, self._correcting = parts, waiting, correcting
+        self._arm, self._motions, self._people = parts.arm, parts.motions, parts.people
+        self._pretrigger, self._counts = parts.pretrigger, parts.counts
         self.exchanging_until_ns = 0
-        self.interacting = Interacting(arm, motions, people, waiting, pretrigger, counts)
-
-    @property
-    def _inbox(self) -> EstimatorInbox:
-        """Of the person whom the arm is for."""
-        return self._people.inbox
+        self.interacting = Interacting(parts, waiting)
 
     def following(self, state: State, now_ns: int) -> Transition:
         """The next state, and the command to send on the way there."""
@@ -83,30 +57,30 @@ class Transitions:
         interaction = state.interaction
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, interaction), now_ns)
-        if self._arm.phase(now_ns) >= _ARRIVED_PHASE:
+        if self._arm.phase(now_ns) >= 1.0 - 1e-6:
             if not interaction.over:
-                self._inbox.mark_served(interaction)
+                self._parts.inbox.mark_served(interaction)
             return Transition(Arrived(interaction, now_ns))
         expected = now_ns < interaction.prediction.end_ns and not interaction.over
-        waits = interaction.ordered and (self._inbox.decision.idle or not self._people.named)
-        withdrawn = expected and not (self._inbox.decision.active or waits)
+        waits = interaction.ordered and (self._parts.inbox.decision.idle or not self._people.named)
+        withdrawn = expected and not (self._parts.inbox.decision.active or waits)
         reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
         if self._motions.waited_in_vain(now_ns):
             self._motions.things.refuse(interaction.prediction.label)
             reason = "would_touch"
         if reason:
             return self._stop(now_ns, reason, interaction)
-        if expected and self._inbox.decision.active not in ("", interaction.prediction.label):
+        if expected and self._parts.inbox.decision.active not in ("", interaction.prediction.label):
             return self.interacting.begin(now_ns) or Transition(state)
         return self.interacting.follow(state, now_ns)
 
     def _from_arrived(self, state: Arrived, now_ns: int) -> Transition:
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, state.interaction), now_ns)
-        interaction, active = state.interaction, self._inbox.decision.active
+        interaction, active = state.interaction, self._parts.inbox.decision.active
         if active and (interaction.over or interaction.ordered):
             return self.interacting.begin(now_ns) or Transition(state)
-        if self._inbox.ordered is not None and (following := self.interacting.begin(now_ns)):
+        if self._parts.inbox.ordered is not None and (following := self.interacting.begin(now_ns)):
             return following
         if self.held(state, now_ns) and not self._correcting.deviates:
             away = self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
@@ -116,8 +90,8 @@ class Transitions:
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
         if self._arm.under_way(now_ns):
             return Transition(state)
-        interaction, decision = state.interaction, self._inbox.decision
-        silent = self._inbox.silent(now_ns)
+        interaction, decision = state.interaction, self._parts.inbox.decision
+        silent = self._parts.inbox.silent(now_ns)
         over = interaction is not None and interaction.over
         if decision.active and not silent and not over:
             if interaction is None or not self._goes_on(interaction, decision.active):
@@ -126,13 +100,13 @@ class Transitions:
             if resumed.command is not None:
                 return resumed
         at_rest = decision.idle and not decision.active and not silent
-        if not at_rest and now_ns - state.rest_ns < self.settings.hold_s * 1e9:
+        if not at_rest and now_ns - state.rest_ns < self._parts.settings.hold_s * 1e9:
             return Transition(state)
         if interaction is None:
             return self._waiting.withdraw(now_ns) or Transition(state)
         home = self._waiting.go_home(now_ns, interaction)
         if home is not None and state.reason != "withdrawn" and not over:
-            self._inbox.mark_served(interaction)
+            self._parts.inbox.mark_served(interaction)
         return home or Transition(state)
 
     def _goes_on(self, interaction: ActiveInteraction, label: str) -> bool:
@@ -158,14 +132,14 @@ class Transitions:
         return self._waiting.step_ahead(now_ns, state)
 
     def _from_yielding(self, state: Yielding, now_ns: int) -> Transition:
-        newest = self._inbox.prediction if self._inbox.decision.active else None
+        newest = self._parts.inbox.prediction if self._parts.inbox.decision.active else None
         found = self._correcting.step(now_ns, state, newest)
         return self._stop(now_ns, found, state.interaction) if isinstance(found, str) else found
 
     def held(self, state: Arrived, now_ns: int) -> bool:
         """Whether the arm has stayed at the end for long enough, and no object changes hands."""
         return (
-            now_ns - state.since_ns >= self.settings.hold_s * 1e9
+            now_ns - state.since_ns >= self._parts.settings.hold_s * 1e9
             and now_ns >= self.exchanging_until_ns
         )
 
@@ -178,4 +152,6 @@ class Transitions:
 
     def _reason_to_halt(self, now_ns: int) -> str:
         """Why no motion may go on, or an empty text."""
-        return "stream_stopped" if self._inbox.silent(now_ns) else self._arm.off_command(now_ns)
+        return (
+            "stream_stopped" if self._parts.inbox.silent(now_ns) else self._arm.off_command(now_ns)
+        )

@@ -1,17 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the arm waits between interactions: at home, or where the expected next task begins."""
 
-from collections import Counter
-
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.arm_tracking import ArmTracking, same_posture
-from intent_recognition.activation.inbox import EstimatorInbox
-from intent_recognition.activation.motions import Motions
-from intent_recognition.activation.people import People
-from intent_recognition.activation.pretrigger import Pretrigger
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.arm_tracking import same_posture
+from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.states import (
     ActiveInteraction,
     Command,
@@ -27,33 +21,19 @@ class Waiting:
     """Takes the arm there and back.
 
     Attributes:
-        settings: of the activation.
         home: posture it returns to (n,) [rad]; None before the arm was seen.
     """
 
-    def __init__(
-        self,
-        settings: ActivationSettings,
-        arm: ArmTracking,
-        motions: Motions,
-        people: People,
-        pretrigger: Pretrigger,
-        counts: Counter[str],
-    ) -> None:
-        self._arm, self._motions, self._people = arm, motions, people
-        self._pretrigger, self._counts = pretrigger, counts
+    def __init__(self, parts: Parts) -> None:
+        self._parts, self._counts = parts, parts.counts
+        self._arm, self._motions, self._pretrigger = parts.arm, parts.motions, parts.pretrigger
         self.home: NDArray[np.float64] | None = None
         self._brake: Command | None = None
-        self.change(settings)
+        self.change()
 
-    @property
-    def _inbox(self) -> EstimatorInbox:
-        """Of whom the arm attends to."""
-        return self._people.inbox
-
-    def change(self, settings: ActivationSettings) -> None:
-        """Go by other settings from now on; a home that they do not name stays."""
-        self.settings = settings
+    def change(self) -> None:
+        """Take the home of the settings; one that they do not name stays."""
+        settings = self._parts.settings
         if settings.home is not None:
             self.home = np.array(settings.home, dtype=np.float64)
 
@@ -65,7 +45,7 @@ class Waiting:
         where the arm is.
         """
         under_way, executed = self._arm.under_way(now_ns), prediction_of(interaction)
-        if not self.settings.return_home or self.home is None or self._arm.current is None:
+        if not self._parts.settings.return_home or self.home is None or self._arm.current is None:
             return Transition(Idle(), self._motions.stop(now_ns, executed) if under_way else None)
         start_ns, start = self._arm.switch_ns(now_ns), None
         if not under_way:
@@ -78,7 +58,7 @@ class Waiting:
 
     def go_ahead(self, now_ns: int) -> Transition | None:
         """Go to where the expected next task begins, if it is time for that."""
-        inbox = self._inbox
+        inbox = self._parts.inbox
         label = self._pretrigger.wanted(inbox.idle_since_ns)
         if not label or not inbox.decision.idle or inbox.silent(now_ns):
             return None
@@ -122,7 +102,7 @@ class Waiting:
             return Transition(state)
         if current is None or (current.plan.kind == "home" and not lost):
             return Transition(Idle())
-        if current is self._brake and now_ns - current.end_ns < self.settings.hold_s * 1e9:
+        if current is self._brake and now_ns - current.end_ns < self._parts.settings.hold_s * 1e9:
             return Transition(state)
         if state.interaction is None:
             return self.withdraw(now_ns) or Transition(state)
@@ -130,7 +110,7 @@ class Waiting:
 
     def step_ahead(self, now_ns: int, state: Pretriggered) -> Transition:
         """Stay ahead, or withdraw where the movement under way is another one, or none comes."""
-        reason = self._pretrigger.reason_to_withdraw(now_ns, self._inbox.decision)
+        reason = self._pretrigger.reason_to_withdraw(now_ns, self._parts.inbox.decision)
         if not reason:
             return Transition(state, self._motions.keep_pace(now_ns))
         self._counts[f"pretrigger withdrawn: {reason}"] += 1
@@ -141,6 +121,6 @@ class Waiting:
         self._pretrigger.end()
         home, current = self.home, self._arm.current
         there = home is not None and current is not None and same_posture(current.plan.end, home)
-        if there and self.settings.return_home:
+        if there and self._parts.settings.return_home:
             return Transition(Homing(None) if self._arm.under_way(now_ns) else Idle())
         return self.go_home(now_ns, None)

@@ -62,7 +62,7 @@ def arrived(**settings):
 
 
 def change(world, **changes):
-    world.activation.change(replace(world.activation._settings, **changes))
+    world.activation.change(replace(world.activation._parts.settings, **changes))
 
 
 @pytest.mark.slow
