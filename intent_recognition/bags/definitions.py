@@ -56,11 +56,7 @@ def jazzy_names() -> frozenset[str]:
 
 @cache
 def definition(type_name: str) -> Definition:
-    """Definition of a message type: Jazzy's own, else that of the installed package.
-
-    Raises:
-        MessageError: the type is neither in the type store nor installed.
-    """
+    """Definition of a message type: Jazzy's own, else that of the installed package."""
     store = jazzy_types()
     if type_name in jazzy_names():
         text, _ = store.generate_msgdef(type_name, ros_version=2)
@@ -88,20 +84,13 @@ def make_message(type_name: str, fields: Mapping[str, object]) -> object:
     """Build a message from nested mappings; fields left out are zero or empty.
 
     A time may be given as integer nanoseconds: {"header": {"stamp": 1_000_000_000}}.
-
-    Raises:
-        MessageError: an unknown type, an unknown field, or a value that does not fit its field.
     """
     _ensure_registered(type_name)
     return _build(type_name, fields, type_name)
 
 
 def serialize(type_name: str, message: object) -> bytes:
-    """CDR bytes (little endian) of a mapping or of a message of the type store.
-
-    Raises:
-        MessageError: the message does not fit the type.
-    """
+    """CDR bytes (little endian) of a mapping or of a message of the type store."""
     if isinstance(message, Mapping):
         message = make_message(type_name, message)
     _ensure_registered(type_name)

@@ -15,20 +15,10 @@ KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
 PACKED = (".zstd", ".zst")
 PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
 """Files that make a folder a bag."""
-COPIED_BYTES = 2**20
-"""Bytes unpacked at once. Convention."""
 
 
 def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, list[str]]:
-    """What metadata.yaml says and what is odd about it; None for a single file or without it.
-
-    Args:
-        path: bag directory, or a single .mcap file.
-        tolerant: do without a metadata.yaml that cannot be used.
-
-    Raises:
-        BagError: nothing is there, it is no bag, or one of another storage or compression.
-    """
+    """What metadata.yaml says and what is odd about it; None for a single file or without it."""
     if not path.exists():
         raise BagError.about(str(path), "a bag", "nothing there", "Check the path.")
     if path.is_file():
@@ -82,18 +72,14 @@ def kind_of(path: Path) -> str:
 
 
 def unpack(path: Path, folder: Path) -> Path:
-    """Decompress a file to another of the same name below `folder`; of a cut one what it gives.
-
-    Raises:
-        BagError: it gives nothing, or far larger than any recorder's.
-    """
+    """Decompress a file to another of the same name below `folder`; of a cut one what it gives."""
     target = folder / path.stem
     most, written = FREE_BYTES + MOST_EXPANSION * path.stat().st_size, 0
     why = "one that is cut off"
     try:
         with path.open("rb") as source, target.open("wb") as sink:
             reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
-            while written <= most and (piece := reader.read(COPIED_BYTES)):
+            while written <= most and (piece := reader.read(2**20)):
                 written += sink.write(piece)
     except zstandard.ZstdError as error:
         why = one_line(error)
@@ -114,9 +100,6 @@ def find_files(
         path: bag directory, or a single file.
         metadata: of the bag; without it all files of a storage count, by name and number.
         tolerant: do without files that are missing.
-
-    Raises:
-        BagError: a file is missing, or there is none.
     """
     if path.is_file():
         return [path], []

@@ -17,12 +17,12 @@ from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
 from intent_recognition.bags.bounds import LONGEST_DEFINITION, check_definition
-from intent_recognition.bags.cdr.columns import COLUMNS
-from intent_recognition.bags.cdr.decoder import Decoder, layout_decoder
 from intent_recognition.bags.cdr.layout import NANOSECONDS
 from intent_recognition.bags.definitions import definition, jazzy_names, jazzy_types
 from intent_recognition.errors import MessageError
 
+Decoder = Callable[[bytes], object]
+"""Function from CDR bytes to a message with the attributes of its type."""
 ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of what zstd has compressed, a file or a message; no message of CDR begins so."""
 MOST_MESSAGE = 2**26
@@ -118,12 +118,7 @@ def _typestore(encoding: str, data: bytes, name: str) -> Typestore:
 
 
 def converter(encoding: str, schema: Schema | None) -> Callable[[bytes], bytes]:
-    """Function from the bytes of a message as it was recorded to CDR.
-
-    Args:
-        encoding: of the messages, as MCAP names it.
-        schema: as the file has it.
-    """
+    """Function from the bytes of a message as it was recorded to CDR."""
     if encoding != "ros1" or schema is None:
         return unpacked
     name = normalize_msgtype(schema.name)
@@ -162,8 +157,6 @@ def schema_decoder(schema: Schema) -> Decoder | None:
         _check_fields(schema.name, text)
     with redirect_stderr(StringIO()):  # mcap_ros2 prints what it cannot parse, and raises
         found = DecoderFactory().decoder_for("cdr", schema)
-    if found and schema.name in COLUMNS and is_standard(schema):
-        return layout_decoder(schema.name, found)
     return found
 
 

@@ -92,11 +92,7 @@ def parse_custom_data(text: str) -> dict[str, str]:
 
 
 def write_metadata(folder: Path, metadata: BagMetadata) -> None:
-    """Write `folder`/metadata.yaml in one step: the old file or the new one, never half of it.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write `folder`/metadata.yaml in one step: the old file or the new one, never half of it."""
     target = folder / FILE_NAME
     temporary = folder / f".{FILE_NAME}.new"
     with temporary.open("w", encoding="utf-8") as stream:

@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
-from intent_recognition.bags.cdr.decoder import Decoder
 from intent_recognition.bags.definitions import Definition
 from intent_recognition.bags.files import PACKED, find_files, find_metadata, kind_of, unpack
 from intent_recognition.bags.mcap.chunk import McapBlock
@@ -20,6 +19,7 @@ from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import (
     RECOVER,
     BagMessage,
+    Decoder,
     RawMessage,
     converter,
     decode,

@@ -18,8 +18,6 @@ from intent_recognition.bags.mcap.file import Item, complete_schemas
 from intent_recognition.bags.mcap.scan import Damage, FileScan
 from intent_recognition.errors import BagError, one_line
 
-TABLE_MESSAGES = 4096
-"""Messages that are put into one table. Convention: about a minute of poses."""
 CURES = {
     False: "Save what is left with sqlite3 FILE .recover, or record it again.",
     True: "Save what is left with rosbag reindex, or record it again.",
@@ -36,9 +34,6 @@ class RosbagsFile:
         kind: `.db3` or `.bag`.
         tolerant: note the first damage and end there instead of raising.
         damage: list to which a tolerant reader adds what it cannot read.
-
-    Raises:
-        BagError: the library cannot open it; says what it said.
     """
 
     def __init__(self, path: Path, kind: str, *, tolerant: bool, damage: list[Damage]):
@@ -67,7 +62,7 @@ class RosbagsFile:
         """As `McapFile.tables`."""
         names = {c.topic.lstrip("/") for c in self.scan.channels.values() if c.id in wanted}
         items = self.items(names)
-        while part := list(islice(items, TABLE_MESSAGES)):
+        while part := list(islice(items, 4096)):
             lengths = np.array([len(item.data) for item in part], np.int64)
             times_ns = np.array([item.log_time_ns for item in part], np.uint64)
             yield MessageTable(

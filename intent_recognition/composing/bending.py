@@ -123,10 +123,6 @@ def control_point(
     The hand of an arm whose joints are predicted is linearised where it meets the point with the
     least departure from what the task does: the iterated extended Kalman update. For another person
     the hand then passes by some tenths of a millimetre to 5 mm beside it (docs/combining.md).
-
-    Raises:
-        ArgumentError: there is no such DOF or time, or a joint would be outside its limits.
-        KinematicsError: the hand cannot reach it.
     """
     label, names = f"via point {point.name}", library.controlled_names
     phase = point.phase

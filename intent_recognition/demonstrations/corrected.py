@@ -14,8 +14,6 @@ CORRECTION_TOPIC, CORRECTION_TYPE = "/intent/correction", "trajectory_msgs/msg/J
 CORRECTED = "corrected"
 """Key of `custom_data`: the execution that a demonstration comes from."""
 _JOINT_STATES = "sensor_msgs/msg/JointState"
-_REST_NS = 500_000_000
-"""So much of the rest after the corrected path is kept [ns]. Convention."""
 
 
 def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str]) -> None:
@@ -50,7 +48,7 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
                 decoders[raw.topic] = reader.decoder(raw.topic, raw.type)
             message = decode(raw, decoders[raw.topic]).message
             stamp_ns = _ns(message.header.stamp)
-            if stamp_ns > stamps_ns[-1] + _REST_NS:
+            if stamp_ns > stamps_ns[-1] + 500_000_000:  # with half a second of rest
                 break
             asked = dict(
                 zip(

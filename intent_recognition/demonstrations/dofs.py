@@ -31,8 +31,6 @@ CONTROLLED_KEYS = (*KEYS, "link", "robot")
 SIDES = ("observed", "controlled", "velocities")
 EXTRINSICS = "extrinsics"
 """Key beside the sides: poses of tracker frames in the world."""
-UNIT_TOLERANCE = 1e-3
-"""How far the norm of a reference may be from one. Convention: three decimals are written."""
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
@@ -288,7 +286,7 @@ def _reference(item: Mapping, place: str) -> tuple[float, ...]:
     except (TypeError, ValueError):
         quaternion = np.empty(0)
     norm = float(np.linalg.norm(quaternion))
-    if quaternion.shape != (4,) or not abs(norm - 1.0) < UNIT_TOLERANCE:
+    if quaternion.shape != (4,) or not abs(norm - 1.0) < 1e-3:
         raise _error(f"{place}: reference", "a unit quaternion [x, y, z, w]", given)
     return tuple(quaternion.tolist())
 

@@ -80,11 +80,7 @@ def extract(entry: DofEntry, message: Any) -> NDArray[np.float64]:
 
 
 def extract_present(entry: DofEntry, message: Any) -> NDArray[np.float64]:
-    """As `extract`, with NaN for joints and elements of arrays that are missing.
-
-    Raises:
-        MessageError: all of them are missing, a message has no such field, or it is not a number.
-    """
+    """As `extract`, with NaN for joints and elements of arrays that are missing."""
     found = _read(entry, message)
     if found.missing is not None and found.n_missing == len(found.values):
         raise found.missing

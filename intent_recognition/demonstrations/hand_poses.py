@@ -30,17 +30,9 @@ WORLD_LINK = "world"
 def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int, Arm]]:
     """What to read instead of poses of the hand that were not recorded.
 
-    Args:
-        reader: the recording.
-        dofs: what is asked for.
-
     Returns:
         The DOFs with joints in place of those poses, and by index of the controlled entry the arm
         that turns them into poses again.
-
-    Raises:
-        DofError: nothing says which URDF the arm has.
-        ArgumentError: it cannot be used.
     """
     recorded = {relative_topic(name) for name in reader.topics}
     arms = {

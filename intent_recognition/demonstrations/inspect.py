@@ -28,11 +28,7 @@ from intent_recognition.signals import (
     correlate_speeds,
 )
 
-GAP_FACTOR = 3.0
-"""A step this many times longer than the median step of the topic is a gap. Convention."""
 EMPTY = "it holds no messages: nothing was published while it was recorded"
-JOINT_STATES = "joint_states"
-"""Last part of the topics that carry joint positions."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +163,7 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
         topic = relative_topic(info.name)
         if is_raw_pose(topic, info.type):
             bodies.append(DofEntry(topic, info.type, fields=POSITION_FIELDS, unit="m"))
-        elif info.type == JOINT_STATE and topic.split("/")[-1] == JOINT_STATES:
+        elif info.type == JOINT_STATE and topic.split("/")[-1] == "joint_states":
             messages, _ = _decoded(reader, info)
             if messages and messages[0].message.name:
                 names = tuple(messages[0].message.name)
@@ -198,7 +194,7 @@ def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) ->
     stamps = np.sort(np.array([m.stamp_ns for m in messages], dtype=np.int64))
     steps_s = np.diff(stamps) * 1e-9
     median_s = float(np.median(steps_s)) if steps_s.size else 0.0
-    at = np.flatnonzero((median_s > 0) & (steps_s > GAP_FACTOR * median_s))
+    at = np.flatnonzero((median_s > 0) & (steps_s > 3.0 * median_s))
     return TopicSummary(
         name=info.name,
         type=info.type,

@@ -113,9 +113,6 @@ def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSeq
     Args:
         reader: the bag.
         forget_after_s: a longer pause between two tasks ends a sequence [s].
-
-    Raises:
-        BagError: a label cannot name a task, or the bag is damaged.
     """
     tasks: list[str] = []
     durations_s: list[float] = []

@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError, ShapeError, optional
 from intent_recognition.improvement.space import SearchSpace
 
-HALVINGS = 8
-"""How often a point is halved toward the mean until the limits let it through. Convention."""
-
 SearchPoints = NDArray[np.float64]
 Costs = NDArray[np.float64]
 Limits = Callable[[NDArray[np.float64]], bool]
@@ -111,9 +108,6 @@ def next_point(
         points: tried so far (n, k).
         costs: of these (n,).
         limits: what else has to hold, such as joint limits.
-
-    Raises:
-        ArgumentError: the primitive's mean breaks the limits.
     """
     point = _allowed(search.ask(points, costs), space, limits)
     if not (point.any() or limits(space.mean)):
@@ -132,7 +126,7 @@ def settled_point(
 def _allowed(point: NDArray[np.float64], space: SearchSpace, limits: Limits) -> NDArray[np.float64]:
     """A point (k,), drawn toward the mean as far as bound and limits ask; else the mean itself."""
     point = space.within(point)
-    for _ in range(HALVINGS):
+    for _ in range(8):
         if limits(space.weights(point)):
             return point
         point = 0.5 * point
@@ -140,11 +134,7 @@ def _allowed(point: NDArray[np.float64], space: SearchSpace, limits: Limits) -> 
 
 
 def check_tried(points: SearchPoints, costs: Costs, n_axes: int) -> None:
-    """Check that there is a point (k,) for each cost.
-
-    Raises:
-        ShapeError: there is not.
-    """
+    """Check that there is a point (k,) for each cost."""
     if np.shape(points) != (len(costs), n_axes):
         expected = f"shapes ({len(costs)}, {n_axes}) and ({len(costs)},)"
         cure = "Give one point for each cost."

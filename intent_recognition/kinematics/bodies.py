@@ -21,10 +21,6 @@ from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import read_mimics
 from intent_recognition.kinematics.urdf_tree import LINK, parse_urdf, read_urdf, separate_names
 
-_N_POSTURES = 100
-"""Random postures from which bodies that are always near one another are told. Convention."""
-_SEED = 0
-"""Seed of the random postures: the same bodies are told every time."""
 _WIDEST_RAD = np.pi
 """Random postures turn joints no farther than this [rad]: continuous ones have no limit."""
 
@@ -110,8 +106,6 @@ class Bodies:
         clearance_m: distance that shall be kept, above 0.
 
     Attributes:
-        clearance_m: likewise.
-        boxes: likewise.
         pairs: names of the two bodies of each pair; an arm's link comes first.
 
     Raises:
@@ -309,7 +303,7 @@ class Bodies:
         low = np.maximum(model.lowerPositionLimit, -_WIDEST_RAD)
         high = np.minimum(model.upperPositionLimit, _WIDEST_RAD)
         near = list(range(len(self._geometry.collisionPairs)))
-        for values in np.random.default_rng(_SEED).uniform(low, high, (_N_POSTURES, model.nq)):
+        for values in np.random.default_rng(0).uniform(low, high, (100, model.nq)):
             self._pin.updateGeometryPlacements(
                 model, self._data, self._geometry, self._work, values
             )

@@ -18,8 +18,6 @@ from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, PoseT
 LARGEST_JUMP_RAD = 0.5
 """A joint that turns further between two poses has changed its branch [rad]. Convention: a path of
 50 poses turns no joint by more than a tenth of a radian from one to the next."""
-_GLIDE_RAD = 0.05
-"""Longest glide along the self-motion from one pose to the next [rad]. Convention."""
 
 
 class FollowedPath(NamedTuple):
@@ -86,7 +84,7 @@ def _follow_from(
         if missed + jumps > most_missed:
             return None
         before = solutions[-1].q
-        found = search.slide(target, search.descend(target, before), rest, 1, _GLIDE_RAD)
+        found = search.slide(target, search.descend(target, before), rest, 1, largest_rad=0.05)
         missed += found.error > REACHED
         jumps |= bool(np.abs(found.q - before).max() > LARGEST_JUMP_RAD)
         solutions.append(found)

@@ -28,11 +28,6 @@ from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, check
 
 _SHOULDER = np.array([0.0, 0.0, SHOULDER_HEIGHT_M])
 _REACH_M = UPPER_ARM_M + FOREARM_M
-_ON_AXIS_M = 1e-9
-"""Distance of the wrist from the vertical axis [m] below which its azimuth is taken as zero."""
-_SINGULAR = 1e-12
-"""Sine of the middle angle of shoulder or wrist below which the outer two share one rotation.
-Convention: well above the rounding of a rotation matrix."""
 _GRID_STEP_RAD = np.radians(10.0)
 """Coarsest spacing of sampled swivels. Convention: `_MAX_STEP_RAD` refines it where needed."""
 _MAX_STEP_RAD = 0.25
@@ -41,8 +36,6 @@ to the seed spans several samples."""
 _MIN_SECTION_RAD = 1e-7
 """Sections of swivel are not split below this [rad]: a nearly singular posture, in which joints
 turn half a revolution within such a section, counts as singular."""
-_SAME_SWIVEL_RAD = 1e-12
-"""Swivels nearer to one another than this [rad] differ by rounding only. Convention."""
 _N_ZOOMS = 8
 """Each zoom narrows a bracket eightfold: 8^-8 of 0.35 rad is 2e-8 rad, the precision to which
 double precision locates a quadratic minimum."""
@@ -264,7 +257,7 @@ def _sampled_swivels(
     grid = np.linspace(-np.pi, np.pi, 2 * n_grid + 1)
     crossings = (_limit_crossings(circle, limits) - start + np.pi) % (2.0 * np.pi) - np.pi
     edges = np.sort(np.concatenate([grid, crossings]))
-    edges = edges[np.diff(edges, prepend=-np.inf) > _SAME_SWIVEL_RAD]
+    edges = edges[np.diff(edges, prepend=-np.inf) > 1e-12]  # not rounding
     # The middle of each section shows whether it is inside, whatever rounding does to its ends.
     swivels = start + np.sort(np.concatenate([edges, 0.5 * (edges[:-1] + edges[1:])]))
     while True:
@@ -327,7 +320,7 @@ def _reference_rotation(wrist: NDArray[np.float64], elbow_angle: float) -> NDArr
     """Return the upper arm's rotation with q3 = 0 that puts the wrist where it is."""
     in_arm = _wrist_in_upper_arm(elbow_angle)
     lateral = float(np.hypot(wrist[0], wrist[1]))
-    azimuth = float(np.arctan2(wrist[1], wrist[0])) if lateral > _ON_AXIS_M else 0.0
+    azimuth = float(np.arctan2(wrist[1], wrist[0])) if lateral > 1e-9 else 0.0
     polar = np.arctan2(lateral, wrist[2])
     angles = [azimuth, polar - np.arctan2(in_arm[0], in_arm[2])]
     return Rotation.from_euler("ZY", angles).as_matrix()
@@ -344,7 +337,7 @@ def _spherical_angles(
     x, y = rotation[..., 0, 2], rotation[..., 1, 2]
     sine = np.hypot(x, y)
     b = np.asarray(sign, dtype=np.float64) * np.arctan2(sine, rotation[..., 2, 2])
-    a = np.where(sine > _SINGULAR, np.arctan2(-sign * y, -sign * x), 0.0)
+    a = np.where(sine > 1e-12, np.arctan2(-sign * y, -sign * x), 0.0)
     cos, sin = np.cos(a), np.sin(a)
     c = np.arctan2(
         cos * rotation[..., 1, 0] - sin * rotation[..., 0, 0],

@@ -24,8 +24,6 @@ REACHED = 1e-6
 """A pose is reached with an error of at most this (m, and rad of the orientation)."""
 CONVERGED = 1e-9
 """Error (m, rad) at which a search ends: a thousandth of what counts as reached."""
-_N_ITERATIONS = 40
-"""Most steps from one start. Convention: those that succeed take 5 to 15."""
 _LARGEST_STEP_RAD = 0.4
 """Largest change of a joint in one step [rad]. Convention: the Jacobian holds about so far."""
 _STALLED, _UNPROMISING = 0.95, 0.4
@@ -41,12 +39,6 @@ _TURN_M = 0.25
 _MANIPULABILITY_WEIGHT = 0.02
 """Weight of the logarithm of the manipulability beside half the squared distance to the rest
 posture [rad^2]: at a tenth of the manipulability, 0.05 rad^2. Convention."""
-_SLIDE_STEPS = 3
-"""Most steps along the self-motion. Convention: what one solution may cost."""
-_LARGEST_SLIDE_RAD = 0.5
-"""Longest step along the self-motion [rad]. Convention."""
-_SLID_RAD = 1e-2
-"""The self-motion is at rest when a step is shorter than this [rad]. Convention."""
 _DIFFERENCE_RAD = 1e-4
 """Step of the differences that the slope of the manipulability is taken from [rad]."""
 
@@ -62,11 +54,7 @@ class PoseTarget(NamedTuple):
 
 
 def checked_target(target: ArrayLike, argument: str = "target") -> PoseTarget:
-    """A pose or position to reach.
-
-    Raises:
-        ShapeError: neither a finite rigid transform (4, 4) nor a finite position (3,).
-    """
+    """A pose or position to reach."""
     array = np.asarray(target, dtype=np.float64)
     if array.shape not in ((4, 4), (3,)) or not np.all(np.isfinite(array)):
         expected = "a pose (4, 4) or a position (3,), finite"
@@ -129,7 +117,7 @@ class PoseSearch:
         error, J = self._error(target, q)
         square, share = float(error @ error), 1.0
         past = [square]
-        for _ in range(_N_ITERATIONS):
+        for _ in range(40):  # those that succeed take 5 to 15
             if square < CONVERGED**2 or (len(past) > 4 and square > stalled * past[-5]):
                 break
             there = self._step(q, J, J.T @ error, 0.5 * share * square)
@@ -150,8 +138,8 @@ class PoseSearch:
         target: PoseTarget,
         found: Solution,
         rest: NDArray[np.float64],
-        n_steps: int = _SLIDE_STEPS,
-        largest_rad: float = _LARGEST_SLIDE_RAD,
+        n_steps: int = 3,
+        largest_rad: float = 0.5,
     ) -> Solution:
         """Move along the self-motion of a solution toward rest, away from singularities.
 
@@ -168,7 +156,7 @@ class PoseSearch:
         for _ in range(n_steps):
             step = self._slide_step(target, found.q, rest)
             length = float(np.linalg.norm(step))
-            if length < _SLID_RAD:
+            if length < 1e-2:
                 break
             step *= min(1.0, largest_rad / length)
             moved = self.descend(target, np.clip(found.q + step, self._lower, self._upper))

@@ -63,11 +63,7 @@ class UrdfChain(NamedTuple):
 
 
 def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
-    """The joints of a URDF that copy another.
-
-    Raises:
-        ArgumentError: no URDF.
-    """
+    """The joints of a URDF that copy another."""
     return _mimics(parse_urdf(source).findall("joint"))
 
 

@@ -48,9 +48,6 @@ def default_tip(base: str, joints: Sequence[ET.Element], masters: Mapping[str, s
         base: link at which the arm begins.
         joints: a tree.
         masters: by name of a joint that copies another, that other one.
-
-    Raises:
-        ArgumentError: there are several arms.
     """
     at: dict[str, list[ET.Element]] = defaultdict(list)
     for joint in joints:

@@ -28,8 +28,6 @@ DEFAULT_SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
 arms and lifts of common robots, so that a plan is slow rather than impossible."""
 DEFAULT_EFFORT = {"revolute": 50.0, "continuous": 50.0, "prismatic": 500.0}
 """Likewise the largest effort [Nm, N]. Convention: of the middle joints of common arms."""
-LEAST_AXIS = 1e-6
-"""Least component of an axis, of which only the direction counts. Convention: above rounding."""
 _SIX = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), 1)
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -120,11 +118,7 @@ def parse_urdf(source: str | Path) -> ET.Element:
 
 
 def end_of(joint: ET.Element, end: str) -> str:
-    """Name of the link at one end of a joint, `parent` or `child`.
-
-    Raises:
-        ArgumentError: none is named.
-    """
+    """Name of the link at one end of a joint, `parent` or `child`."""
     element = joint.find(end)
     name = None if element is None else element.get("link")
     if name is None:
@@ -204,7 +198,7 @@ def _check_numbers(part: ET.Element, element: ET.Element, attribute: str, count:
     if values.shape != (count,) or not np.all(np.abs(values) <= LARGEST):
         _refuse(part.get("name", ""), expected, text)
     turns = element.tag == "axis" and part.get("type") != "fixed"
-    if turns and np.abs(values).max() < LEAST_AXIS:
+    if turns and np.abs(values).max() < 1e-6:
         _refuse(part.get("name", ""), f"{expected}, not all 0", text)
 
 

@@ -12,6 +12,7 @@ from intent_recognition.model.executions import (
     Executions,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
+from intent_recognition.model.folder_content import LIBRARY_MODEL, is_task_folder, library_dofs
 from intent_recognition.model.frames import (
     FRAMES,
     Frames,
@@ -21,7 +22,6 @@ from intent_recognition.model.frames import (
     with_frames,
 )
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
-from intent_recognition.model.library_folder import LIBRARY_MODEL, is_task_folder, library_dofs
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.practised import PractisedTask, undo_practice
 from intent_recognition.model.skills import SKILL_COLUMNS, TO_UNDO, SkillPeriod, skill_history

@@ -14,9 +14,6 @@ def dofs_of_arrays(library: TaskLibrary) -> DofSpec:
 
     The topics are `human`, `robot` and `context`; where there are several signals, `human_1` and so
     on. Controlled DOFs of one unit that follow each other are one signal.
-
-    Raises:
-        DofError: two DOFs have the same name.
     """
     controlled = [len(list(same)) for _, same in groupby(library.controlled_units)]
     context = library.context

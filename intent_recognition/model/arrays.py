@@ -28,19 +28,7 @@ def check_arrays(
     largest: float = LARGEST,
     cure: str = RETRAIN,
 ) -> None:
-    """Make sure that arrays are there, real, of their shape and finite.
-
-    Args:
-        path: of the file, for messages.
-        arrays: those of the file.
-        shapes: of each that must be there.
-        whole: names of those that must be integers.
-        largest: magnitude of a number, at most.
-        cure: what to do about the file, as a sentence.
-
-    Raises:
-        ModelError: one is not; names the file and the array.
-    """
+    """Make sure that arrays are there, real, of their shape and finite."""
     for name, shape in shapes.items():
         place = f"{path}: {name}"
         if name not in arrays:
@@ -58,11 +46,7 @@ def check_arrays(
 
 
 def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> None:
-    """Make sure that matrices (..., n, n) are symmetric and not negative, up to rounding.
-
-    Raises:
-        ModelError: one is not; names the file and the array.
-    """
+    """Make sure that matrices (..., n, n) are symmetric and not negative, up to rounding."""
     place = f"{path}: {name}"
     scale = np.abs(matrices).max(initial=0.0)
     difference = np.abs(matrices - matrices.swapaxes(-1, -2)).max(initial=0.0)
@@ -75,11 +59,7 @@ def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> No
 
 
 def check_positive(path: str | Path, arrays: Mapping[str, NDArray[Any]], *names: str) -> None:
-    """Make sure that all numbers of some arrays are above zero.
-
-    Raises:
-        ModelError: one is not; names the file and the array.
-    """
+    """Make sure that all numbers of some arrays are above zero."""
     for name in names:
         if not np.all(arrays[name] > 0.0):
             raise ModelError.about(f"{path}: {name}", "above zero", arrays[name], RETRAIN)

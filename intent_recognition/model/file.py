@@ -33,8 +33,14 @@ from intent_recognition.model.checks import (
     phase_deviation,
     shapes_of,
 )
-from intent_recognition.model.context import CONTEXT, context_arrays, read_context
-from intent_recognition.model.coupling import COUPLING, coupling_arrays, read_coupling
+from intent_recognition.model.optional_parts import (
+    CONTEXT,
+    COUPLING,
+    context_arrays,
+    coupling_arrays,
+    read_context,
+    read_coupling,
+)
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
 from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary
 from intent_recognition.signals import OnsetSettings

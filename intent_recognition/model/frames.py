@@ -11,8 +11,6 @@ from intent_recognition.promp import TaskLibrary
 
 FRAMES = "frames"
 """Key of the provenance."""
-MOST_FRAMES = 10
-"""Frames of one topic that are kept. Convention: two are one too many already."""
 
 Frames = Mapping[str, tuple[str, ...]]
 """By observed topic the frames its poses are in, sorted."""
@@ -24,7 +22,7 @@ def merge_frames(parts: Iterable[Frames]) -> dict[str, tuple[str, ...]]:
     for part in parts:
         for topic, frames in part.items():
             merged.setdefault(topic, set()).update(frames)
-    return {topic: tuple(sorted(frames)[:MOST_FRAMES]) for topic, frames in sorted(merged.items())}
+    return {topic: tuple(sorted(frames)[:10]) for topic, frames in sorted(merged.items())}
 
 
 def frames_of(library: TaskLibrary) -> dict[str, tuple[str, ...]]:

@@ -10,8 +10,6 @@ from intent_recognition.untrusted import UntrustedError, load_json, read_log
 HISTORY = "history.jsonl"
 START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
 IMPROVE = "improve"
-MOST_COUNTED = 10**9
-"""Demonstrations of a task. Convention."""
 LONGEST_TEXT = 300
 """Characters of each text of a line. Convention: a path with a label twice takes 190."""
 ACTIONS = (START, LEARN, WAIT, UNDO, KEEP, IMPROVE)
@@ -81,7 +79,7 @@ def _change(line: str) -> Change | None:
     texts = (change.time, change.action, change.task, change.bag, change.model)
     if not are_texts(texts) or not isinstance(change.tasks, dict) or not are_texts(change.tasks):
         return None
-    counted = all(isinstance(n, int) and 0 <= n < MOST_COUNTED for n in change.tasks.values())
+    counted = all(isinstance(n, int) and 0 <= n < 10**9 for n in change.tasks.values())
     inside = is_inside(change.bag) and is_inside(change.model)
     return change if counted and inside and change.action in ACTIONS else None
 

@@ -23,8 +23,8 @@ from intent_recognition.improvement import (
 from intent_recognition.kinematics import Arm
 from intent_recognition.learning import change_rule
 from intent_recognition.model.file import Model, load_trained, save_model
+from intent_recognition.model.folder_content import LIBRARY_MODEL
 from intent_recognition.model.history import IMPROVE, Change, standing
-from intent_recognition.model.library_folder import LIBRARY_MODEL
 from intent_recognition.model.task_folder import PRACTICE, UNDONE, TaskFolder
 
 TRIAL = "trial.npz"

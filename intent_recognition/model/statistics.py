@@ -83,11 +83,7 @@ def pack_statistics(trained: Trained) -> Packed:
 def unpack_statistics(
     path: str, library: TaskLibrary, header: Mapping, arrays: Mapping[str, NDArray[Any]]
 ) -> Trained:
-    """Statistics of a model file, checked against the library they belong to.
-
-    Raises:
-        ModelError: something is missing, of another shape, not finite, or of other tasks.
-    """
+    """Statistics of a model file, checked against the library they belong to."""
     try:
         n_dofs = library.n_observed + library.n_controlled
         timing = _timing(path, header["preprocessing"]["templates"], arrays, n_dofs)

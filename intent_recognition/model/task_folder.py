@@ -49,6 +49,12 @@ from intent_recognition.learning import (
     with_margins,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
+from intent_recognition.model.folder_content import (
+    LIBRARY_MODEL,
+    check_usable,
+    is_correction,
+    is_finished,
+)
 from intent_recognition.model.frames import with_frames
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
 from intent_recognition.model.history import (
@@ -65,8 +71,6 @@ from intent_recognition.model.history import (
     standing,
     undoable,
 )
-from intent_recognition.model.library_folder import LIBRARY_MODEL
-from intent_recognition.model.recordings import check_usable, is_correction, is_finished
 
 BAGS, UNDONE, MODELS, PRACTICE = "bags", "undone", "models", "practice"
 DAMAGED, LOCK, UNFINISHED = "history.damaged", ".lock", "unfinished"

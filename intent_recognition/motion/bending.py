@@ -36,16 +36,11 @@ linearised rows leave."""
 _BEYOND_RAD = 0.005
 """Joints are taken so much farther inside their limits [rad]. Convention: more than splines leave
 between samples."""
-_N_ROUNDS = 12
-"""Rounds of measuring and bending at most. Convention: two or three are the rule."""
 _N_ROWS = 4
 """Samples of one pair that become rows in one round, its nearest among them. Convention."""
 _LARGEST_STEP_RAD = 0.5
 """No joint moves farther in one round [rad]: distances are linear in the joints nearby only.
 Convention."""
-_INFEASIBLE = 1e-6
-"""Residual below which inequalities contradict one another: weights a million deviations off would
-be needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +145,7 @@ def least_change(
     wanted = np.zeros(len(system))
     wanted[-1] = 1.0
     multipliers, distance = nnls(system, wanted, maxiter=100 * len(needs))
-    if distance < _INFEASIBLE:
+    if distance < 1e-6:  # a million deviations
         return None
     residual = system @ multipliers - wanted
     return np.asarray(-residual[:-1] / residual[-1])
@@ -187,7 +182,7 @@ def bend(
     bodies, positions, moves, contacts, limits = path
     z = np.zeros(moves.shape[2]) if start is None else start
     watched = {(one.sample, one.pair) for one in _thinned(contacts, _N_ROWS)}
-    for k in range(_N_ROUNDS):
+    for k in range(12):  # two or three are the rule
         q = positions + moves @ z
         rows, needs = _position_rows(q, moves, z, limits)
         found = contacts if k == 0 and start is None else bodies.contacts(q)

@@ -17,10 +17,6 @@ _BASIS = np.array(
     ]
 )
 _POWERS = np.arange(6)
-_LONGEST_S = 8.0
-"""Longest decay [s], taken when none keeps the bounds. Convention."""
-_N_DURATIONS = 28
-"""Durations tried up to the longest, in a geometric series. Convention."""
 _FIRST = _BASIS[:, 1:] * _POWERS[1:]
 _SECOND = _FIRST[:, 1:] * _POWERS[1:5]
 
@@ -113,7 +109,7 @@ def decay(
         max_acceleration: bound on its acceleration, (n,).
         shortest_s: the shortest duration to try.
     """
-    durations = np.geomspace(shortest_s, _LONGEST_S, _N_DURATIONS)
+    durations = np.geomspace(shortest_s, 8.0, 28)
     speed_bound = np.maximum(max_velocity, np.abs(velocity)) * (1.0 + 1e-9)
     acceleration = np.clip(acceleration, -0.5 * max_acceleration, 0.5 * max_acceleration)
     for start in (acceleration, np.zeros_like(acceleration)):

@@ -67,11 +67,6 @@ class Clearance:
         replan_budget_s: processor time that planning a path anew may take; 0: none is.
         wait_s: how long to try again, after the person's movement, for a motion without a way.
         clock: processor time [s].
-
-    Attributes:
-        bodies: likewise.
-        replan_budget_s: likewise.
-        wait_s: likewise.
     """
 
     def __init__(

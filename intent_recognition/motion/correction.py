@@ -23,10 +23,6 @@ from intent_recognition.motion.path import JointPath
 EXACTNESS_RAD = 1e-3
 """Standard deviation with which a corrected path passes where the arm was left [rad]. Convention:
 about 1 mm at the hand, ten times the noise of an encoder."""
-SAME_PHASE = 0.1
-"""Corrections nearer to one another in phase are one: the later. Convention."""
-_N_SAMPLES = 61
-"""Samples of a path whose correction is computed. Convention, as in `clearance`."""
 
 
 class Via(NamedTuple):
@@ -59,21 +55,14 @@ class Correction:
         spread = self.spreads.get(label)
         if spread is None or not vias:
             return path
-        phases = np.linspace(0.0, 1.0, _N_SAMPLES)
+        phases = np.linspace(0.0, 1.0, 61)
         return path.shifted(phases, corrected_by(spread, path, vias, phases), limits)
 
 
 def corrected_by(
     spread: Spread, path: JointPath, vias: Sequence[Via], phases: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """By how much a path moves at phases (T,) when it is conditioned on via points, (T, n) [rad].
-
-    Args:
-        spread: of the controlled weights: C.
-        path: the mean.
-        vias: y, one after another or at once is the same.
-        phases: where the change is asked for.
-    """
+    """How far a path moves at phases (T,) when conditioned on via points, (T, n) [rad]."""
     at = np.array([via.phase for via in vias])
     before = path.spline(at)
     rows = spread.design(at, before)
@@ -90,7 +79,7 @@ def corrected_by(
 
 def with_via(vias: Sequence[Via], via: Via) -> tuple[Via, ...]:
     """The corrections with one more, in place of those of about the same phase."""
-    return (*(old for old in vias if abs(old.phase - via.phase) >= SAME_PHASE), via)
+    return (*(old for old in vias if abs(old.phase - via.phase) >= 0.1), via)
 
 
 def phase_of(path: JointPath, position: NDArray[np.float64], first: float) -> float:

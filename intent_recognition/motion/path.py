@@ -14,10 +14,6 @@ from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 
 SOFT_BAND_RAD = 0.06
 """Width of the band in which a joint is bent back inside [rad]. Convention: 3.4 degrees."""
-_LEAST_SAMPLES = 401
-"""Samples between which a path that was bent is a spline again, at least. Convention."""
-_N_SHIFTED = 201
-"""Samples between which a path that was moved is a spline again. Convention."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +47,7 @@ class JointPath:
             limits: only the position limits are used.
         """
         change = CubicSpline(phases, away)
-        dense = np.linspace(0.0, 1.0, _N_SHIFTED)
+        dense = np.linspace(0.0, 1.0, 201)
         moved = make_path(
             dense * self.duration_s,
             self.spline(dense) + change(dense),
@@ -91,7 +87,7 @@ def make_path(
     phase[-1] = 1.0
     slopes = None if velocities is None else np.array(velocities, float)[[0, -1]] * duration_s
     spline = _spline(phase, positions, slopes)
-    dense = np.linspace(0.0, 1.0, max(_LEAST_SAMPLES, 2 * phase.size - 1))
+    dense = np.linspace(0.0, 1.0, max(401, 2 * phase.size - 1))
     bent, clamped = _bend_inside(spline(dense), limits)
     if clamped:
         if slopes is not None:

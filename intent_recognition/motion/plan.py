@@ -2,10 +2,12 @@
 """A joint-space plan as its receiver sees it: samples joined by cubics, and checks on those."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.kinematics import (
     POSITION_TOLERANCE_RAD,
@@ -123,35 +125,30 @@ class JointPlan:
         """Where it comes to rest, (n,) [rad]."""
         return self.positions[-1]
 
+    @cached_property
+    def _cubics(self) -> CubicHermiteSpline:
+        return CubicHermiteSpline(self.times_s, self.positions, self.velocities)
+
+    @cached_property
+    def _progress(self) -> CubicHermiteSpline:
+        return CubicHermiteSpline(self.times_s, self.phase, self.phase_rate)
+
     def at(self, time_s: float) -> JointReference:
         """The reference `time_s` after the start; at rest at the end afterwards."""
         if time_s >= self.duration_s:
             return JointReference.at_rest(self.positions[-1])
-        i, h, tau = self._locate(time_s)
-        return JointReference(
-            *_hermite(
-                h,
-                tau,
-                self.positions[i],
-                self.velocities[i],
-                self.positions[i + 1],
-                self.velocities[i + 1],
-            )
-        )
+        return JointReference(*_with_derivatives(self._cubics, max(time_s, 0.0)))
 
     def subdivided(self, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Samples n times as dense, and how far each joint turns at most from one to the next.
 
         Both are those of the cubics: positions ((T - 1) n + 1, n_joints), turns one row less [rad].
         """
-        h = np.diff(self.times_s)[:, None, None]
-        tau = np.linspace(0.0, 1.0, n, endpoint=False)[None, :, None]
-        q0, q1 = self.positions[:-1, None], self.positions[1:, None]
-        v0, v1 = self.velocities[:-1, None], self.velocities[1:, None]
-        inner = _hermite(h, tau, q0, v0, q1, v1)
-        q, v = (part.reshape(-1, q0.shape[2]) for part in inner[:2])
+        h = np.diff(self.times_s)[:, None]
+        times = self.times_s[:-1, None] + h * np.linspace(0.0, 1.0, n, endpoint=False)
+        q, v, _ = _with_derivatives(self._cubics, times.ravel())
         q, v = np.vstack([q, self.positions[-1]]), np.vstack([v, self.velocities[-1]])
-        part_s = np.repeat(h[:, 0] / n, n, axis=0)
+        part_s = np.repeat(h / n, n, axis=0)
         return q, part_s * _fastest(part_s, q[:-1], v[:-1], q[1:], v[1:])
 
     def sampled(self, times_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -159,46 +156,22 @@ class JointPlan:
 
         At a sample, where two cubics meet, those of the later one.
         """
-        i = np.searchsorted(self.times_s, times_s, side="right") - 1
-        i = np.clip(i, 0, len(self.times_s) - 2)
-        h = (self.times_s[i + 1] - self.times_s[i])[:, None]
-        tau = (times_s - self.times_s[i])[:, None] / h
-        q, v = self.positions, self.velocities
-        return _hermite(h, tau, q[i], v[i], q[i + 1], v[i + 1])
+        return _with_derivatives(self._cubics, times_s)
 
     def phase_at(self, time_s: float) -> PhaseState:
         """How much is done `time_s` after the start."""
         if time_s >= self.duration_s:
             return PhaseState(float(self.phase[-1]))
-        i, h, tau = self._locate(time_s)
-        position, rate, acceleration = _hermite(
-            h, tau, self.phase[i], self.phase_rate[i], self.phase[i + 1], self.phase_rate[i + 1]
-        )
+        position, rate, acceleration = _with_derivatives(self._progress, max(time_s, 0.0))
         phase = float(np.clip(position, 0.0, 1.0))
-        return PhaseState(phase, float(max(rate, 0.0)), float(acceleration))
-
-    def _locate(self, time_s: float) -> tuple[int, float, float]:
-        """Interval index, its length [s] and the time since its start as a share of it."""
-        time_s = max(time_s, 0.0)
-        i = int(np.searchsorted(self.times_s, time_s, side="right")) - 1
-        i = min(i, len(self.times_s) - 2)
-        h = float(self.times_s[i + 1] - self.times_s[i])
-        return i, h, (time_s - float(self.times_s[i])) / h
+        return PhaseState(phase, max(float(rate), 0.0), float(acceleration))
 
 
-def _hermite(h: Any, tau: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> tuple[Any, Any, Any]:
-    """Position, velocity and acceleration of the cubic at the share tau of an interval h [s].
-
-    Of numbers or arrays alike.
-    """
-    begin, end = _end_accelerations(h, q0, v0, q1, v1)
-    slope = (end - begin) / h
-    t = tau * h
-    return (
-        q0 + t * (v0 + t * (begin / 2.0 + t * slope / 6.0)),
-        v0 + t * (begin + t * slope / 2.0),
-        begin + t * slope,
-    )
+def _with_derivatives(
+    cubics: CubicHermiteSpline, times_s: NDArray[np.float64] | float
+) -> tuple[NDArray[np.float64], ...]:
+    """Values, first and second derivatives at some times."""
+    return tuple(cubics(times_s, order) for order in range(3))
 
 
 def _end_accelerations(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> tuple[Any, Any]:
@@ -255,9 +228,11 @@ def position_range(
     h = np.diff(times_s)[:, None]
     q0, q1, v0, v1 = positions[:-1], positions[1:], velocities[:-1], velocities[1:]
     begin, end = _end_accelerations(h, q0, v0, q1, v1)
-    first, second = _roots(0.5 * (end - begin) * h, begin * h, v0)
-    at_first, at_second = (_hermite(h, tau, q0, v0, q1, v1)[0] for tau in (first, second))
-    reached = np.concatenate([positions, at_first, at_second])
+    slope, turns = (end - begin) / h, []
+    for tau in _roots(0.5 * (end - begin) * h, begin * h, v0):
+        t = tau * h
+        turns.append(q0 + t * (v0 + t * (begin / 2.0 + t * slope / 6.0)))
+    reached = np.concatenate([positions, *turns])
     return reached.min(axis=0), reached.max(axis=0)
 
 

@@ -40,20 +40,9 @@ from intent_recognition.motion.retiming import (
     speed_limits,
 )
 
-_N_ATTEMPTS = 8
-"""Plans tried with a tighter and tighter budget before giving up. Convention: nearly all that can
-be mended are by the fourth."""
-_N_LOCAL_ATTEMPTS = 3
-"""Attempts that slow the path only where the plan exceeded a limit. Convention."""
 _FIRST_SHARE = 0.96
 """Share of the path's bounds a first attempt uses. Convention: sampling the path's progress adds a
 few percent to its accelerations."""
-_UNDER_LIMIT = 0.97
-"""Where a plan exceeded a limit, the next aims at this share of it. Convention."""
-_SHRINK = 0.8
-"""Factor on the path's bounds per attempt once slowing in places was not enough. Convention."""
-_STRETCH = 1.25
-"""Factor on the offset's duration where a limit was exceeded while it decayed. Convention."""
 _LEAST_SHARE = 0.1
 """Share of the limits the path keeps, however much the offset takes. Convention: it never stands
 still for good."""
@@ -100,14 +89,15 @@ def plan_interaction(
     """
     share = 1.0 if nominal is None else _FIRST_SHARE
     budget = _Budget(np.full(N_GRID, share), stretch)
-    for attempt in range(_N_ATTEMPTS):
+    for attempt in range(8):  # nearly all that can be mended are by the fourth
         tried = _attempt(path, nominal, start, progress, limits, budget, rate_ceiling)
         if tried is None:
             return None
         plan, offset = tried
         if keeps_limits(plan, start, limits):
             return replace(plan, slowed=nominal is not None and _too_fast(path, limits))
-        everywhere = 1.0 if attempt < _N_LOCAL_ATTEMPTS else _SHRINK
+        # first slow the path only where it exceeded a limit
+        everywhere = 1.0 if attempt < 3 else 0.8
         budget = budget.tightened(plan, offset, limits, everywhere)
     return None
 
@@ -135,23 +125,16 @@ class _Budget:
     def tightened(
         self, plan: JointPlan, offset: Offset, limits: JointLimits, everywhere: float
     ) -> "_Budget":
-        """Less for the path where the plan exceeded a limit, more time for an offset there.
-
-        Args:
-            plan: the plan that exceeded them.
-            offset: its offset.
-            limits: the limits.
-            everywhere: factor on the whole path's share.
-        """
+        """Less for the path where the plan exceeded a limit, more time for an offset there."""
         use = np.maximum(*interval_use(plan.times_s, plan.positions, plan.velocities, limits))
         exceeded = np.flatnonzero(use > 1.0)
         factor = np.ones_like(self.share)
         for k in exceeded:
             first = max(int(plan.phase[k] * N_GRID) - _NEIGHBOURS, 0)
             last = min(int(plan.phase[k + 1] * N_GRID) + _NEIGHBOURS + 1, N_GRID)
-            factor[first:last] = np.minimum(factor[first:last], _UNDER_LIMIT / use[k])
+            factor[first:last] = np.minimum(factor[first:last], 0.97 / use[k])
         decaying = bool(np.any(plan.times_s[exceeded] < offset.duration_s))
-        stretch = _STRETCH if decaying or not exceeded.size else 1.0
+        stretch = 1.25 if decaying or not exceeded.size else 1.0
         return _Budget(self.share * factor * everywhere, self.stretch * stretch)
 
 

@@ -33,8 +33,6 @@ acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/dec
 "Ruckig goes home and brakes"."""
 HOME_SHARE = 0.6
 """Share of the velocity and acceleration limits for a motion that is in no hurry. Convention."""
-_STANDING_RAD = 1e-6
-"""A joint whose way is shorter than this [rad] need not keep to the straight line. Convention."""
 _INTERPOLATION = 8.0 / 27.0
 """Largest error of a Hermite cubic's acceleration, as a share of jerk limit times sample spacing:
 the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the interval."""
@@ -124,7 +122,7 @@ def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> "
 def _make_straight(motion: "InputParameter", way: NDArray[np.float64]) -> None:
     """Make the limits proportional to the way, so that phase synchronisation keeps to a line."""
     distance = np.abs(way)
-    moves = distance > _STANDING_RAD
+    moves = distance > 1e-6  # others need not keep to the line
     if not moves.any():
         return
     for name in ("max_velocity", "max_acceleration", "max_jerk"):

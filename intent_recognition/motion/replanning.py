@@ -19,17 +19,11 @@ from intent_recognition.motion.bending import TouchingPath, bend
 _DETOUR_RAD = 0.15
 """Amplitude of the slowest detour [rad], one standard deviation. Convention: some 10 cm at the
 hand, more than demonstrations vary."""
-_N_WAVES = 5
-"""Sine waves of which detours consist. Convention: a path that swerves twice."""
 _ROUGHNESS = 1.5
 """Power by which the amplitude falls with the number of half waves. Convention: smooth as a
 primitive."""
-_N_DRAWS = 24
-"""Random detours that are drawn. Convention: measuring them takes as long as two descents."""
 _N_DESCENTS = 4
 """Descents from drawn detours at most. Measurement: docs/decisions/replanning.md."""
-_SEED = 7
-"""Seed of the random detours: the same are drawn every time."""
 
 
 def detours(phases: NDArray[np.float64], n_joints: int, first: float) -> NDArray[np.float64]:
@@ -41,7 +35,7 @@ def detours(phases: NDArray[np.float64], n_joints: int, first: float) -> NDArray
         first: phase up to which nothing moves.
     """
     share = np.clip((phases - first) / max(1.0 - first, 1e-9), 0.0, 1.0)
-    waves = np.arange(1, _N_WAVES + 1)
+    waves = np.arange(1, 6)
     table = _DETOUR_RAD * np.sin(np.pi * np.outer(share, waves)) / waves**_ROUGHNESS
     rows = np.einsum("jd,tk->tjdk", np.eye(n_joints), table)
     return rows.reshape(*rows.shape[:2], -1)
@@ -63,7 +57,8 @@ def replan(
     found = bend(path)
     if found is not None or tries is None:
         return found, False
-    draws = np.random.default_rng([_SEED, tries]).normal(size=(_N_DRAWS, path.moves.shape[2]))
+    # Always the same; to measure them takes as long as two descents.
+    draws = np.random.default_rng([7, tries]).normal(size=(24, path.moves.shape[2]))
     depths = [_depth(path, z) for z in draws]
     for k in np.argsort(depths, kind="stable")[:_N_DESCENTS]:
         if out_of_time():

@@ -21,8 +21,6 @@ _MAX_RATE_RATIO = 6.0
 Convention."""
 _RATE_RATIO_PER_S = 15.0
 """That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
-_TINY = 1e-6
-"""Slope of a joint over the phase [rad] below which it counts as standing still. Convention."""
 
 
 class NominalTiming(NamedTuple):
@@ -76,7 +74,7 @@ def speed_limits(
     """
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first, second = path.derivative(grid), path.derivative(grid, 1)
-    slope = np.maximum(np.abs(first), _TINY)
+    slope = np.maximum(np.abs(first), 1e-6)
     a = max_acceleration / slope
     b = second * np.where(first < 0.0, -1.0, 1.0) / slope
     own = np.full((N_GRID, 1), _RATE_RATIO_PER_S / path.duration_s)

@@ -25,10 +25,6 @@ from intent_recognition.motion.path import JointPath
 from intent_recognition.motion.plan import JointPlan
 from intent_recognition.motion.retiming import N_GRID
 
-_SHORTEST_S = 1e-4
-"""Intervals of a motion are not halved below this [s]; what is not decided then counts as too
-fast. Convention: no speed changes in it by 1 mm/s."""
-
 
 @dataclass(frozen=True)
 class SeparationSettings:
@@ -83,12 +79,7 @@ class PredictedPerson(NamedTuple):
 def permitted_speed(
     distance_m: NDArray[np.float64], settings: SeparationSettings
 ) -> NDArray[np.float64]:
-    """The largest speed of the arm [m/s] at distances from the person, uncertainty taken off them.
-
-    Args:
-        distance_m: S - Z, any shape.
-        settings: the other terms.
-    """
+    """The arm's largest speed [m/s] at distances S - Z, any shape, from the person."""
     s, a = settings, settings.deceleration_m_s2
     left = np.asarray(distance_m) - s.intrusion_m - s.human_speed_m_s * s.reaction_s
     linear = s.reaction_s + s.human_speed_m_s / a
@@ -102,10 +93,6 @@ class Separation:
     Args:
         arm: its points are the lines through its joints to the tip.
         settings: of the formula.
-
-    Attributes:
-        arm: likewise.
-        settings: likewise.
     """
 
     def __init__(self, arm: Arm, settings: SeparationSettings | None = None) -> None:
@@ -171,7 +158,7 @@ class Separation:
             found, bound = self._ratios(plan, start_ns, person, begin, end)
             if found.max() > 1.0:
                 return float(found.max())
-            undecided = (bound > 1.0) & (end - begin > _SHORTEST_S)
+            undecided = (bound > 1.0) & (end - begin > 1e-4)
             worst = max(worst, bound[~undecided].max(initial=0.0))
             begin, end = begin[undecided], end[undecided]
             middle = 0.5 * (begin + end)

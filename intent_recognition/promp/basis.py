@@ -11,12 +11,6 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
 
-NARROW = 0.05
-"""Width, in spacings, below which exponents are shifted before `exp`.
-
-Convention: between narrow centres all of them would underflow.
-"""
-
 
 @dataclass(frozen=True)
 class NormalizedRBFBasis:
@@ -60,7 +54,7 @@ class NormalizedRBFBasis:
         values = (phase[..., None] - self.centers) / self.scale
         values *= values
         values *= -0.5
-        if self.width < NARROW:  # between the centres all of them would underflow
+        if self.width < 0.05:  # between the centres all of them would underflow
             values -= np.maximum.reduce(values, axis=-1, keepdims=True)
         np.exp(values, out=values)
         values /= np.add.reduce(values, axis=-1, keepdims=True)

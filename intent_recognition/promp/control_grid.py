@@ -15,9 +15,6 @@ from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.prediction import StartPosture
 from intent_recognition.promp.trajectory import Trajectory
 
-N_TABULATED = 101
-"""Phases between which the controlled agent's trajectory is interpolated. Convention."""
-
 
 class ControlGrid:
     """T evenly spaced phases of one task from start to end, or its end alone.
@@ -28,7 +25,7 @@ class ControlGrid:
         n_points: T; 1 is the end.
     """
 
-    def __init__(self, library: TaskLibrary, task: int, n_points: int = N_TABULATED):
+    def __init__(self, library: TaskLibrary, task: int, n_points: int = 101):
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
         self._n_controlled = library.n_controlled
         self._noise = library.control_noise_variance()

@@ -57,9 +57,6 @@ def condition_controlled(
         matrix: H of the controlled weights, (m, n_c).
         point: y, (m,).
         spread: R, (m, m).
-
-    Raises:
-        ArgumentError: R leaves no freedom where the weights have none.
     """
     rule = condition_response(regression(joint, n_observed), matrix, point, spread)
     observed = marginal(joint, np.arange(n_observed))
@@ -89,9 +86,6 @@ def condition_response(
         matrix: H of the controlled weights, (m, n_c).
         point: y, (m,).
         spread: R, (m, m).
-
-    Raises:
-        ArgumentError: R leaves no freedom where the weights have none.
     """
     own, _ = condition(Gaussian(rule.offset, rule.covariance), matrix, point, spread)
     gained = matrix @ rule.covariance

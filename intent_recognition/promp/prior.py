@@ -51,8 +51,6 @@ In demonstrations. Convention.
 """
 FEW = 3.5
 """Equivalent sample size below which the scatter is inflated (`structured_target`). Convention."""
-DEVIATION_WIDTH = 0.1
-"""Correlation length in phase that deviations are given then. Convention."""
 
 
 class Scatter(NamedTuple):
@@ -163,7 +161,7 @@ def structured_target(
     basis = np.einsum("dkdl->kl", scaled) / n_dofs
     scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
     basis /= np.outer(scale, scale)
-    smooth = np.exp(-0.5 * (distance / DEVIATION_WIDTH) ** 2)
+    smooth = np.exp(-0.5 * (distance / 0.1) ** 2)
     basis = (basis + inflation * smooth) / (1.0 + inflation)
     amplitude = amplitude * np.sqrt(1.0 + inflation)
     return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor)

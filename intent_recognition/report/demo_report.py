@@ -52,8 +52,6 @@ if TYPE_CHECKING:
 
 LARGEST_FORCE_N = 15.0
 """That a person may have to bear in a transfer [N] (docs/transfer.md)."""
-MISSES_SHOWN = 3
-"""Missed interactions that are drawn. Convention."""
 TITLE = "Toolbox assembly with a simulated coworker"
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 COLOURS = "Green: an aim is met, such as the paper's hand error; red: missed; blue: no aim."
@@ -280,7 +278,7 @@ def _details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
             heading = f"Typical: {name}" if len(measured) > 1 else name.capitalize()
             chosen[typical.index] = (heading, typical)
     missed = [r for r in records if (not r.right or r.handed_over is False) and r.index in by_index]
-    for record in missed[:MISSES_SHOWN]:
+    for record in missed[:3]:
         chosen[record.index] = (f"Missed: {readable(record.task)}", record)
     sections = [
         Section(f"{name} (interaction {record.index})", _detail(record, by_index[record.index]))

@@ -43,8 +43,6 @@ DASHED: "LineStyleType" = (0, (4, 2))
 
 LAYOUT: Literal["constrained"] | None = "constrained"
 """How panels are placed where a figure has no margins of its own. Convention."""
-SVG_DPI = 72
-"""Dots per inch by which matplotlib measures and draws SVG files."""
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -139,7 +137,7 @@ def to_svg(figure: "Figure") -> bytes:
     engine = figure.get_layout_engine()
     if engine is not None:  # `savefig` would draw everything twice, once to lay it out
         FigureCanvasSVG(figure)
-        figure.dpi = SVG_DPI
+        figure.dpi = 72  # as matplotlib measures SVG files
         engine.execute(figure)
         figure.set_layout_engine(None)
     figure.savefig(stream, format="svg", metadata=nothing)

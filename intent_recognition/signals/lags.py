@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.onset import windowed_velocity
+from intent_recognition.signals.onset import OnsetSettings, windowed_velocity
 from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.streams import LATENCY_S, recording_doubts
 from intent_recognition.signals.units import Size, differing_unit, median_size, size_of
@@ -18,8 +18,6 @@ STEP_S = 0.02
 """Step of the lags of a correlation of speeds [s]. Convention: finer than motion detection."""
 LONGEST_LAG_S = 2.0
 """Lags that are looked at, to either side [s]. Convention: longer ones shorten the overlap."""
-SPEED_WINDOW_S = 0.15
-"""Window of the speeds that are correlated [s]; that of onset detection."""
 LEAST_CORRELATION = 0.5
 """Correlation of speeds below which a lag says nothing. Measured: docs/bags.md."""
 LEAST_GAIN = 0.1
@@ -28,8 +26,6 @@ USUAL_SPREAD = 4.0
 """Robust standard deviations of the others' lags that are usual. Measured: docs/bags.md."""
 LEAST_OTHERS = 5
 """Other recordings from which a usual lag is known. Convention: with three, a good one is named."""
-MAD_TO_STD = 1.4826
-"""Standard deviation of a normal distribution in median absolute deviations."""
 
 
 class StreamFinding(NamedTuple):
@@ -144,7 +140,7 @@ def _same_under_another_label(
 def _unusual_lag(one: SpeedCorrelation, usual_s: NDArray[np.float64]) -> Iterator[str]:
     """Whether the controlled agent follows much earlier or later than in other recordings."""
     median = float(np.median(usual_s))
-    spread = MAD_TO_STD * float(np.median(np.abs(usual_s - median)))
+    spread = 1.4826 * float(np.median(np.abs(usual_s - median)))  # of a normal distribution
     away = one.lag_s - median
     best = float(one.values.max())
     gain = best - float(np.interp(median, LAGS_S, one.values))
@@ -189,7 +185,7 @@ def _speed(
     total = np.zeros(len(times_s))
     for signal in agent:
         own_s = signal.seconds(start_ns)
-        velocity = windowed_velocity(own_s, signal.values, SPEED_WINDOW_S)
+        velocity = windowed_velocity(own_s, signal.values, OnsetSettings.window_s)
         speed = np.nan_to_num(np.linalg.norm(velocity, axis=1))
         total += np.interp(times_s, own_s, speed) / max(float(speed.max(initial=0.0)), 1e-12)
     return total - total.mean()

@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
-MEDIAN_OF_SQUARE = 0.4549
-"""Median of the square of a standard normal variable: of chi-square with one degree of freedom."""
-
 
 @dataclass(frozen=True)
 class OnsetSettings:
@@ -118,7 +115,8 @@ def speed_noise(
     share = (steps[:-1] / (steps[:-1] + steps[1:]))[:, None]
     bend = values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]
     bend /= np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
-    variance = float(np.sum(np.median(bend**2, axis=0))) / MEDIAN_OF_SQUARE
+    # the median of chi-square with one degree of freedom
+    variance = float(np.sum(np.median(bend**2, axis=0))) / 0.4549
     # A line through n + 1 samples in equal steps over the window: the sum of their squared times.
     n = max(window_s / float(np.median(steps)), 1.0)
     return float(np.sqrt(variance * 12.0 * n / ((n + 1.0) * (n + 2.0)))) / window_s

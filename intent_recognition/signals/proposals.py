@@ -28,10 +28,6 @@ from intent_recognition.signals.signal import Signal
 STEP_S = 0.01
 """Step of the time grid on which both agents' speeds are compared [s]. Convention."""
 
-N_HOME = 3
-"""Passes in which the middle of home and its limit settle. Convention: two leave them as they are.
-"""
-
 
 class Span(NamedTuple):
     """A proposed part of a session.
@@ -177,7 +173,7 @@ def _at_home(
     rests = np.array([path[[0, -1]] for path in paths])
     centre = rests[0, 0]
     stays = near = np.zeros(rests.shape[:2], dtype=bool)
-    for _ in range(N_HOME):
+    for _ in range(3):  # two passes leave it as it is
         distance = np.linalg.norm(rests - centre, axis=2)
         farthest = np.array([np.linalg.norm(path - centre, axis=1).max() for path in paths])
         limit = _two_groups(np.r_[distance.ravel(), farthest])

@@ -30,9 +30,6 @@ ABOVE_NOISE = 3.0
 Convention: three standard deviations.
 """
 
-FINEST = 1e-9
-"""Range of a signal that never moved, in parts of its largest value. Numerical safeguard: rounding.
-"""
 SLOWEST = 1e-6
 """Least reference speed [m/s or rad/s]; in other units in parts of the signal's range, per second.
 Numerical safeguard: a signal that never moved has some."""
@@ -96,7 +93,7 @@ def _slowest(signals: Sequence[Signal]) -> float:
     if not signals or signals[0].unit in SPATIAL_UNITS:
         return SLOWEST
     values = np.concatenate([signal.values for signal in signals])
-    size = max(np.ptp(values, axis=0).max(), FINEST * np.abs(values).max())
+    size = max(np.ptp(values, axis=0).max(), 1e-9 * np.abs(values).max())  # rounding
     return SLOWEST * float(size or 1.0)
 
 

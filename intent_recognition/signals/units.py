@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.signals.onset import peak_speed
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
 SPATIAL_UNITS = ("m", "rad")
 """Units that constants are given in. Their numbers are added, too: over the reach of an arm, a
@@ -53,8 +53,6 @@ faster than 5 kHz; a movement with a sample in four seconds cannot be learned fr
 USUAL_PERIODS_S = 1e-3, 0.5
 """Steps of trackers and encoders [s]. Convention; their ratio is less than a thousand, so that one
 unit at most explains other steps."""
-FEWEST_STEPS = 4
-"""Samples from which the step is taken. Convention: as many as weights are fitted to."""
 FEWEST_M = 0.3
 """Distance from the origin of its frame that a body may have [m]: where two units leave it farther,
 the larger factor is named alone. Convention."""
@@ -154,7 +152,7 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
 
 def time_misfit(signal: Signal) -> Misfit | None:
     """Why times are hardly in seconds; None where they may be."""
-    if len(signal.stamps_ns) < FEWEST_STEPS:
+    if len(signal.stamps_ns) < MIN_SAMPLES:
         return None
     period_s = float(np.median(np.diff(signal.stamps_ns))) * 1e-9
     if SHORTEST_PERIOD_S <= period_s <= LONGEST_PERIOD_S:

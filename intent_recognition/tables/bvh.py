@@ -30,9 +30,6 @@ def open_bvh(path: Path) -> Table:
     """Channels as `JOINT.Xrotation` [deg], places of the joints as `JOINT.x`, `JOINT.y`, `JOINT.z`.
 
     BVH does not say its unit of length: the map does.
-
-    Raises:
-        BagError: it is no BVH.
     """
     try:
         check_regular(path, MOST_MESH)

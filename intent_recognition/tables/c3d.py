@@ -16,10 +16,6 @@ def open_c3d(path: Path) -> Table:
     """The markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`, NaN where a marker was not seen.
 
     Rate and unit are those of the file. Analog channels are not read.
-
-    Raises:
-        BagError: it cannot be read.
-        MissingPackageError: neither ezc3d nor c3d is installed.
     """
     try:
         optional("ezc3d")

@@ -11,17 +11,12 @@ from numpy.typing import NDArray
 
 MOST_STATED = 2**16 - 1
 """Frames that a header can state."""
-INTEL = b"\x54"
-"""Processor type of little endian."""
 Arrays = dict[str, NDArray[Any]]
 
 
 def read(path: str) -> Arrays:
     """`points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, `said`: how
     many frames the file says it has.
-
-    Raises:
-        Exception: no library can read it; with what each of them said.
     """
     reasons = []
     for name, reader in (("ezc3d", _by_ezc3d), ("c3d", _by_c3d)):
@@ -87,7 +82,7 @@ def _stated(path: str) -> int:
     with Path(path).open("rb") as stream:
         words = np.frombuffer(stream.read(18), "<u2").astype(int)
         stream.seek((words[0] & 0xFF) * 512 - 509)
-        is_intel = stream.read(1) == INTEL
+        is_intel = stream.read(1) == b"\x54"  # little endian
         size = stream.seek(0, 2) - (words[8] - 1) * 512
     last = words[4] if words[4] < 2**16 - 1 else 0
     stated = int(last - words[3] + 1) if 0 < words[3] <= last else 0

@@ -28,11 +28,7 @@ LONGEST_CELL = 60
 
 
 def numbers(values: Values, source: Path, name: str) -> NDArray[np.float64]:
-    """A column as numbers (T,), NaN where nothing was measured.
-
-    Raises:
-        BagError: a cell is no number.
-    """
+    """A column as numbers (T,), NaN where nothing was measured."""
     if values.dtype.kind in "fiub":
         return values.astype(np.float64)
     found = np.empty(values.size)
@@ -49,11 +45,7 @@ def numbers(values: Values, source: Path, name: str) -> NDArray[np.float64]:
 
 
 def _check_commas(values: Values, source: Path, name: str) -> None:
-    """Refuse a column whose commas may separate thousands.
-
-    Raises:
-        BagError: some of its numbers have three digits after a comma, and others no comma at all.
-    """
+    """Refuse a column whose commas may separate thousands."""
     commas = [str(cell).strip() for cell in values if "," in str(cell)]
     if not commas or not all(MAYBE_THOUSANDS.fullmatch(text) for text in commas):
         return

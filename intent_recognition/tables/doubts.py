@@ -14,8 +14,6 @@ LONG_STEP_S = 4.0
 the longest period that can be learned from."""
 LONG_STEPS = 50
 """Usual steps without a sample that are named. Convention: half a second at 100 Hz."""
-MANY_DROPPED = 0.1
-"""Share of the rows without a time of their own that is named. Convention."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
     """What is odd about samples, and how many of their rows were dropped; they are taken."""
     for part, dropped in parts:
         rows = dropped + part.stamps_ns.size
-        if dropped > MANY_DROPPED * rows:
+        if dropped > 0.1 * rows:
             yield (
                 f"{dropped} of {rows} rows of {part.entry.topic} are dropped, whose times are"
                 " missing or not later than before. Likely a clock that went back or repeats: see"

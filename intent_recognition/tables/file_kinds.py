@@ -39,10 +39,6 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 
     Folders of files with the same columns are one kind. Several kinds belong together only where
     their files are named alike.
-
-    Args:
-        source: the folder, or a single file.
-        paths: of the files, at least one.
     """
     folders: dict[tuple[Path, str], list[Path]] = {}
     for path in paths:

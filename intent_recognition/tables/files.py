@@ -36,10 +36,6 @@ def open_table(path: Path, skip_rows: int = 0) -> Table:
     Args:
         path: of the file.
         skip_rows: lines of a text before its header.
-
-    Raises:
-        BagError: the file cannot be read.
-        MissingPackageError: its library is not installed.
     """
     if is_lerobot(path):
         return open_lerobot(path)
@@ -71,11 +67,7 @@ def has_tables(source: Path) -> bool:
 
 
 def find_tables(source: Path) -> list[Path]:
-    """What of a path can be imported: itself, or what is in a folder, sorted by name.
-
-    Raises:
-        BagError: nothing of it can.
-    """
+    """What of a path can be imported: itself, or what is in a folder, sorted by name."""
     if is_lerobot(source) or (source.is_file() and is_table(source)):
         return [source]
     files = [path for path in source.rglob("*") if path.is_file() and is_table(path)]

@@ -13,10 +13,6 @@ def open_hdf5(path: Path) -> Table:
     """Arrays by their path: `obs.robot0_eef_pos.0`, `observations.qpos.3`, `action.0`.
 
     The demonstrations of robomimic and Isaac Lab are told apart by the column `demonstration`.
-
-    Raises:
-        BagError: it is no HDF5, or has no arrays of numbers.
-        MissingPackageError: h5py is not installed.
     """
     optional("h5py")
     arrays = read_isolated("hdf5_reading.py", path, "an HDF5 file")

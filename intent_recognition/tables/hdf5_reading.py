@@ -10,13 +10,8 @@ from numpy.typing import NDArray
 
 MOST_BYTES = 2**28
 """Of one array. Convention: an hour of fifty values at 100 Hz takes 0.15 GB."""
-WIDEST_BYTES = 256
-"""Bytes of a row beyond which it is no sample but a compressed image, as ALOHA keeps them.
-Convention."""
 ENDS = "meta.episode_ends"
 """Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
-EPISODE = "demo_"
-"""How robomimic and Isaac Lab name their demonstrations, groups below `data`."""
 
 
 def read(path: str) -> dict[str, NDArray[Any]]:
@@ -24,14 +19,12 @@ def read(path: str) -> dict[str, NDArray[Any]]:
 
     `demonstration` says of each row of those which it is of; `#rate` is the control rate that
     robomimic notes, 0 for none. Images and what has more dimensions are left out.
-
-    Raises:
-        Exception: whatever h5py raises.
     """
     h5py = importlib.import_module("h5py")
     with h5py.File(path, "r") as file:
         data = file.get("data")
-        names = [name for name in data if name.startswith(EPISODE)] if data is not None else []
+        # so robomimic and Isaac Lab name their demonstrations
+        names = [name for name in data if name.startswith("demo_")] if data is not None else []
         rate = 0.0
         if names:
             names.sort(key=lambda name: (len(name), name))
@@ -75,7 +68,8 @@ def _arrays(group: Any) -> dict[str, NDArray[Any]]:
             fields = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
             found.update({f"{dotted}.{field}": np.asarray(item[field]) for field in fields})
         is_of_places = item.ndim == 3 and item.shape[2] <= 4
-        if item.ndim == 2 and item.dtype == np.uint8 and item.shape[1] > WIDEST_BYTES:
+        # wider rows are compressed images, as ALOHA keeps them
+        if item.ndim == 2 and item.dtype == np.uint8 and item.shape[1] > 256:
             return
         if item.dtype.kind in "fiub" and (item.ndim in (1, 2) or is_of_places):
             found[dotted] = np.asarray(item[()])

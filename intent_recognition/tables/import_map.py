@@ -129,15 +129,7 @@ class ImportMap:
 
     @classmethod
     def from_dict(cls, content: object, source: str = "map") -> "ImportMap":
-        """Check `content` and build the map.
-
-        Args:
-            content: what the YAML file gives.
-            source: name of the file, for messages.
-
-        Raises:
-            DofError: anything is missing, unknown or of the wrong kind.
-        """
+        """Check `content` and build the map."""
         items = _mapping(content, source, KEYS)
         own: dict[str, list] = {side: items.get(side) or [] for side in SIDES}
         plain: dict[str, object] = {}

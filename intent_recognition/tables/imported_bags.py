@@ -43,17 +43,7 @@ class ImportedBag:
 def bag_parts(
     name: str, path: Path, named: Mapping[str, str], mapping: ImportMap
 ) -> Iterator[ImportedBag | Rejection]:
-    """A recording as the map labels and cuts it, in seconds from its first message.
-
-    Args:
-        name: of the recording.
-        path: of the bag.
-        named: what its name says.
-        mapping: the map.
-
-    Raises:
-        BagError: it cannot be read.
-    """
+    """A recording as the map labels and cuts it, in seconds from its first message."""
     reader = BagReader(path)
     has = {topic.lstrip("/") for topic in reader.topics}
     missing = [c.entry.topic for c in mapping.columns if c.entry.topic.lstrip("/") not in has]

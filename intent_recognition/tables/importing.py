@@ -33,10 +33,6 @@ from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns
 
 LONGEST_NAME = 80
 """Characters of the name of a recording. Convention, as of labels."""
-FEWEST_SAMPLES = 2
-"""Samples of an entry that make a movement. Convention, as in reading."""
-AXES = 3
-"""Numbers of a place."""
 NO_SAMPLES = "Check its cells, and under time in the map where times come from."
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
 
@@ -182,7 +178,7 @@ def _demonstrations(
             check_label(task, "Give it another under labels in the map.")
             custom["task"] = task
         parts = [_samples(row, pick, mapping.every) for row, pick in zip(rows, picks, strict=True)]
-        few = [s for s, _ in parts if _count(s) < (1 if s.entry.context else FEWEST_SAMPLES)]
+        few = [s for s, _ in parts if _count(s) < (1 if s.entry.context else 2)]
         if few:
             count = _count(few[0]) or "no"
             reason = f"empty: {count} sample{'s' * (count != 1)} with a time of its own"
@@ -233,7 +229,7 @@ def _rows(
         raise BagError.about(str(table.source), "columns of one length", got, cure)
     values = np.column_stack(columns)
     hidden = 0
-    if table.must_say and source.entry.unit == "m" and values.shape[1] == AXES:
+    if table.must_say and source.entry.unit == "m" and values.shape[1] == 3:
         values, hidden = without_zeros(values)
     if time.column is None or time.unit == SAMPLES:
         counts = np.arange(len(values), dtype=np.float64)

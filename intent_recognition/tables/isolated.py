@@ -23,16 +23,7 @@ BOOT = "import runpy, sys; sys.exit(runpy.run_path(sys.argv[1])['main'](*sys.arg
 
 
 def read_isolated(script: str, path: Path, kind: str) -> dict[str, NDArray[Any]]:
-    """What the function `read` of a script makes of a file, run in another process.
-
-    Args:
-        script: its name in this folder.
-        path: of the file.
-        kind: what the file should be, for messages.
-
-    Raises:
-        BagError: the library cannot read it; says what it said.
-    """
+    """What the function `read` of a script makes of a file, run in another process."""
     with TemporaryDirectory(prefix="intent_read_") as folder:
         result = Path(folder) / "arrays.npz"
         arguments = (HERE / "isolated_main.py", HERE / script, path.resolve(), result)

@@ -12,13 +12,7 @@ which 0.5 GB are read."""
 
 
 def main(script: str, path: str, result: str) -> int:
-    """Write what the function `read` of a script returns as `.npz`; on failure, say why.
-
-    Args:
-        script: file of Python.
-        path: of the file that it reads.
-        result: file to write.
-    """
+    """Write what the function `read` of a script returns as `.npz`; on failure, say why."""
     try:
         import resource  # not on every system
     except ImportError:

@@ -76,9 +76,6 @@ def open_frames(folder: Path) -> Table:
     """OpenPose's folder, a file for each frame: `RWrist.x`, `RWrist.y`, [pixels], of one person.
 
     What has confidence 0 was not seen. A frame without a file is a gap.
-
-    Raises:
-        BagError: a file is none of OpenPose's, or there is more than one person in it.
     """
     files = sorted(folder.glob(f"*{FRAMES}"))
     numbers = [re.search(r"(\d+)" + re.escape(FRAMES), path.name) for path in files]
@@ -97,11 +94,7 @@ def open_frames(folder: Path) -> Table:
 
 
 def open_landmarks(path: Path) -> Table:
-    """Frames of MediaPipe: `right_wrist.x`, ...; those in metres where the file has them.
-
-    Raises:
-        BagError: there are no frames of landmarks in it.
-    """
+    """Frames of MediaPipe: `right_wrist.x`, ...; those in metres where the file has them."""
     content = _load(path)
     frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
     if isinstance(content, dict) and all(key.isdigit() for key in content):
@@ -137,11 +130,7 @@ def open_landmarks(path: Path) -> Table:
 
 
 def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
-    """What a function makes of content, which may be anything.
-
-    Raises:
-        BagError: it is not what the function expects.
-    """
+    """What a function makes of content, which may be anything."""
     try:
         return read(content)
     except (TypeError, ValueError, OverflowError, AttributeError, KeyError) as error:

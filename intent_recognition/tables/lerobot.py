@@ -15,8 +15,6 @@ from intent_recognition.untrusted import UntrustedError, load_json, read_text
 
 MOST_LINES = 2**26
 """Bytes of a `.jsonl` file. Convention: a million tasks take 60 MB."""
-VERSIONS = ("v2.", "v3.")
-"""LeRobot's `codebase_version` that can be read."""
 
 
 def open_lerobot(folder: Path) -> Table:
@@ -24,10 +22,6 @@ def open_lerobot(folder: Path) -> Table:
 
     Elements of a feature have the names that `info.json` gives them, and `FEATURE.0`, `FEATURE.1`,
     ... The column `task` holds the text of each row's task.
-
-    Raises:
-        BagError: metadata are missing or of another version.
-        MissingPackageError: pyarrow is not installed.
     """
     path = folder / "meta" / "info.json"
     try:
@@ -38,7 +32,7 @@ def open_lerobot(folder: Path) -> Table:
     except (OSError, UntrustedError, KeyError, TypeError, ValueError, AttributeError) as error:
         expected = "codebase_version, features and data_path of a LeRobot data set"
         raise unusable(path, expected, one_line(error), "Download it again.") from error
-    if not version.startswith(VERSIONS):
+    if not version.startswith(("v2.", "v3.")):
         raise unusable(path, "version 2 or 3", version, "Convert it with LeRobot's own script.")
     if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
         raise unusable(path, "a data_path inside of the folder", pattern, "Correct it.")

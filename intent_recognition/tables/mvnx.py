@@ -18,11 +18,7 @@ UNITS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2", "jointAngl
 
 
 def open_mvnx(path: Path) -> Table:
-    """Columns such as `RightHand.position.x`, `RightHand.orientation.w`, `jRightElbow.flexion`.
-
-    Raises:
-        BagError: it is no MVNX.
-    """
+    """Columns such as `RightHand.position.x`, `RightHand.orientation.w`, `jRightElbow.flexion`."""
     names: dict[str, list[str]] = {"segment": [], "joint": []}
     rows: dict[str, list[list[float]]] = {}
     rate = 0.0

@@ -11,16 +11,9 @@ from intent_recognition.tables.cells import Values
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
-FEWEST_ROWS = 20
-"""Rows beside more columns that are likely DOFs, not samples. Convention."""
-
 
 def open_npz(path: Path) -> Table:
-    """Arrays (T,) by name, those of arrays (T, d) as `NAME.0`, of (T, n, 3) as `NAME.0.0`, ...
-
-    Raises:
-        BagError: it is no archive of such arrays.
-    """
+    """Arrays (T,) by name, those of arrays (T, d) as `NAME.0`, of (T, n, 3) as `NAME.0.0`, ..."""
     try:
         arrays = read_arrays(path)
     except (UntrustedError, OSError) as error:
@@ -34,9 +27,6 @@ def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values
 
     Arrays (T, n, 3) are `NAME.0.0`, ..., `NAME.n.2`; images and what has more dimensions are left
     out.
-
-    Raises:
-        BagError: there is nothing else, or they are too many.
     """
     columns: dict[str, Values] = {}
     for name, array in arrays.items():
@@ -60,7 +50,7 @@ def transposed(arrays: Mapping[str, Values]) -> list[str]:
     most = max((len(array) for array in arrays.values() if array.ndim), default=0)
     found = []
     for name, array in arrays.items():
-        if array.ndim not in (2, 3) or not len(array) <= FEWEST_ROWS < array.shape[1]:
+        if array.ndim not in (2, 3) or not len(array) <= 20 < array.shape[1]:
             continue
         if array.ndim == 3:
             found.append(

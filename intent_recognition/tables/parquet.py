@@ -14,12 +14,7 @@ from intent_recognition.untrusted import MOST_ARRAYS, UntrustedError, check_regu
 
 
 def open_parquet(path: Path) -> Table:
-    """A Parquet file; elements of a list column are `NAME.0`, `NAME.1`, ...
-
-    Raises:
-        BagError: it is no Parquet file.
-        MissingPackageError: pyarrow is not installed.
-    """
+    """A Parquet file; elements of a list column are `NAME.0`, `NAME.1`, ..."""
     return parquet_table(path, [path], {})
 
 
@@ -30,10 +25,6 @@ def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Seque
         source: the file, or the folder of a data set.
         files: in their order.
         names: of the elements of list columns, where they have any.
-
-    Raises:
-        BagError: one is no Parquet file.
-        MissingPackageError: pyarrow is not installed.
     """
     parquet = optional("pyarrow.parquet")
     places = _places(parquet, files[0], names)

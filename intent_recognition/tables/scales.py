@@ -37,24 +37,14 @@ def spelled(unit: str) -> str:
 
 
 def check_convertible(unit: str, wanted: str, place: str) -> None:
-    """Make sure that there is a factor between two units.
-
-    Raises:
-        DofError: there is none.
-    """
+    """Make sure that there is a factor between two units."""
     if spelled(unit) != wanted and scale_between(spelled(unit), wanted) is None:
         known = f"{wanted}, or one of {', '.join(UNITS)}, for lengths and angles"
         raise DofError.about(place, known, unit, "Convert the columns, or correct the unit.")
 
 
 def convert(values: NDArray[np.float64], unit: str, wanted: str) -> NDArray[np.float64]:
-    """Values in another unit; as they are where it is the same or unknown.
-
-    Args:
-        values: of any shape.
-        unit: they are in.
-        wanted: to have them in.
-    """
+    """Values in another unit; as they are where it is the same or unknown."""
     scale = scale_between(spelled(unit), wanted)
     if scale is None or scale[0] == scale[1]:
         return values

@@ -12,15 +12,7 @@ from intent_recognition.tables.suggested_entries import flow
 
 
 def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
-    """The text of a map that labels recordings by their names.
-
-    Args:
-        source: their folder, or one of them.
-        bags: at least one.
-
-    Raises:
-        BagError: the first cannot be read, or has neither poses nor joint states.
-    """
+    """The text of a map that labels recordings by their names."""
     reader = BagReader(bags[0])
     poses = [t.name for t in reader.topics.values() if t.type == POSE and t.message_count]
     states = [t.name for t in reader.topics.values() if t.type == JOINT_STATE and t.message_count]

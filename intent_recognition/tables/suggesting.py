@@ -26,8 +26,6 @@ STILL = 1e-9
 """Extent of a column, as a share of its size, below which it is constant. Convention: rounding."""
 MOST_LISTED = 12
 """Columns of a kind that a comment lists. Convention."""
-LEAST_SEEN = 0.5
-"""Share of the rows that a body is seen in, below which it is only named. Convention."""
 MOST_JOINTS = 16
 """Joints that a suggestion has. Convention: two arms with a hand."""
 MOST_BODIES = 8
@@ -125,7 +123,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     joints = [c for c in joints if c.name not in others]
     still = [c.name for c in columns.values() if not c.moves and c.name not in used]
     moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
-    seldom = [b for b in moving if columns[bodies[b][0]].seen < LEAST_SEEN]
+    seldom = [b for b in moving if columns[bodies[b][0]].seen < 0.5]
     markers = [b for b in moving if b not in seldom and _is_marker_of(b, moving)]
     moving = [b for b in moving if b not in (*seldom, *markers)]
     own = [f"    file: {flow(name)}", f"    time: {flow(time)}  # {time_note}"] if name else []

@@ -43,11 +43,7 @@ class Table:
     notes: tuple[str, ...] = ()
 
     def columns(self, wanted: Sequence[str]) -> dict[str, Values]:
-        """Some columns by name, or by number from 0 on.
-
-        Raises:
-            BagError: one of them is not there, or twice; names those that are.
-        """
+        """Some columns by name, or by number from 0 on."""
         names = list(dict.fromkeys(wanted))
         found = {name: self.find(name) for name in names}
         if missing := [name for name, number in found.items() if number is None]:
@@ -62,11 +58,7 @@ class Table:
         return dict(zip(names, values, strict=True))
 
     def find(self, name: str) -> int | None:
-        """The number of a column; None where there is none.
-
-        Raises:
-            BagError: the name is there more than once.
-        """
+        """The number of a column; None where there is none."""
         lower = [own.lower() for own in self.names]
         for wanted, known in ((name, self.names), (name.lower(), lower)):
             same = [k for k, own in enumerate(known) if own == wanted]
@@ -82,11 +74,7 @@ class Table:
         return int(name) if name.isdecimal() and int(name) < len(self.names) else None
 
     def unit_of(self, name: str, wanted: str) -> str:
-        """The unit of a column, in our spelling; that which is wanted where nothing is known.
-
-        Raises:
-            BagError: it is missing and must be known, or cannot be converted.
-        """
+        """The unit of a column, in our spelling; that which is wanted where nothing is known."""
         number = self.find(name)
         said = self.units.get(number, self.unit) if number is not None else self.unit
         cure = "Give it as columns_unit in the map, such as mm."
@@ -102,13 +90,7 @@ class Table:
 
 
 def table_of(source: Path, columns: Mapping[str, Values], **more: Any) -> Table:
-    """A table of columns that are read already.
-
-    Args:
-        source: the file.
-        columns: by name.
-        more: further attributes of `Table`.
-    """
+    """A table of columns that are read already."""
     values = list(columns.values())
     return Table(source, tuple(columns), lambda wanted: [values[k] for k in wanted], **more)
 
@@ -120,11 +102,7 @@ def without_subjects(names: Sequence[str]) -> dict[str, int]:
 
 
 def check_columns(source: Path, count: int) -> None:
-    """Bound how many columns a table has.
-
-    Raises:
-        BagError: they are too many.
-    """
+    """Bound how many columns a table has."""
     if count > MOST_COLUMNS:
         cure = "Leave columns out of the file."
         raise unusable(source, f"at most {MOST_COLUMNS} columns", count, cure)

@@ -40,15 +40,7 @@ TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
 
 
 def open_text(path: Path, skip_rows: int) -> Table:
-    """A CSV, TSV, TRC, MOT or STO file, or a CSV of Motive, Nexus or QTM.
-
-    Args:
-        path: of the file.
-        skip_rows: lines before its header, where that is none of a known program.
-
-    Raises:
-        BagError: it cannot be read.
-    """
+    """A CSV, TSV, TRC, MOT or STO file, or a CSV of Motive, Nexus or QTM."""
     encoding = _encoding(path)
     comments = _comments(path, encoding)
     before, others = _before_places(path, comments, encoding)
@@ -188,11 +180,7 @@ def _delimiter(path: Path, head: Sequence[str]) -> str:
 
 
 def _encoding(path: Path) -> str:
-    """UTF-8, UTF-16 by its mark or its zeros, or Latin-1 where it is none of them.
-
-    Raises:
-        BagError: it is no text.
-    """
+    """UTF-8, UTF-16 by its mark or its zeros, or Latin-1 where it is none of them."""
     with path.open("rb") as stream:
         start = stream.read(64)
         if start[:2] in (b"\xff\xfe", b"\xfe\xff"):

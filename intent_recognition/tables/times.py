@@ -28,8 +28,6 @@ LAST_NS = 2**31 * NANOSECONDS
 DAY_NS = 86_400 * NANOSECONDS
 USUAL_PERIODS_S = 1e-3, 0.5
 """Steps between samples by which the unit of times is known [s]. Convention."""
-MOST_NS = 10**30
-"""Beyond this a number is no time in any unit [ns]. Convention."""
 
 
 class Stamps(NamedTuple):
@@ -66,9 +64,6 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
             `SINCE_NS`.
         source: the file, for messages.
         name: of the column, for messages.
-
-    Raises:
-        BagError: a cell is no time, or a time is before 1970 or after 2038, which no stamp holds.
     """
     per, place = PER_UNIT[unit], f"{source}: {name}"
     known = np.ones(values.size, bool)
@@ -116,11 +111,7 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
 def counted_ns(
     values: NDArray[np.float64], rate_hz: float, since_ns: int | None, source: Path
 ) -> Stamps:
-    """Stamps of samples at a rate [Hz] by their numbers (T,); the first one is at `since_ns`.
-
-    Raises:
-        BagError: they leave what a stamp holds.
-    """
+    """Stamps of samples at a rate [Hz] by their numbers (T,); the first one is at `since_ns`."""
     known = np.isfinite(values)
     first = values[known][0] if known.any() else 0.0
     ticks = np.rint(np.where(known, values - first, 0.0) * (NANOSECONDS / rate_hz))
@@ -174,6 +165,6 @@ def _nanoseconds(text: str, per: int) -> int:
         hours, minutes, seconds = text.split(":")
         text, per = str(3600 * int(hours) + 60 * int(minutes) + Decimal(seconds)), NANOSECONDS
     count = Decimal(with_point(text)) * per
-    if not abs(count) < MOST_NS:
+    if not abs(count) < 10**30:
         raise OverflowError
     return round(count)

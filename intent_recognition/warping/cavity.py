@@ -19,8 +19,6 @@ N_BINS = 24
 """Angles, seen from the axis at half depth, at which the profile is averaged."""
 MIN_IN_BIN = 3
 """Points a bin must have to count."""
-MIN_ON_FLOOR = 6
-"""Points the floor must have to be taken for seen."""
 N_LEVELS = 12
 """Depths at which the outer wall is averaged."""
 FLOOR_TO_WALL = 1.7
@@ -60,9 +58,6 @@ def fit_cavity(points: NDArray[np.float64], normals: NDArray[np.float64], rim: R
         points: of container and rim (n, 3) [m].
         normals: outward unit normals (n, 3).
         rim: of the container.
-
-    Raises:
-        ArgumentError: nothing faces the cavity, or it has hardly a depth.
     """
     local, facing = rim.to_local(points), normals @ rim.axes.T
     depth, shape = -local[:, 0], _shape(rim, local[:, 1:])
@@ -83,7 +78,7 @@ def fit_cavity(points: NDArray[np.float64], normals: NDArray[np.float64], rim: R
         cure = "Scan the object from above, so that its inside is seen."
         raise ArgumentError.about("points", "some inside", int(inside.sum()), cure)
     floor = inside & (facing[:, 0] > 0.6) & (radius < 0.4 * rim.radius_m)
-    floor_m = float(np.median(depth[floor])) if floor.sum() >= MIN_ON_FLOOR else None
+    floor_m = float(np.median(depth[floor])) if floor.sum() >= 6 else None
     base_seen = below.mean() > 0.01
     inner = _inner(depth[inside], radius[inside], rim)
     profile, height = _profile(inner, outer, floor_m, base_seen, rim)

@@ -14,8 +14,6 @@ PROTRUSION = 1.25
 """Points this many wall distances from the axis belong to the handle."""
 WALL_LIMITS = (0.3, 3.0)
 """Wall distances beyond these, in radii of the opening, are clipped."""
-MIN_HANDLE_SHARE = 0.006
-"""Share of the points that must stand out for a handle to be there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +81,7 @@ def coarse_frame(
     wall = outer_wall(level / height, radius, outward)
     handle = protruding(level / height, radius, wall)
     direction, reach = np.zeros(3), 0.0
-    if handle.mean() > MIN_HANDLE_SHARE:
+    if handle.mean() > 0.006:
         direction = (flat[handle] / radius[handle, None]).mean(0)
         # The corners of a square bowl stand out as well, but to all sides.
         if np.linalg.norm(direction) > 0.7:

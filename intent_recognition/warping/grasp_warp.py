@@ -36,8 +36,6 @@ between the noise of a scan and the far wall of a cup."""
 MIN_ALIKE = 0.7
 """Least cosine between the normals of a source point and of its target point. Convention: 45
 degrees."""
-MIN_SEEN_SHARE = 0.5
-"""Share of the points under a pad that have to be seen for its side to count as seen."""
 LEAST_WIDTH = 0.2
 """A warped width below this share of what the sizes let one expect is noise. Convention."""
 
@@ -64,11 +62,7 @@ class _Side(NamedTuple):
 def contact_rows(
     annotated: AnnotatedObject, grasp: Grasp
 ) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
-    """Rows of the points under the pad on the side of +y, and under the other.
-
-    Raises:
-        ArgumentError: one of the pads touches nothing.
-    """
+    """Rows of the points under the pad on the side of +y, and under the other."""
     local = (annotated.points - grasp.centre) @ grasp.pose[:3, :3]
     facing = annotated.normals @ grasp.closing
     near = (np.abs(local[:, [0, 2]]) < REACH_M).all(1)
@@ -158,7 +152,7 @@ def _moved(
     steep = (across**2).sum(1)
     close = np.linalg.norm(offsets, axis=1) < reach
     close &= ((facing * normals).sum(1) > MIN_ALIKE) & (steep > MIN_FACING**2)
-    if close.mean() < MIN_SEEN_SHARE:
+    if close.mean() < 0.5:
         return _Side(rows, points, normals, None)
     moves = ((offsets * facing).sum(1) / np.maximum(steep, MIN_FACING**2))[:, None] * across
     moves = moves[close]

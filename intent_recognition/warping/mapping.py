@@ -32,9 +32,6 @@ def agreeing_neighbours(
     Returns:
         Indices (n, k), nearest first. Where fewer than k candidates agree the nearest of those
         that do are repeated; where none does, the nearest of all stands in.
-
-    Raises:
-        ArgumentError: k is not between 1 and m.
     """
     m = len(candidates)
     if not 1 <= k <= m:

@@ -15,8 +15,6 @@ from intent_recognition.warping.grasp import LARGEST_M, Grasp
 
 MIN_POINTS = 100
 """Fewer points describe no object."""
-LONGEST_NORMAL = 1e150
-"""Largest component of a normal before it is brought to one: its square is still a number."""
 
 
 N_NEIGHBOURS = 10
@@ -54,7 +52,7 @@ class ObjectCloud:
         if normals.shape != points.shape:
             cure = "Give one outward normal per point, or use `with_estimated_normals`."
             raise ShapeError.about("normals", f"shape {points.shape}", normals.shape, cure)
-        fits = np.all(np.abs(normals) <= LONGEST_NORMAL, axis=1)
+        fits = np.all(np.abs(normals) <= 1e150, axis=1)  # its square is still a number
         length = np.linalg.norm(np.where(fits[:, None], normals, 0.0), axis=1)
         bad = length <= 1e-9
         if bad.any():
@@ -105,12 +103,7 @@ class AnnotatedObject(ObjectCloud):
 
 
 def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A float copy of points (n, 3).
-
-    Raises:
-        ShapeError: not (n, 3).
-        ArgumentError: too few, or not finite.
-    """
+    """A float copy of points (n, 3)."""
     points = np.array(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError.about("points", "shape (n, 3)", points.shape, "One row per point.")

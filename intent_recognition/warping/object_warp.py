@@ -24,8 +24,6 @@ from intent_recognition.warping.part_labels import fit_rim_classifier, local_fea
 from intent_recognition.warping.rim import Rim, fit_rim
 
 Mapping = Literal["label", "point"]
-N_CLASSIFIED = 600
-"""Points of a target that the first guess of its parts is made from."""
 LEAST_APART_M = 1e-6
 """Least distance of the middles of a source's wall and rim [m]. Convention: below any object."""
 MAX_ASIDE = 0.7
@@ -159,7 +157,8 @@ def warp_object(
 def _frame(cloud: ObjectCloud, classifier: LogisticModel) -> ObjectFrame:
     """The coarse frame of an unlabelled object."""
     tree = cKDTree(cloud.points)
-    for step in sorted({max(1, len(cloud.points) // N_CLASSIFIED), 1}, reverse=True):
+    # The first guess is made from some 600 points.
+    for step in sorted({max(1, len(cloud.points) // 600), 1}, reverse=True):
         rows = slice(None, None, step)
         features = local_features(cloud.points, cloud.normals, tree, rows)
         on_rim = classifier.probability(features)
@@ -223,8 +222,6 @@ GAP = 5.0
 """Two pieces are apart by more than so many usual distances between neighbours."""
 OTHER_PIECE = 0.25
 """A second piece of more than this share of the largest is another object."""
-SUSPECT_PIECE = 0.08
-"""Pieces above this share of the largest are named in the message."""
 
 
 def check_scan(points: NDArray[np.float64]) -> None:
@@ -232,9 +229,6 @@ def check_scan(points: NDArray[np.float64]) -> None:
 
     Args:
         points: (n, 3), finite.
-
-    Raises:
-        ArgumentError: wrong unit, flat, or more than one object.
     """
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not SMALLEST_M < extent < LARGEST_M:
@@ -253,7 +247,7 @@ def check_scan(points: NDArray[np.float64]) -> None:
             break
     else:
         cure = "Cut the cloud into objects and warp one at a time."
-        got = f"{np.count_nonzero(sizes > SUSPECT_PIECE * sizes[0])} pieces apart from one another"
+        got = f"{np.count_nonzero(sizes > 0.08 * sizes[0])} pieces apart from one another"
         raise ArgumentError.about("points", "one object", got, cure)
 
 

@@ -6,10 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-N_HYPOTHESES = 300
-"""Planes through three probable rim points each that are tried (RANSAC). Convention."""
-N_VERIFIED = 6
-"""Best of them that are looked at closely."""
 N_SECTORS = 24
 """Directions around the centre in which the rim is looked for."""
 BAND = 0.03
@@ -62,7 +58,7 @@ def find_opening(
     near = np.abs(distance) < tolerance
     above = distance > 2.0 * tolerance
     support = rim_probability @ near - 0.5 * above.sum(0)
-    likely = planes[np.argsort(-support)[:N_VERIFIED]]
+    likely = planes[np.argsort(-support)[:6]]
 
     def score(opening: OpeningPlane) -> float:
         looks_into = _looks_into(points, normals, opening, tolerance)
@@ -111,7 +107,7 @@ def _hypotheses(
     count = max(MIN_RIM_POINTS, int(LIKELY_SHARE * len(points)))
     likely = np.argsort(-probability, kind="stable")[:count]
     # Always the same draws: the same cloud in another place gives the same planes.
-    draws = np.random.default_rng(0).integers(0, count, (N_HYPOTHESES, 3))
+    draws = np.random.default_rng(0).integers(0, count, (300, 3))
     corners = points[likely[draws]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=1)

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from intent_recognition.warping.clipping import half_volume_angle
 from intent_recognition.warping.object_warp import WarpedObject
 
-FAR_M = 100.0
-"""Distance [m] of a point that stands for a direction."""
 LEVEL_RAD = 0.05
 """An opening tilted by less is level [rad]."""
 
@@ -77,7 +75,7 @@ def lip_point(
             downhill = (vertical @ rim.up) * rim.up - vertical
             if np.linalg.norm(downhill) > LEVEL_RAD:
                 direction = downhill
-        toward = rim.centre + FAR_M * direction / np.linalg.norm(direction)
+        toward = rim.centre + 100.0 * direction / np.linalg.norm(direction)
     crest = rim.crest
     along = np.roll(crest, -1, axis=0) - crest
     share = np.einsum("ij,ij->i", toward - crest, along) / np.einsum("ij,ij->i", along, along)

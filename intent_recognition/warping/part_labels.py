@@ -15,8 +15,6 @@ N_VIEWS = (1, 1, 1, 2, 2, 3, 3, 3)
 """Numbers of cameras of the partial views that the classifier is trained on."""
 N_POINTS = 2000
 """Points of the whole object and of each view, as many as a scan has."""
-GRAZING = 0.17
-"""Cosine between normal and view below which a camera sees nothing: 80 degrees."""
 
 
 N_NEIGHBOURS = 20
@@ -28,9 +26,6 @@ def fit_rim_classifier(source: AnnotatedObject, up: NDArray[np.float64]) -> Logi
 
     A camera above sees more of the rim than of the walls. The annotated points are therefore
     thinned as one to three cameras would, and the classifier sees these clouds besides the whole.
-
-    Raises:
-        TrainingError: no point is labelled as rim, or every one.
     """
     n_rim = int((source.labels == Part.RIM).sum())
     if not 0 < n_rim < len(source.labels):
@@ -107,7 +102,7 @@ def _seen(
         azimuth, elevation = start + 2.0 * np.pi * view / n_views, rng.uniform(0.7, 1.2)
         level = np.cos(azimuth) * first + np.sin(azimuth) * second
         facing = source.normals @ (np.cos(elevation) * level + np.sin(elevation) * up)
-        weight += np.where(facing > GRAZING, facing, 0.0)
+        weight += np.where(facing > 0.17, facing, 0.0)  # a camera sees nothing beyond 80 degrees
     count = min(N_POINTS, int((weight > 0.0).sum()) * 2 // 3)
     if not count:
         cure = "Let normals point outward, also inside the opening."

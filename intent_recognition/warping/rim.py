@@ -16,8 +16,6 @@ N_HARMONICS = 8
 """Harmonics of its radius over the direction: enough for a rounded square."""
 SMOOTHNESS = 0.02
 """Penalty on the square of a harmonic's order."""
-CREST_QUANTILE = 0.9
-"""Quantile of the heights taken for the crest where too few normals point up."""
 MIN_RIM_POINTS = 8
 """Fewer points determine no rim."""
 
@@ -77,9 +75,6 @@ def fit_rim(points: NDArray[np.float64], normals: NDArray[np.float64], frame: Ob
         points: of the rim (n, 3) [m].
         normals: outward unit normals (n, 3).
         frame: of the object.
-
-    Raises:
-        ArgumentError: there are too few points.
     """
     if len(points) < MIN_RIM_POINTS:
         cure = "Scan the opening from above, with more points."
@@ -134,7 +129,7 @@ def _crest_level(level: NDArray[np.float64], upward: NDArray[np.float64]) -> flo
     """
     top = upward > 0.3
     if top.sum() < MIN_RIM_POINTS:
-        return float(np.quantile(level, CREST_QUANTILE))
+        return float(np.quantile(level, 0.9))
     drop = 1.0 - upward[top]
     spread = drop - drop.mean()
     slope = min((spread @ level[top]) / (spread @ spread + 1e-6 * len(drop)), 0.0)

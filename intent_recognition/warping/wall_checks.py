@@ -13,12 +13,8 @@ N_AROUND = 36
 """Cells around the axis into which the inside is divided."""
 N_DOWN = 24
 """Cells from the rim to the floor."""
-USUAL_IN_CELL = 15
-"""An empty cell counts as a hole where its row usually has so many points."""
 FLOOR = 0.35
 """Radius of the floor's middle, in radii of the rim."""
-MIN_FLOOR_SHARE = 0.3
-"""Share of the expected points that the floor's middle must have."""
 
 
 def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
@@ -60,7 +56,7 @@ def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
         raise ArgumentError.about("target", "a closed wall and floor", got, cure)
     middle = (FLOOR * rim.radius_m) ** 2 * np.pi
     expected = inside.sum() * middle / _area(cavity)
-    if (inside & (radius < FLOOR * rim.radius_m)).sum() < MIN_FLOOR_SHARE * expected:
+    if (inside & (radius < FLOOR * rim.radius_m)).sum() < 0.3 * expected:
         got = "a hole in the floor"
         raise ArgumentError.about("target", "a closed wall and floor", got, cure)
 
@@ -71,7 +67,7 @@ def _holes(cells: NDArray[np.float64]) -> NDArray[np.float64]:
     filled = np.ma.median(np.ma.masked_equal(around, 0), axis=0)
     # Far from all that is there it is the row that tells what is usual.
     row = np.broadcast_to(np.median(cells, axis=1, keepdims=True), cells.shape)
-    empty = (cells == 0) & (np.where(np.ma.getmaskarray(filled), row, filled) >= USUAL_IN_CELL)
+    empty = (cells == 0) & (np.where(np.ma.getmaskarray(filled), row, filled) >= 15)
     beside = np.roll(empty, 1, axis=1) | np.roll(empty, -1, axis=1)
     beside[1:] |= empty[:-1]
     beside[:-1] |= empty[1:]

@@ -16,8 +16,8 @@ from intent_recognition.errors import BagError, ResourceBusyError
 from intent_recognition.learning import RuleChange
 from intent_recognition.model import Executions, task_folder
 from intent_recognition.model.file import load_model, load_trained
+from intent_recognition.model.folder_content import is_correction, is_finished
 from intent_recognition.model.history import standing
-from intent_recognition.model.recordings import is_correction, is_finished
 from intent_recognition.model.task_folder import HISTORY, LEARN, START, TaskFolder, now
 
 pytestmark = pytest.mark.usefixtures("few_basis_functions")

@@ -18,10 +18,6 @@ COLUMNS = {
     JOINT_STATE: ("position", "velocity", "effort"),
 }
 """The numbers that are read as columns, for each type of message that can be."""
-LONGEST_PADDING = 3
-"""Bytes of padding that a message may end with."""
-MAX_LOG_TIME_NS = 2**63 - 1
-"""Largest log time that fits the signed integers of columns [ns]."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +85,7 @@ _Part = tuple[_Integers, list[NDArray[np.float64]]]
 
 
 class ColumnsBuilder:
-    """Collects the messages of one topic block by block.
-
-    Args:
-        type_name: of all messages.
-    """
+    """Collects the messages of one topic block by block."""
 
     def __init__(self, type_name: str):
         self._type = type_name
@@ -107,7 +99,7 @@ class ColumnsBuilder:
         Returns:
             False if one of them is not for columns; the builder is of no use then.
         """
-        if self._type not in COLUMNS or np.any(table.log_times_ns > MAX_LOG_TIME_NS):
+        if self._type not in COLUMNS:
             return False
         numbers = self._count + np.arange(table.starts.size)
         self._count += table.starts.size
@@ -184,7 +176,7 @@ class ColumnsBuilder:
             layout = find_layout(self._type, message.tobytes())
         except ValueError:  # the general decoder says what is wrong
             return False
-        if layout.tail > LONGEST_PADDING or len(self._layouts) == MOST_LAYOUTS:
+        if layout.tail > 3 or len(self._layouts) == MOST_LAYOUTS:  # padding
             return False
         self._layouts.append(layout)
         return True

@@ -90,7 +90,6 @@ class Layout:
 
     Attributes:
         template: one such message.
-        fields: those that hold numbers, in order.
         decisive: (start, stop) of the bytes that must agree: lengths, counts and texts.
         runs: numbers by field, such as "pose.position.x", "position" or "points[2].positions";
             for a nested message whose numbers all follow one another also "pose.position".
@@ -99,7 +98,6 @@ class Layout:
     """
 
     template: bytes
-    fields: tuple[str, ...]
     decisive: tuple[tuple[int, int], ...]
     runs: Mapping[str, NumberRun]
     texts: Mapping[str, tuple[str, ...]]
@@ -196,10 +194,6 @@ class LayoutCache:
 def find_layout(type_name: str, data: bytes) -> Layout:
     """The layout of a serialized message.
 
-    Args:
-        type_name: message type of Jazzy, "package/msg/Name".
-        data: CDR bytes with their encapsulation header.
-
     Raises:
         ValueError: it is not little endian, ends too early, holds a text that is not UTF-8, or
             its type has fields other than numbers and strings.
@@ -207,8 +201,7 @@ def find_layout(type_name: str, data: bytes) -> Layout:
     cursor = _Cursor(data)
     cursor.message(type_name, "")
     tail = len(data) - cursor.at
-    fields = tuple(cursor.fields)
-    return Layout(data, fields, tuple(cursor.decisive), cursor.runs, cursor.texts, tail)
+    return Layout(data, tuple(cursor.decisive), cursor.runs, cursor.texts, tail)
 
 
 def header_stamp_ns(data: bytes) -> int:

@@ -31,8 +31,6 @@ PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, Runtim
 CHECKSUM = "checksum of the chunk does not match"
 MOST_CHUNK = 2**26
 """Bytes of the records of one chunk. Convention: rosbag2 writes 0.8 MB, or one larger message."""
-CUT_BYTES = 2**16
-"""Bytes decompressed at once of a chunk that is cut off. Convention."""
 LATEST_NS = 2**63
 """Log times lie before it [ns], in 2262: they fit signed integers."""
 
@@ -136,11 +134,7 @@ def payloads(table: MessageTable, length: int) -> NDArray:
 
 
 def read_definitions(view: bytes | mmap.mmap, block: McapBlock) -> Iterator[Schema | Channel]:
-    """Schemas and channels inside of one block, in file order.
-
-    Raises:
-        ValueError and others: as `read_messages`.
-    """
+    """Schemas and channels inside of one block, in file order."""
     data = _block_data(view, block)
     for position in record_positions(data, block.is_cut).tolist():
         opcode, length = RECORD_HEADER.unpack_from(data, position)
@@ -150,21 +144,13 @@ def read_definitions(view: bytes | mmap.mmap, block: McapBlock) -> Iterator[Sche
 
 
 def parse_definition(opcode: int, data: bytes) -> Schema | Channel:
-    """The schema or channel of a record's content.
-
-    Raises:
-        ValueError and others: as `read_messages`.
-    """
+    """The schema or channel of a record's content."""
     stream = ReadDataStream(BytesIO(data))
     return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
 
 
 def chunk_content(view: bytes | mmap.mmap, block: McapBlock) -> tuple[str, bytes, int]:
-    """Compression, compressed records and checksum (0 for none) of a chunk.
-
-    Raises:
-        ValueError, struct.error: it is damaged.
-    """
+    """Compression, compressed records and checksum (0 for none) of a chunk."""
     start = block.offset + RECORD_HEADER.size
     _, _, _, crc, name_length = CHUNK_HEADER.unpack_from(view, start)
     at = start + CHUNK_HEADER.size
@@ -198,11 +184,7 @@ def _block_data(view: bytes | mmap.mmap, block: McapBlock) -> bytes:
 
 
 def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -> bytes:
-    """The records of a chunk; of one cut off, those bytes that can be had.
-
-    Raises:
-        ValueError and others: as `read_messages`.
-    """
+    """The records of a chunk; of one cut off, those bytes that can be had."""
     if size > MOST_CHUNK:
         raise ValueError(f"a chunk of {size} bytes, more than {MOST_CHUNK}")
     if compression == "zstd":
@@ -218,11 +200,7 @@ def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -
 
 
 def check_frame(data: bytes, size: int) -> None:
-    """Make sure that zstd, which allots what its frame says, is told the size of the chunk.
-
-    Raises:
-        ValueError, zstandard.ZstdError: it is told another, or the frame is none.
-    """
+    """Make sure that zstd, which allots what its frame says, is told the size of the chunk."""
     said = zstandard.frame_content_size(data)
     if said not in (-1, size):
         raise ValueError(f"a frame of {said} bytes in a chunk that says it has {size}")
@@ -233,7 +211,7 @@ def _cut_zstd(data: bytes, size: int) -> bytes:
     found = bytearray()
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
         while len(found) < size:
-            piece = reader.read(min(size - len(found), CUT_BYTES))
+            piece = reader.read(min(size - len(found), 2**16))
             if not piece:
                 break
             found += piece

@@ -47,12 +47,7 @@ class Item(NamedTuple):
 
 
 def complete_schemas(scan: FileScan, types: Mapping[str, str]) -> dict[int, Schema | None]:
-    """The definition of each channel's type, in the form ros2msg where that is known.
-
-    Args:
-        scan: of the file.
-        types: by topic, of channels that the file says no type of.
-    """
+    """The definition of each channel's type, in the form ros2msg where that is known."""
     return {
         c.id: complete_schema(scan.schemas.get(c.schema_id), types.get(c.topic, ""))
         for c in scan.channels.values()
@@ -67,9 +62,6 @@ class McapFile:
         tolerant: skip damaged parts instead of raising.
         damage: list to which a tolerant reader adds what it skips; shared with other files.
         types: by topic, of channels that the file says no type of.
-
-    Raises:
-        BagError: the file cannot be opened or is empty.
     """
 
     def __init__(
@@ -109,12 +101,6 @@ class McapFile:
         """The messages of some channels block by block, in the order they were recorded.
 
         Small blocks come together. A table's `data` is valid until the next is asked for.
-
-        Args:
-            wanted: ids of the channels.
-
-        Raises:
-            BagError: damage, as in `items`.
         """
         with open_view(self.path) as view:
             reader = GroupReader(view, self.scan.channels.keys(), wanted)
@@ -129,12 +115,7 @@ class McapFile:
         self._raise_damage()
 
     def items(self, wanted: set[str] | None) -> Iterator[Item]:
-        """Messages of all topics, or those of `wanted` (no leading slash), by log time.
-
-        Raises:
-            BagError: the file is damaged; names the file, topics and time. Raised when the
-                damage is reached, after all messages before it.
-        """
+        """Messages of all topics, or those of `wanted` (no leading slash), by log time."""
         waiting: list[Item] = []
         with open_view(self.path) as view:
             # Blocks that overlap in time are merged; only those are in memory at once.

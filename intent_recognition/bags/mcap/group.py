@@ -69,12 +69,7 @@ class GroupReader:
         self._zstd = zstandard.ZstdDecompressor()
 
     def read(self, blocks: Sequence[McapBlock]) -> MessageTable:
-        """The wanted messages of whole blocks; the table's `data` is valid until the next call.
-
-        Raises:
-            ValueError and others: one of them is damaged, see `read_messages`, or a message of a
-                channel that is not known.
-        """
+        """The wanted messages of whole blocks; the table's `data` is valid until the next call."""
         sizes = [block_size(self._view, block) for block in blocks]
         for block, size in zip(blocks, sizes, strict=True):
             if size > MOST_CHUNK:

@@ -101,11 +101,7 @@ class FileScan:
 
 
 def scan_file(path: Path) -> FileScan:
-    """Find all chunks and definitions of a file; chunks are not decompressed yet.
-
-    Raises:
-        BagError: the file cannot be opened or is empty.
-    """
+    """Find all chunks and definitions of a file; chunks are not decompressed yet."""
     scan = FileScan()
     try:
         with path.open("rb") as stream:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The context in a model file: arrays that only models with context entries have."""
+"""What only some model files have: context, and the coupling of residuals."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,11 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.model.arrays import check_arrays, check_covariances, check_positive
-from intent_recognition.promp import CONTEXT_STRENGTH, ContextModel
+from intent_recognition.errors import ModelError
+from intent_recognition.model.arrays import (
+    RETRAIN,
+    check_arrays,
+    check_covariances,
+    check_positive,
+)
+from intent_recognition.promp import CONTEXT_STRENGTH, ContextModel, ResidualCoupling
 
 CONTEXT = ("context_mean", "context_covariance", "context_gain")
 """Names of the arrays."""
+
+
+COUPLING = tuple(f"coupling_{name}" for name in ResidualCoupling._fields)
+"""Likewise."""
 
 
 def context_arrays(context: ContextModel | None) -> dict[str, NDArray[np.float64]]:
@@ -29,11 +39,7 @@ def read_context(
     dofs: DofSpec,
     numbers: Mapping[str, NDArray[Any]],
 ) -> ContextModel | None:
-    """How the weights depend on the context, checked; None without one.
-
-    Raises:
-        ModelError: an array is missing, of another shape, not finite or no covariance.
-    """
+    """How the weights depend on the context, checked; None without one."""
     if not dofs.context:
         return None
     (n_tasks, n_weights), n = numbers["weight_mean"].shape, len(dofs.context_names)
@@ -51,3 +57,29 @@ def read_context(
         numbers["n_demonstrations"] - 1 + CONTEXT_STRENGTH,
         tuple(len(entry.names) for entry in dofs.context),
     )
+
+
+def coupling_arrays(coupling: ResidualCoupling | None) -> dict[str, NDArray[np.float64]]:
+    """What is written; nothing without a coupling."""
+    return {} if coupling is None else dict(zip(COUPLING, coupling, strict=True))
+
+
+def read_coupling(
+    path: str | Path,
+    content: Mapping[str, NDArray[Any]],
+    n_tasks: int,
+    n_controlled: int,
+    n_observed: int,
+) -> ResidualCoupling | None:
+    """The coupling, checked; None without one."""
+    if not any(name in content for name in COUPLING):
+        return None
+    shapes = [part.shape for part in ResidualCoupling.none(n_tasks, n_controlled, n_observed)]
+    check_arrays(path, content, dict(zip(COUPLING, shapes, strict=True)))
+    found = ResidualCoupling(*(content[name] for name in COUPLING))
+    check_positive(path, content, COUPLING[2])
+    if np.any(found.explained < 0.0) or np.any(found.explained >= 1.0):
+        raise ModelError.about(
+            f"{path}: {COUPLING[1]}", "at least 0 and below 1", found.explained, RETRAIN
+        )
+    return found
