@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LIBRARY, SIMULATION, EXPERIMENTS = "intent_recognition", "sim_bridge", "experiments"
 BUILDINGS = (LIBRARY, SIMULATION, EXPERIMENTS)
 STOREYS = (  # of the library, from the ground up; rooms of one storey may not form a cycle
-    {"errors", "extras", "share", "untrusted", "durable", "interrupts"}
+    {"array_types", "errors", "extras", "share", "untrusted", "durable", "interrupts"}
     | {"plots", "registry", "parameter_table"},
     {"gaussian", "signals", "kinematics", "bags"},
     {"promp", "alignment", "tracking", "warping", "motion", "transfer"},

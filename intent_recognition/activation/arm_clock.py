@@ -7,7 +7,8 @@ shows the arm where its reference was at the stamp, a clock that is behind where
 """
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 _WINDOW_NS = 2_000_000_000
 """The offset is the least of two windows of this length [ns]. Convention: at 10 Hz 20 messages,
@@ -43,12 +44,7 @@ class ArmClock:
         self._least_ns = min(self._least_ns, behind_ns)
         self.offset_ns = min(self._least_ns, self._before_ns)
 
-    def compare(
-        self,
-        position: NDArray[np.float64],
-        at_stamp: NDArray[np.float64],
-        at_arrival: NDArray[np.float64],
-    ) -> None:
+    def compare(self, position: Floats, at_stamp: Floats, at_arrival: Floats) -> None:
         """Take where the arm was measured, and its references at the stamp and less the offset."""
         if np.abs(at_stamp - at_arrival).max() < TELLING_RAD:
             return

@@ -5,11 +5,11 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_clock import TELLING_RAD, ArmClock
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
+from intent_recognition.array_types import Floats
 from intent_recognition.motion import JointReference
 
 LARGEST_SKEW_NS = 1_000_000_000
@@ -36,8 +36,8 @@ class Measured(NamedTuple):
 
     stamp_ns: int
     time_ns: int
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None
+    position: Floats
+    velocity: Floats | None
 
 
 class ArmTracking:
@@ -66,14 +66,10 @@ class ArmTracking:
         """Nothing has been measured yet."""
         self.clock = ArmClock()
         self._measured: Measured | None = None
-        self._recent_positions: deque[tuple[int, NDArray[np.float64]]] = deque()
+        self._recent_positions: deque[tuple[int, Floats]] = deque()
 
     def take_joint_state(
-        self,
-        now_ns: int,
-        stamp_ns: int,
-        position: NDArray[np.float64],
-        velocity: NDArray[np.float64] | None,
+        self, now_ns: int, stamp_ns: int, position: Floats, velocity: Floats | None
     ) -> None:
         """Take what the arm measured, (n,) each [rad, rad/s].
 
@@ -318,6 +314,6 @@ class ArmTracking:
             self._reject(reason, text)
 
 
-def same_posture(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+def same_posture(a: Floats, b: Floats) -> bool:
     """Whether two postures (n,) [rad] are as good as the same."""
     return bool(np.abs(a - b).max() <= 1e-3)  # about 1 mm at the hand

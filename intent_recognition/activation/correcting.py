@@ -4,7 +4,6 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import same_posture
 from intent_recognition.activation.parts import Parts
@@ -15,6 +14,7 @@ from intent_recognition.activation.states import (
     Transition,
     Yielding,
 )
+from intent_recognition.array_types import Floats
 from intent_recognition.motion import (
     Correction,
     DeviationDetector,
@@ -97,7 +97,7 @@ class Correcting:
         self,
         now_ns: int,
         state: Yielding,
-        position: NDArray[np.float64],
+        position: Floats,
         newest: PredictedInteraction | None,
         correction: Correction,
     ) -> Transition | str:
@@ -128,9 +128,7 @@ class Correcting:
         return Transition(Executing(interaction), command)
 
 
-def _yields_to(
-    position: NDArray[np.float64], reference: JointReference, detector: DeviationDetector
-) -> NDArray[np.float64]:
+def _yields_to(position: Floats, reference: JointReference, detector: DeviationDetector) -> Floats:
     """Where the reference must be for the arm to be free, (n,) [rad].
 
     It follows the arm but for what the controller explains, so that the arm does not sink.

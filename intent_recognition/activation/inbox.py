@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import ActiveInteraction, PredictedInteraction
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import (
     DecisionSettings,
@@ -27,8 +27,8 @@ class _Estimate(NamedTuple):
     """One message of task probabilities."""
 
     labels: Sequence[str]
-    probabilities: NDArray[np.float64]
-    log_evidence: NDArray[np.float64] | None
+    probabilities: Floats
+    log_evidence: Floats | None
 
     def repeats(self, other: "_Estimate | None") -> bool:
         """Whether it says the same as another."""
@@ -40,10 +40,7 @@ class _Estimate(NamedTuple):
 
 
 def _question(
-    settings: DecisionSettings,
-    state: DecisionState,
-    labels: Sequence[str],
-    probabilities: NDArray[np.float64],
+    settings: DecisionSettings, state: DecisionState, labels: Sequence[str], probabilities: Floats
 ) -> dict[str, float]:
     """What may be asked; see `EstimatorInbox`."""
     chances = dict(zip(labels, np.asarray(probabilities).tolist(), strict=True))
@@ -53,7 +50,7 @@ def _question(
     return {label: chances[label] for label in possible} if len(possible) > 1 else {}
 
 
-def _same(a: NDArray[np.float64] | None, b: NDArray[np.float64] | None) -> bool:
+def _same(a: Floats | None, b: Floats | None) -> bool:
     return a is b if a is None or b is None else np.array_equal(a, b)
 
 
@@ -142,8 +139,8 @@ class EstimatorInbox:
         now_ns: int,
         stamp_ns: int,
         labels: Sequence[str],
-        probabilities: NDArray[np.float64],
-        log_evidence: NDArray[np.float64] | None = None,
+        probabilities: Floats,
+        log_evidence: Floats | None = None,
     ) -> bool:
         """Take the probabilities of one observation; False if their stamp rules them out.
 

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import Common
@@ -16,6 +15,7 @@ from intent_recognition.activation.states import (
     TaskPath,
 )
 from intent_recognition.activation.things import Things
+from intent_recognition.array_types import Floats
 from intent_recognition.motion import (
     BEGINNING,
     Clearance,
@@ -40,7 +40,7 @@ _HEADROOM = 0.93
 """Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
 Convention: the first or second further plan mostly keeps it."""
 
-_Planner = Callable[[NDArray[np.float64] | None, float], JointPlan | None]
+_Planner = Callable[[Floats | None, float], JointPlan | None]
 """From ceilings of the phase rate (G + 1,) [1/s], or none, and how many times longer an offset
 takes than it must, to a plan; None where there is none."""
 
@@ -119,7 +119,7 @@ class Motions:
         """
         limits = self._common.settings.limits
 
-        def plan(rate_ceiling: NDArray[np.float64] | None, stretch: float) -> JointPlan | None:
+        def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
             if rate_ceiling is not None and progress.rate > 0.0:
                 brake = stop_plan(path, start, limits, progress)
                 grid = np.linspace(0.0, 1.0, len(rate_ceiling))
@@ -185,7 +185,7 @@ class Motions:
     def go_home(
         self,
         now_ns: int,
-        target: NDArray[np.float64],
+        target: Floats,
         executed: PredictedInteraction | None,
         start: JointReference | None = None,
     ) -> Command | None:
@@ -211,7 +211,7 @@ class Motions:
         return self._send_clear(now_ns, start_ns, start, way, "the way home")
 
     def _way_to(
-        self, start_ns: int, start: JointReference, target: NDArray[np.float64], kind: str = "home"
+        self, start_ns: int, start: JointReference, target: Floats, kind: str = "home"
     ) -> PlannedWay | None:
         """To a posture, slowed near people; None where no plan keeps the limits."""
         settings = self._common.settings
@@ -347,7 +347,7 @@ class Motions:
             return None
         return self._arm.put_in_force(now_ns, Command(start_ns, brake))
 
-    def yield_to(self, now_ns: int, target: NDArray[np.float64], phase: float) -> Command | None:
+    def yield_to(self, now_ns: int, target: Floats, phase: float) -> Command | None:
         """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
         start_ns = self._arm.switch_ns(now_ns)
         start, settings = self._arm.in_force().at(start_ns), self._common.settings
@@ -359,7 +359,7 @@ class Motions:
         return self._arm.put_in_force(now_ns, Command(start_ns, plan))
 
     def go_ahead(
-        self, now_ns: int, start_ns: int, start: JointReference, target: NDArray[np.float64]
+        self, now_ns: int, start_ns: int, start: JointReference, target: Floats
     ) -> Command | None:
         """Go to where a task begins; None where no plan keeps the limits."""
         way = self._way_to(start_ns, start, target, "pretrigger")

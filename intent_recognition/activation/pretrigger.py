@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionSettings, DecisionState
@@ -37,11 +37,10 @@ class PretriggerSettings:
 
     threshold: float = 0.0
     timeout_s: float = 10.0
-    starts: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    starts: Mapping[str, Floats] = field(default_factory=dict)
     near_rad: float = 0.02
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         if not 0.0 <= self.threshold <= 1.0:
             cure = "0 switches it off."
             raise ArgumentError(describe("threshold", "in [0, 1]", self.threshold, cure))
@@ -81,9 +80,7 @@ class Pretrigger:
             return ""
         return f"{self._expected.label} ({self._expected.probability:.2f})"
 
-    def take_expectation(
-        self, stamp_ns: int, labels: Sequence[str], probabilities: NDArray[np.float64]
-    ) -> None:
+    def take_expectation(self, stamp_ns: int, labels: Sequence[str], probabilities: Floats) -> None:
         """Take p(s) of the next movement, as it was known at a stamp."""
         p = np.asarray(probabilities, dtype=np.float64)
         if p.shape != (len(labels),) or not len(labels):
@@ -113,11 +110,11 @@ class Pretrigger:
             return ""
         return expected.label if expected.label in settings.starts else ""
 
-    def start(self, label: str) -> NDArray[np.float64]:
+    def start(self, label: str) -> Floats:
         """Where a task begins, (n,) [rad]."""
         return np.asarray(self.settings.starts[label], dtype=np.float64)
 
-    def is_near(self, position: NDArray[np.float64], label: str) -> bool:
+    def is_near(self, position: Floats, label: str) -> bool:
         """Whether a posture is as good as a task's start."""
         return bool(np.abs(position - self.start(label)).max() <= self.settings.near_rad)
 
@@ -132,7 +129,7 @@ class Pretrigger:
         self.label = ""
 
     def observe(
-        self, decision: DecisionState, labels: Sequence[str], probabilities: NDArray[np.float64]
+        self, decision: DecisionState, labels: Sequence[str], probabilities: Floats
     ) -> None:
         """Take one observation of the movement under way into account."""
         if not self.label or decision.idle:

@@ -7,10 +7,8 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from intent_recognition.activation.pretrigger import PretriggerSettings
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import Clearance, Correction, Separation
 from intent_recognition.recognition import DecisionSettings
@@ -50,7 +48,7 @@ class ActivationSettings:
     limits: JointLimits
     decision: DecisionSettings = field(default_factory=DecisionSettings)
     pretrigger: PretriggerSettings = field(default_factory=PretriggerSettings)
-    home: NDArray[np.float64] | None = None
+    home: Floats | None = None
     return_home: bool = True
     timeout_s: float = 0.5
     hold_s: float = 1.0

@@ -22,9 +22,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.settings import ActivationSettings, Common
@@ -48,6 +45,7 @@ from intent_recognition.activation.states import (
 )
 from intent_recognition.activation.transitions import Transitions
 from intent_recognition.activation.waiting import Waiting
+from intent_recognition.array_types import Floats
 from intent_recognition.motion import PredictedPerson
 from intent_recognition.recognition import DecisionState
 
@@ -116,7 +114,7 @@ class Activation:
         return self.mode is not Mode.IDLE or self._arm.under_way(now_ns)
 
     @property
-    def home(self) -> NDArray[np.float64] | None:
+    def home(self) -> Floats | None:
         """Posture it returns to (n,) [rad]; None before the arm was seen."""
         return self._waiting.home
 
@@ -173,8 +171,8 @@ class Activation:
         now_ns: int,
         stamp_ns: int,
         labels: Sequence[str],
-        probabilities: NDArray[np.float64],
-        log_evidence: NDArray[np.float64] | None = None,
+        probabilities: Floats,
+        log_evidence: Floats | None = None,
         person: str = "",
     ) -> None:
         """Take the probabilities of one observation.
@@ -210,11 +208,7 @@ class Activation:
         self._people.of(person).take_prediction(now_ns, prediction)
 
     def take_next_task(
-        self,
-        now_ns: int,
-        stamp_ns: int,
-        labels: Sequence[str],
-        probabilities: NDArray[np.float64],
+        self, now_ns: int, stamp_ns: int, labels: Sequence[str], probabilities: Floats
     ) -> None:
         """Take what the next task will be: labels of the K tasks and their probabilities, (K,).
 
@@ -248,8 +242,8 @@ class Activation:
     def take_joint_state(
         self,
         stamp_ns: int,
-        position: NDArray[np.float64],
-        velocity: NDArray[np.float64] | None = None,
+        position: Floats,
+        velocity: Floats | None = None,
         *,
         now_ns: int | None = None,
     ) -> None:

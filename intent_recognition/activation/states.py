@@ -7,8 +7,8 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.motion import (
     ClearPath,
     JointPath,
@@ -33,9 +33,9 @@ class Mode(Enum):
 class MotionPoints(NamedTuple):
     """Points of a motion: whole nanoseconds (T,), positions and velocities (T, n) [rad, rad/s]."""
 
-    times_ns: NDArray[np.int64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
+    times_ns: Integers
+    positions: Floats
+    velocities: Floats
 
 
 class Command(NamedTuple):

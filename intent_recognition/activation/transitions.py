@@ -111,7 +111,7 @@ class Transitions:
 
     def _goes_on(self, interaction: ActiveInteraction, label: str) -> bool:
         """Whether a task is active for the movement that was served, not for one begun since."""
-        served, newest = interaction.prediction, self._inbox.prediction
+        served, newest = interaction.prediction, self._parts.inbox.prediction
         latest_ns = max(interaction.began_ns, served.onset_ns)
         return label == served.label and (newest is None or newest.onset_ns <= latest_ns)
 

@@ -2,7 +2,6 @@
 """Where the arm waits between interactions: at home, or where the expected next task begins."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import same_posture
 from intent_recognition.activation.parts import Parts
@@ -15,6 +14,7 @@ from intent_recognition.activation.states import (
     Transition,
     prediction_of,
 )
+from intent_recognition.array_types import Floats
 
 
 class Waiting:
@@ -27,7 +27,7 @@ class Waiting:
     def __init__(self, parts: Parts) -> None:
         self._parts, self._counts = parts, parts.counts
         self._arm, self._motions, self._pretrigger = parts.arm, parts.motions, parts.pretrigger
-        self.home: NDArray[np.float64] | None = None
+        self.home: Floats | None = None
         self._brake: Command | None = None
         self.change()
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a recording of ROS 2 or ROS 1: raw or decoded messages in the order of log time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Save what can be saved from a truncated or damaged recording."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field

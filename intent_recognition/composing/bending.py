@@ -4,8 +4,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.composing.via_points import HAND, ViaPoint
 from intent_recognition.errors import ArgumentError, IntentError, KinematicsError
 from intent_recognition.gaussian import Gaussian
@@ -171,8 +171,8 @@ def _at_hand(
     label: str,
     joints: Gaussian,
     phase: float,
-    goal: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    goal: Floats,
+    covariance: Floats,
     names: tuple[str, ...],
     arm: Arm | None,
 ) -> ControlPoint:
@@ -203,9 +203,7 @@ def _at_hand(
     return ControlPoint(phase, jacobian, values, covariance)
 
 
-def _check_limits(
-    label: str, names: Sequence[str], values: NDArray[np.float64], arm: Arm | None
-) -> None:
+def _check_limits(label: str, names: Sequence[str], values: Floats, arm: Arm | None) -> None:
     """Make sure that joints are within their limits: the arm's, or the LWR's by name."""
     known = JOINT_NAMES if arm is None else arm.joint_names
     limits = LWR_LIMITS if arm is None else arm.limits

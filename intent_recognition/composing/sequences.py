@@ -5,8 +5,6 @@ A sequence is a prior, not a cage. Its first step begins it when that task is re
 step begins when its condition holds, or when it is recognised. Another task leads out of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,8 +12,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.untrusted import UntrustedError, load_yaml
 
@@ -53,7 +51,6 @@ class Condition:
         return bool(self.body) or self.after_s is not None or self.rest_s is not None
 
     def __str__(self) -> str:
-        """For people."""
         parts = [f"{self.body} within {self.radius_m:g} m of {self.center}"] if self.body else []
         parts += [] if self.after_s is None else [f"{self.after_s:g} s after the step before"]
         parts += [] if self.rest_s is None else [f"at rest for {self.rest_s:g} s"]
@@ -96,7 +93,7 @@ class Moment(NamedTuple):
     active: str = ""
     arrived: bool = False
     resting_s: float = 0.0
-    places: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
+    places: Mapping[str, Floats] = MappingProxyType({})
 
 
 class SequenceProgress(NamedTuple):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Via points as people give them: by name, for a task or for all, for joints or for the hand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

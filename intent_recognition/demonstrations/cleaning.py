@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Integers
 from intent_recognition.bags import POSE, BagMessage, Columns, PoseColumns
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
@@ -50,10 +50,10 @@ class TopicSamples:
             the world, or the frame that counts as it; for others those the headers name.
     """
 
-    stamps_ns: NDArray[np.int64]
-    log_times_ns: NDArray[np.int64]
+    stamps_ns: Integers
+    log_times_ns: Integers
     content: Content
-    rows: NDArray[np.int64]
+    rows: Integers
     rejected: Mapping[str, int]
     frames: tuple[str, ...] = ()
 
@@ -181,7 +181,7 @@ def signals_of(
 
 
 def _pose_columns(
-    stamps_ns: NDArray[np.int64], log_times_ns: NDArray[np.int64], messages: Sequence[Any]
+    stamps_ns: Integers, log_times_ns: Integers, messages: Sequence[Any]
 ) -> PoseColumns:
     """Columns of decoded PoseStamped messages."""
     frames: dict[str, int] = {}
@@ -215,7 +215,7 @@ def _names(frame_ids: Iterable[object]) -> tuple[str, ...]:
     return tuple(sorted({frame_name(f) for f in frame_ids if isinstance(f, str)} - {""}))
 
 
-def _increasing(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Counter[str]]:
+def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:
     """Rows whose stamp is positive and later than all before, and counts of the others."""
     positive = stamps_ns > 0
     latest_ns = np.maximum.accumulate(np.where(positive, stamps_ns, 0))
@@ -228,8 +228,8 @@ def _increasing(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Counte
 
 
 def _longest_increasing(
-    stamps_ns: NDArray[np.int64], accepted: AcceptedPoses
-) -> tuple[NDArray[np.int64], Counter[str]]:
+    stamps_ns: Integers, accepted: AcceptedPoses
+) -> tuple[Integers, Counter[str]]:
     """Accepted rows of the longest part with increasing stamps.
 
     A track continues after its clock was set back, but a signal cannot.

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One entry of a DOF file: the degrees of freedom in the messages of one topic."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS, element_of

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import (
     JOINT_STATE,
     NANOSECONDS,
@@ -61,7 +62,7 @@ def pose_message(header: object, position: ArrayLike, orientation: ArrayLike) ->
     return SimpleNamespace(header=header, pose=pose)
 
 
-def extract(entry: DofEntry, message: Any) -> NDArray[np.float64]:
+def extract(entry: DofEntry, message: Any) -> Floats:
     """Values (d,) of the entry's DOFs in one decoded message.
 
     Args:
@@ -79,7 +80,7 @@ def extract(entry: DofEntry, message: Any) -> NDArray[np.float64]:
     return dofs_of(entry, found.values)
 
 
-def extract_present(entry: DofEntry, message: Any) -> NDArray[np.float64]:
+def extract_present(entry: DofEntry, message: Any) -> Floats:
     """As `extract`, with NaN for joints and elements of arrays that are missing."""
     found = _read(entry, message)
     if found.missing is not None and found.n_missing == len(found.values):
@@ -87,7 +88,7 @@ def extract_present(entry: DofEntry, message: Any) -> NDArray[np.float64]:
     return dofs_of(entry, found.values)
 
 
-def dofs_of(entry: DofEntry, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+def dofs_of(entry: DofEntry, numbers: Floats) -> Floats:
     """Values (..., d) of the entry's DOFs, of the numbers that its fields or joints are.
 
     An orientation is NaN where it was not measured or is not represented, see `to_tangent`.
@@ -113,11 +114,8 @@ def numbers_of(entries: Sequence[DofEntry], trajectory: Trajectory) -> Trajector
 
 
 def _quaternions(
-    entry: DofEntry,
-    vectors: NDArray[np.float64],
-    rates: NDArray[np.float64],
-    std: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], ...]:
+    entry: DofEntry, vectors: Floats, rates: Floats, std: Floats
+) -> tuple[Floats, ...]:
     """Quaternions (T, 4), their rates (T, 4), and the spread about the body's axes (T, 4)."""
     quaternions = from_tangent(vectors, reference_of(entry))
     about_axes = np.sqrt(np.einsum("tij,tj->ti", right_jacobian(vectors) ** 2, std**2))
@@ -196,9 +194,7 @@ def has_columns(entry: DofEntry) -> bool:
     return entry.type == JOINT_STATE and bool(entry.joints)
 
 
-def values_of(
-    entry: DofEntry, content: Content, rows: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def values_of(entry: DofEntry, content: Content, rows: Integers) -> tuple[Floats, Flags]:
     """Values of the entry's DOFs in some messages, and which messages have them all.
 
     Args:
@@ -225,9 +221,7 @@ def values_of(
     return values, found
 
 
-def _joint_values(
-    entry: DofEntry, content: JointColumns, rows: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _joint_values(entry: DofEntry, content: JointColumns, rows: Integers) -> tuple[Floats, Flags]:
     values = np.full((content.stamps_ns.size, len(entry.joints)), np.nan)
     found = np.zeros(content.stamps_ns.size, bool)
     for part in content.parts:
@@ -246,7 +240,7 @@ def _joint_values(
 class _Reading(NamedTuple):
     """Values (d,), how many of them are NaN because they are not in the message, and an error."""
 
-    values: NDArray[np.float64]
+    values: Floats
     n_missing: int
     missing: MessageError | None
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, BagReader
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic, robot_path
 from intent_recognition.demonstrations.entry import DofEntry
@@ -61,7 +61,7 @@ def as_hands(found: Demonstration, dofs: DofSpec, arms: Mapping[int, Arm]) -> De
     return replace(found, controlled=tuple(controlled), known=() if arms else found.known)
 
 
-def hand_numbers(entry: DofEntry, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def hand_numbers(entry: DofEntry, poses: Floats) -> Floats:
     """What a message of this entry would hold, (..., 3) or (..., 4), for poses (..., 4, 4)."""
     if not entry.orientation:
         return poses[..., :3, 3]

@@ -15,8 +15,8 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import POSE, BagReader
 from intent_recognition.demonstrations.cleaning import MISSING_DOF, is_raw_pose
 from intent_recognition.demonstrations.dofs import DofSpec
@@ -100,9 +100,7 @@ class ObservationReader:
         if entry.fields and set(entry.fields) <= set(POSE_FIELDS):
             self.pose_columns = np.array([POSE_FIELDS.index(field) for field in entry.fields])
 
-    def observe(
-        self, stamp_ns: int, message: Any, covariance: NDArray[np.float64] | None = None
-    ) -> Observation:
+    def observe(self, stamp_ns: int, message: Any, covariance: Floats | None = None) -> Observation:
         """The observation in a message; a NaN means that the value was not measured.
 
         Args:
@@ -116,9 +114,7 @@ class ObservationReader:
         values = self._values(message)
         return self._observation(stamp_ns, values, self._noise(message, covariance, values))
 
-    def observe_pose(
-        self, stamp_ns: int, pose: NDArray[np.float64], covariance: NDArray[np.float64] | None
-    ) -> Observation:
+    def observe_pose(self, stamp_ns: int, pose: Floats, covariance: Floats | None) -> Observation:
         """As `observe` of a tracked pose, for entries with `pose_columns`.
 
         Args:
@@ -139,9 +135,7 @@ class ObservationReader:
         values = dofs_of(self.entry, pose[self.pose_columns])
         return self._observation(stamp_ns, values, self._noise(None, covariance, values))
 
-    def _observation(
-        self, stamp_ns: int, values: NDArray[np.float64], noise: NDArray[np.float64] | None
-    ) -> Observation:
+    def _observation(self, stamp_ns: int, values: Floats, noise: Floats | None) -> Observation:
         dofs, derivative = self._columns, self._columns is not None
         if not self._whole and isnan(np.add.reduce(values)) and not np.all(np.isnan(values)):
             kept = np.flatnonzero(~np.isnan(values))
@@ -150,9 +144,7 @@ class ObservationReader:
             noise = None if noise is None else noise[np.ix_(kept, kept)]
         return Observation(stamp_ns, self.group, values, noise, dofs, derivative)
 
-    def _noise(
-        self, message: Any, covariance: NDArray[np.float64] | None, values: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
+    def _noise(self, message: Any, covariance: Floats | None, values: Floats) -> Floats | None:
         """The covariance in the message, else that of the DOF file; None where neither is known."""
         if covariance is None and self._matrix is not None:
             covariance = self._matrix(message)
@@ -168,9 +160,7 @@ class ObservationReader:
             noise = np.eye(len(self._axes)) * self.entry.std**2
         return noise
 
-    def _turned(
-        self, noise: NDArray[np.float64] | None, values: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
+    def _turned(self, noise: Floats | None, values: Floats) -> Floats | None:
         """The noise of an orientation about the world's axes as that of its rotation vector."""
         unknown = noise is not None and np.any(np.diagonal(noise) >= UNKNOWN_VARIANCE)
         if unknown or np.any(np.isnan(values)):
@@ -262,12 +252,12 @@ def iter_samples(
             yield Sample(source, observation)
 
 
-def _fields(entry: DofEntry) -> Callable[[Any], NDArray[np.float64]]:
+def _fields(entry: DofEntry) -> Callable[[Any], Floats]:
     if any(map(element_of, entry.fields)):
         return partial(extract_present, entry)
     read, single = attrgetter(*entry.fields), len(entry.fields) == 1
 
-    def values(message: Any) -> NDArray[np.float64]:
+    def values(message: Any) -> Floats:
         try:
             found = read(message)
             return np.array([found] if single else found, dtype=np.float64)
@@ -277,9 +267,7 @@ def _fields(entry: DofEntry) -> Callable[[Any], NDArray[np.float64]]:
     return values
 
 
-def _place_of_covariance(
-    entry: DofEntry,
-) -> tuple[Callable[[Any], Any] | None, NDArray[np.float64]]:
+def _place_of_covariance(entry: DofEntry) -> tuple[Callable[[Any], Any] | None, Floats]:
     """Getter of the 6 x 6 matrix in a message, and the row of each field in it, (m,) or -1."""
     count = len(entry.names)
     if entry.orientation and not any(map(element_of, entry.fields)):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demonstrations from bags, folders of bags and session bags."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """References of orientations: what their tangent space is attached to."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations.cleaning import is_raw_pose
 from intent_recognition.demonstrations.dofs import DofSpec
@@ -73,7 +69,7 @@ def _sound_reader(path: Path) -> BagReader | None:
 
 def _mean_in(
     reader: BagReader | None, entry: DofEntry, extrinsics: Extrinsics | None
-) -> NDArray[np.float64] | None:
+) -> Floats | None:
     """Mean orientation (4,) in a recording; None where there is none."""
     if reader is None:
         return None
@@ -96,8 +92,8 @@ def _mean_in(
 
 
 def _in_world(
-    messages: Sequence[Any], quaternions: Sequence[NDArray[np.float64]], settings: IngestSettings
-) -> list[NDArray[np.float64]]:
+    messages: Sequence[Any], quaternions: Sequence[Floats], settings: IngestSettings
+) -> list[Floats]:
     """Orientations (4,) that messages hold in known frames, in the world."""
     frames = [settings.frames.get(frame_name(message.header.frame_id)) for message in messages]
     return [

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Integers
 from intent_recognition.bags import BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import TopicSamples
 from intent_recognition.demonstrations.dofs import relative_topic
@@ -61,7 +61,7 @@ class TaskSequence(NamedTuple):
     durations_s: tuple[float, ...] = ()
 
 
-def clock_shift_ns(differences: NDArray[np.int64]) -> int:
+def clock_shift_ns(differences: Integers) -> int:
     """Log time minus stamp, where the two are different clocks; 0 where they are one.
 
     Args:

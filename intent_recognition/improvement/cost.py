@@ -13,8 +13,8 @@ from types import ModuleType
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 
@@ -31,11 +31,11 @@ class Rollout:
         person_m: where the person's hand was (T, 3) [m]; None of a pour.
     """
 
-    times_s: NDArray[np.float64]
-    joints_rad: NDArray[np.float64]
+    times_s: Floats
+    joints_rad: Floats
     outcome: Mapping[str, float]
-    hand_m: NDArray[np.float64] | None = None
-    person_m: NDArray[np.float64] | None = None
+    hand_m: Floats | None = None
+    person_m: Floats | None = None
 
 
 CostOf: TypeAlias = Callable[[Rollout], float]

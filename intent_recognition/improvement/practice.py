@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.improvement.cost import Cost, Rollout
 from intent_recognition.improvement.search import Search, next_point
 from intent_recognition.improvement.space import SearchSpace
@@ -28,13 +28,13 @@ class Practice(Protocol):
     def space(self) -> SearchSpace:
         """Where to look."""
 
-    def keeps_limits(self, weights: NDArray[np.float64]) -> bool:
+    def keeps_limits(self, weights: Floats) -> bool:
         """Whether a path of these weights (d,) can be executed."""
 
-    def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> Sequence[Rollout]:
+    def rollout(self, weights: Floats, rng: np.random.Generator) -> Sequence[Rollout]:
         """Execute it, once or once with each of several people."""
 
-    def check(self, weights: NDArray[np.float64], count: int) -> Sequence[Rollout]:
+    def check(self, weights: Floats, count: int) -> Sequence[Rollout]:
         """Execute it as often, in ways that `rollout` never does where there are others."""
 
     def write(self, folder: Path, rollouts: Sequence[Rollout], labels: Mapping[str, str]) -> None:
@@ -44,7 +44,7 @@ class Practice(Protocol):
 class Attempt(NamedTuple):
     """One try: the point (k,), what was executed, and the mean cost of that."""
 
-    point: NDArray[np.float64]
+    point: Floats
     rollouts: Sequence[Rollout]
     cost: float
 
@@ -62,8 +62,8 @@ def attempt(
     practice: Practice,
     search: Search,
     cost: Cost,
-    points: NDArray[np.float64],
-    costs: NDArray[np.float64],
+    points: Floats,
+    costs: Floats,
     rng: np.random.Generator,
 ) -> Attempt:
     """Try the next point after those tried (n, k) and their costs (n,).
@@ -76,9 +76,7 @@ def attempt(
     return Attempt(point, rollouts, mean_cost(cost, rollouts))
 
 
-def compare(
-    practice: Practice, cost: Cost, weights: NDArray[np.float64], count: int
-) -> PracticeComparison:
+def compare(practice: Practice, cost: Cost, weights: Floats, count: int) -> PracticeComparison:
     """The start and weights (d,), in `count` fresh executions each."""
     before, after = (practice.check(w, count) for w in (practice.space.mean, weights))
     return PracticeComparison(

@@ -12,25 +12,25 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, optional
 from intent_recognition.improvement.space import SearchSpace
 
-SearchPoints = NDArray[np.float64]
-Costs = NDArray[np.float64]
-Limits = Callable[[NDArray[np.float64]], bool]
+SearchPoints = Floats
+Costs = Floats
+Limits = Callable[[Floats], bool]
 """Whether weights (d,) keep the limits."""
 
 
 class Search(Protocol):
     """A way to look for a cheaper point."""
 
-    def ask(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
+    def ask(self, points: SearchPoints, costs: Costs) -> Floats:
         """The next point to try (k,), given those tried (n, k) and their costs (n,)."""
         ...
 
-    def favourite(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
+    def favourite(self, points: SearchPoints, costs: Costs) -> Floats:
         """The point (k,) to settle for after those tried (n, k) and their costs (n,)."""
         ...
 
@@ -49,7 +49,7 @@ class CovarianceSearch:
     seed: int
     step: float = 1.0
 
-    def ask(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
+    def ask(self, points: SearchPoints, costs: Costs) -> Floats:
         """The next point to try (k,), given those tried (n, k) and their costs (n,).
 
         Raises:
@@ -60,7 +60,7 @@ class CovarianceSearch:
         _, generation, left = self._replayed(points, costs)
         return np.asarray(generation[left], dtype=np.float64)
 
-    def favourite(self, points: SearchPoints, costs: Costs) -> NDArray[np.float64]:
+    def favourite(self, points: SearchPoints, costs: Costs) -> Floats:
         """The mean of the search's distribution after its last whole generation, (k,).
 
         A mean of many tries is surer than the one luckiest of noisy costs.
@@ -99,7 +99,7 @@ class CovarianceSearch:
 
 def next_point(
     search: Search, space: SearchSpace, points: SearchPoints, costs: Costs, limits: Limits
-) -> NDArray[np.float64]:
+) -> Floats:
     """The next point to try (k,), inside the bound and the limits.
 
     Args:
@@ -118,12 +118,12 @@ def next_point(
 
 def settled_point(
     search: Search, space: SearchSpace, points: SearchPoints, costs: Costs, limits: Limits
-) -> NDArray[np.float64]:
+) -> Floats:
     """The point to settle for (k,), inside the bound and the limits; arguments as `next_point`."""
     return _allowed(search.favourite(points, costs), space, limits)
 
 
-def _allowed(point: NDArray[np.float64], space: SearchSpace, limits: Limits) -> NDArray[np.float64]:
+def _allowed(point: Floats, space: SearchSpace, limits: Limits) -> Floats:
     """A point (k,), drawn toward the mean as far as bound and limits ask; else the mean itself."""
     point = space.within(point)
     for _ in range(8):

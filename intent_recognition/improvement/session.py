@@ -16,8 +16,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.durable import write_text
 from intent_recognition.errors import ModelError, ResourceBusyError
 from intent_recognition.improvement.cost import Cost
@@ -75,13 +75,13 @@ class PracticeSession:
         self.tried = self._read()
 
     @property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Floats:
         """The points tried (n, k)."""
         size = self._practice.space.n_axes
         return np.array([one.point for one in self.tried], dtype=np.float64).reshape(-1, size)
 
     @property
-    def costs(self) -> NDArray[np.float64]:
+    def costs(self) -> Floats:
         """Their costs (n,)."""
         return np.array([one.cost for one in self.tried], dtype=np.float64)
 
@@ -102,21 +102,19 @@ class PracticeSession:
         name = bag.relative_to(self.folder).as_posix()
         return self.keep(made.point, made.cost, name, mean_outcome(made.rollouts))
 
-    def next(self) -> NDArray[np.float64]:
+    def next(self) -> Floats:
         """The point (k,) to try next."""
         practice = self._practice
         tried = self.points, self.costs
         return next_point(self._search, practice.space, *tried, practice.keeps_limits)
 
-    def keep(
-        self, point: NDArray[np.float64], cost: float, bag: str, outcome: Mapping[str, float]
-    ) -> Tried:
+    def keep(self, point: Floats, cost: float, bag: str, outcome: Mapping[str, float]) -> Tried:
         """Keep what came of a point, on the disk."""
         tried = Tried(tuple(point.tolist()), cost, bag, dict(outcome))
         self._write([*self.tried, tried])
         return tried
 
-    def settled(self) -> NDArray[np.float64]:
+    def settled(self) -> Floats:
         """Weights (d,) that practice has come to.
 
         Raises:
@@ -131,7 +129,7 @@ class PracticeSession:
             raise ModelError.about(str(self.folder), "a better path than the first", got, cure)
         return weights
 
-    def best(self) -> NDArray[np.float64]:
+    def best(self) -> Floats:
         """The same, those of the first where there is nothing better."""
         space, keeps = self._practice.space, self._practice.keeps_limits
         return space.weights(settled_point(self._search, space, self.points, self.costs, keeps))

@@ -11,8 +11,9 @@ distance.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 
 BOUND = 2.0
@@ -35,8 +36,8 @@ class SearchSpace:
         bound: largest |z|.
     """
 
-    mean: NDArray[np.float64]
-    axes: NDArray[np.float64]
+    mean: Floats
+    axes: Floats
     bound: float = BOUND
 
     @property
@@ -44,11 +45,11 @@ class SearchSpace:
         """Number of coordinates k."""
         return self.axes.shape[1]
 
-    def weights(self, point: ArrayLike) -> NDArray[np.float64]:
+    def weights(self, point: ArrayLike) -> Floats:
         """Weights (d,) of a point (k,)."""
         return self.mean + self.axes @ np.asarray(point, dtype=np.float64)
 
-    def within(self, point: ArrayLike) -> NDArray[np.float64]:
+    def within(self, point: ArrayLike) -> Floats:
         """The point (k,) itself, or drawn toward the mean until it is inside the bound."""
         inside = np.asarray(point, dtype=np.float64)
         length = float(np.linalg.norm(inside))

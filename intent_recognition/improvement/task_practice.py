@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.demonstrations import DofSpec, position_columns
 from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.improvement.cost import Rollout
@@ -77,11 +77,11 @@ class Person(NamedTuple):
 
     name: str
     duration_s: float
-    observed: NDArray[np.float64]
-    hand_m: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    place_m: NDArray[np.float64]
-    context: NDArray[np.float64]
+    observed: Floats
+    hand_m: Floats
+    weights: Floats
+    place_m: Floats
+    context: Floats
 
 
 class TaskPractice:
@@ -165,13 +165,13 @@ class TaskPractice:
         design[:, :, -1] = (phases[:, None] * slope).T
         return search_space(np.append(self._mean, 0.0), spread, design)
 
-    def keeps_limits(self, weights: NDArray[np.float64]) -> bool:
+    def keeps_limits(self, weights: Floats) -> bool:
         """Whether the path beside each of the people is inside the arm's position limits."""
         phases = np.linspace(0.0, 1.0, N_PHASES)
         paths = np.array([self._path(person, weights, phases) for person in self._people])
         return bool(np.all((paths >= self._limits.lower) & (paths <= self._limits.upper)))
 
-    def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> list[Rollout]:
+    def rollout(self, weights: Floats, rng: np.random.Generator) -> list[Rollout]:
         """Execute it beside every second one of the people, or as many drawn from these."""
         practised = self._people[::2]
         if len(practised) > self._most:
@@ -179,11 +179,11 @@ class TaskPractice:
             practised = [practised[k] for k in sorted(drawn)]
         return [self._execute(person, weights) for person in practised]
 
-    def check(self, weights: NDArray[np.float64], count: int) -> list[Rollout]:
+    def check(self, weights: Floats, count: int) -> list[Rollout]:
         """Execute it once beside each of the others, however many are asked for."""
         return [self._execute(person, weights) for person in self._people[1::2] or self._people]
 
-    def change(self, weights: NDArray[np.float64]) -> RuleChange:
+    def change(self, weights: Floats) -> RuleChange:
         """What practised weights change of the rule."""
         warped = warping_matrix(self._library.basis, weights[-1])
         every = np.kron(np.eye(self._library.n_controlled), warped)
@@ -200,7 +200,7 @@ class TaskPractice:
             bag = ImportedDemonstration(f"{number:02d}", {**known, **outcome, **labels}, samples)
             bag.write(folder)
 
-    def _samples(self, stamps: NDArray[np.int64], one: Rollout) -> tuple[EntrySamples, ...]:
+    def _samples(self, stamps: Integers, one: Rollout) -> tuple[EntrySamples, ...]:
         """What is logged of an execution: the person's hand, and the arm's joints."""
         person = self._dofs.observed[0]
         columns = position_columns(person) or []
@@ -215,9 +215,7 @@ class TaskPractice:
             start = end
         return tuple(found)
 
-    def _person(
-        self, example: TrainingExample, columns: list[int], weights: NDArray[np.float64]
-    ) -> Person:
+    def _person(self, example: TrainingExample, columns: list[int], weights: Floats) -> Person:
         hand_m = example.observed[:, columns]
         place_m = self._hand(example.controlled[-1:])[0]
         if self._beside_m is not None:
@@ -232,21 +230,19 @@ class TaskPractice:
             example.context,
         )
 
-    def _hand(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _hand(self, joints: Floats) -> Floats:
         """Where the hand is (T, 3) [m] for joints (T, n)."""
         if self._arm is None:
             return hand_position(joints)
         return self._arm.forward_kinematics(joints)[:, :3, 3]
 
-    def _path(
-        self, person: Person, weights: NDArray[np.float64], phases: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _path(self, person: Person, weights: Floats, phases: Floats) -> Floats:
         """Joints (T, n) at phases (T,) of the person's movement."""
         moved = (person.weights + weights[:-1] - self._mean).reshape(self._library.n_controlled, -1)
         ahead = np.minimum(phases * np.exp(weights[-1]), 1.0)
         return self._library.basis.design_matrix(ahead) @ moved.T
 
-    def _plan(self, person: Person, weights: NDArray[np.float64]) -> JointPlan | None:
+    def _plan(self, person: Person, weights: Floats) -> JointPlan | None:
         """What the activation would send, from when the task is decided."""
         phases, duration_s = np.linspace(0.0, 1.0, N_PHASES), person.duration_s
         positions = self._path(person, weights, phases)
@@ -258,7 +254,7 @@ class TaskPractice:
         start = JointReference.at_rest(self._rest)
         return plan_interaction(path, timing, start, self._limits)
 
-    def _execute(self, person: Person, weights: NDArray[np.float64]) -> Rollout:
+    def _execute(self, person: Person, weights: Floats) -> Rollout:
         """Run it; where there is no plan the arm stays at rest."""
         plan, decided_s = self._plan(person, weights), DECIDED_SHARE * person.duration_s
         end_s = decided_s + (0.0 if plan is None else plan.duration_s)
@@ -278,9 +274,7 @@ class TaskPractice:
         return Rollout(times, joints, outcome, hand_m, person_m)
 
 
-def arrival_s(
-    times_s: NDArray[np.float64], points_m: NDArray[np.float64], place_m: NDArray[np.float64]
-) -> float:
+def arrival_s(times_s: Floats, points_m: Floats, place_m: Floats) -> float:
     """From when on points (T, 3) stay within `NEAR_M` of a place, at times (T,) [s].
 
     Where they do not, it is as if they went on from the last one with `REACHING_M_S`.
@@ -294,7 +288,7 @@ def arrival_s(
     return float(times_s[-1] + (far_m[-1] - NEAR_M) / REACHING_M_S)
 
 
-def warping_matrix(basis: NormalizedRBFBasis, ahead: float) -> NDArray[np.float64]:
+def warping_matrix(basis: NormalizedRBFBasis, ahead: float) -> Floats:
     """M (N, N): M w has, at each phase z, the value that w has at min(z exp(ahead), 1).
 
     By least squares over the phase; the unit matrix for ahead = 0.

@@ -7,8 +7,9 @@ pinocchio is loaded with the first arm, and by nothing else of the package.
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, optional
 from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
@@ -89,7 +90,7 @@ class Arm:
         """Number of independent joints."""
         return len(self.joint_names)
 
-    def forward_kinematics(self, q: ArrayLike) -> NDArray[np.float64]:
+    def forward_kinematics(self, q: ArrayLike) -> Floats:
         """Poses of the tip in the base frame, (..., 4, 4), for q (..., n).
 
         Raises:
@@ -100,7 +101,7 @@ class Arm:
         poses = np.array([self._pose(row) for row in flat]).reshape(-1, 4, 4)
         return poses.reshape(*q.shape[:-1], 4, 4)
 
-    def skeleton(self, q: ArrayLike) -> NDArray[np.float64]:
+    def skeleton(self, q: ArrayLike) -> Floats:
         """Origins of the joints from the base on, and of the tip, (T, k, 3) [m], for q (T, n).
 
         Raises:
@@ -108,9 +109,7 @@ class Arm:
         """
         return self.moving_skeleton(q, np.zeros(np.shape(q)))[0]
 
-    def moving_skeleton(
-        self, q: ArrayLike, velocity: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def moving_skeleton(self, q: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
         """Likewise, and how fast the fastest of them moves (T,) [m/s].
 
         No point of the lines between them is faster.
@@ -126,9 +125,7 @@ class Arm:
         values = q @ self._reduced.drive.T + self._reduced.offset
         return self._links.moving_points(values, rates @ self._reduced.drive.T)
 
-    def most_motion(
-        self, velocity: NDArray[np.float64], acceleration: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def most_motion(self, velocity: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
         """What no point of the skeleton exceeds in any posture: (T,) [m/s] and (T,) [m/s^2].
 
         The derivative of a point by joint j is at most its lever, the length of the chain beyond
@@ -146,7 +143,7 @@ class Arm:
         curved = np.sum((turned + 2.0 * nearer) * swept, axis=1)
         return swept.sum(axis=1), changes @ links.levers + curved
 
-    def jacobian(self, q: ArrayLike) -> NDArray[np.float64]:
+    def jacobian(self, q: ArrayLike) -> Floats:
         """Geometric Jacobian (6, n) of the tip in base axes at q (n,): linear rows, then angular.
 
         Raises:
@@ -154,12 +151,7 @@ class Arm:
         """
         return self._pose_and_jacobian(self._one(q, "q"))[1]
 
-    def inverse_dynamics(
-        self,
-        q: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        acceleration: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
+    def inverse_dynamics(self, q: Floats, velocity: Floats, acceleration: Floats) -> Floats:
         """Torques (n,) [Nm] that move the arm so, from the URDF's inertias; gravity is along -z.
 
         Args:
@@ -177,7 +169,7 @@ class Arm:
 
     def inverse_kinematics(
         self, target: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Joint vector (n,) inside the limits that reaches a pose, or a position alone.
 
         The search begins at the seed and stays on its branch where that leads there; else it
@@ -240,16 +232,16 @@ class Arm:
         goals = [checked_target(target) for target in array]
         return follow(self._search, goals, self._start(seed), self._start(rest, "rest"))
 
-    def _start(self, q: ArrayLike | None, argument: str = "seed") -> NDArray[np.float64]:
+    def _start(self, q: ArrayLike | None, argument: str = "seed") -> Floats:
         return self.rest if q is None else self._one(q, argument)
 
-    def _one(self, q: ArrayLike, argument: str) -> NDArray[np.float64]:
+    def _one(self, q: ArrayLike, argument: str) -> Floats:
         vector = self._vector(q, argument)
         if vector.ndim != 1:
             raise ShapeError.about(argument, f"({self.n_joints},)", vector.shape, "Give one.")
         return vector
 
-    def _vector(self, q: ArrayLike, argument: str) -> NDArray[np.float64]:
+    def _vector(self, q: ArrayLike, argument: str) -> Floats:
         array = np.asarray(q, dtype=np.float64)
         if array.ndim == 0 or array.shape[-1] != self.n_joints or not np.all(np.isfinite(array)):
             expected = f"(..., {self.n_joints}), finite: {', '.join(self.joint_names)}"
@@ -272,15 +264,13 @@ class Arm:
         self._from_base = None if at.isIdentity() else at.inverse()
         self._links = Links.of(self._model, self._tip_frame, self._from_base)
 
-    def _pose(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _pose(self, q: Floats) -> Floats:
         values = self._reduced.values(q)
         self._pin.forwardKinematics(self._model, self._data, values)
         pose = self._pin.updateFramePlacement(self._model, self._data, self._tip_frame)
         return (pose if self._from_base is None else self._from_base * pose).homogeneous
 
-    def _pose_and_jacobian(
-        self, q: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _pose_and_jacobian(self, q: Floats) -> tuple[Floats, Floats]:
         pin, model, data = self._pin, self._model, self._data
         values = self._reduced.values(q)
         pin.computeJointJacobians(model, data, values)

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, describe, one_line, optional
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.reduced_model import ReducedModel
@@ -41,7 +42,7 @@ class Box(NamedTuple):
     quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> Floats:
         """Its axes as columns (3, 3)."""
         return Rotation.from_quat(self.quaternion).as_matrix()
 
@@ -180,7 +181,7 @@ class Bodies:
                 heappop(due)
         return found
 
-    def steps(self, travel: NDArray[np.float64]) -> int:
+    def steps(self, travel: Floats) -> int:
         """Into how many parts intervals must be cut for `contacts` to miss nothing between samples.
 
         Args:
@@ -196,7 +197,7 @@ class Bodies:
 
     # Parting
 
-    def gap(self, q: NDArray[np.float64], pair: int) -> tuple[float, NDArray[np.float64]]:
+    def gap(self, q: Floats, pair: int) -> tuple[float, Floats]:
         """Distance of a pair at a posture (n,), and its gradient in the joints (n,)."""
         self._place(q)
         first, second = self._ends(pair)
@@ -211,9 +212,7 @@ class Bodies:
         gradient -= self._speed(first, result.getNearestPoint1(), normal)
         return float(distance), gradient @ self._model.drive
 
-    def _speed(
-        self, body: int, point: NDArray[np.float64], direction: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _speed(self, body: int, point: Floats, direction: Floats) -> Floats:
         """How fast a point of a body moves in a direction, by the configuration's rate (nv,)."""
         model, joint = self._model.model, self._geometry.geometryObjects[body].parentJoint
         if joint == 0:
@@ -329,7 +328,7 @@ class Bodies:
     def _pose(self, body: int) -> Any:
         return self._work.oMg[body]
 
-    def _place(self, q: NDArray[np.float64]) -> None:
+    def _place(self, q: Floats) -> None:
         model = self._model
         self._pin.updateGeometryPlacements(
             model.model, self._data, self._geometry, self._work, model.values(q)
@@ -338,7 +337,7 @@ class Bodies:
     def _distance(self, pair: int) -> float:
         return float(self._pin.computeDistance(self._geometry, self._work, pair).min_distance)
 
-    def _checked(self, positions: ArrayLike) -> NDArray[np.float64]:
+    def _checked(self, positions: ArrayLike) -> Floats:
         q = np.asarray(positions, dtype=np.float64)
         n = self._model.drive.shape[1]
         if q.ndim != 2 or q.shape[1] != n or not np.all(np.isfinite(q)):

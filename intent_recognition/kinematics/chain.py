@@ -9,9 +9,9 @@ from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 
 
@@ -24,12 +24,12 @@ class Chain(NamedTuple):
         shifts: axes of prismatic joints, alike, (n, 3).
     """
 
-    origins: NDArray[np.float64]
-    turns: NDArray[np.float64]
-    shifts: NDArray[np.float64]
+    origins: Floats
+    turns: Floats
+    shifts: Floats
 
 
-def tip_positions(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def tip_positions(chain: Chain, values: Floats) -> Floats:
     """Positions of the last joint's frame in the base frame, (T, 3) [m].
 
     Args:
@@ -52,7 +52,7 @@ def tip_positions(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float
     return tips
 
 
-def tip_pose(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def tip_pose(chain: Chain, values: Floats) -> Floats:
     """Pose of the last joint's frame in the base frame, (4, 4) [m].
 
     Args:
@@ -66,9 +66,7 @@ def tip_pose(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float64]:
     return reduce(np.matmul, local, np.eye(4))
 
 
-def joint_poses(
-    chain: Chain, values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def joint_poses(chain: Chain, values: Floats) -> tuple[Floats, Floats]:
     """Where each joint's frame is in that of its parent: quaternions wxyz (n, 4), positions (n, 3).
 
     The joints need not follow one another.

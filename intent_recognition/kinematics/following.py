@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, PoseTarget, Solution
 
 LARGEST_JUMP_RAD = 0.5
@@ -29,12 +29,12 @@ class FollowedPath(NamedTuple):
         angle_rad: from each orientation (T,), zero where it is free.
     """
 
-    positions: NDArray[np.float64]
-    distance_m: NDArray[np.float64]
-    angle_rad: NDArray[np.float64]
+    positions: Floats
+    distance_m: Floats
+    angle_rad: Floats
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Flags:
         """Which poses are reached (T,)."""
         return (self.distance_m <= REACHED) & (self.angle_rad <= REACHED)
 
@@ -45,10 +45,7 @@ class FollowedPath(NamedTuple):
 
 
 def follow(
-    search: PoseSearch,
-    targets: Sequence[PoseTarget],
-    seed: NDArray[np.float64],
-    rest: NDArray[np.float64],
+    search: PoseSearch, targets: Sequence[PoseTarget], seed: Floats, rest: Floats
 ) -> FollowedPath:
     """The best path found; see `Arm.follow`."""
     first = search.solve(targets[0], seed, rest)
@@ -73,7 +70,7 @@ def _follow_from(
     search: PoseSearch,
     targets: Sequence[PoseTarget],
     first: Solution,
-    rest: NDArray[np.float64],
+    rest: Floats,
     most_missed: int,
 ) -> FollowedPath | None:
     """The path from a posture at its first pose on; None where it misses more poses than that, or

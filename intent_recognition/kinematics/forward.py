@@ -5,8 +5,9 @@ Frames are the Denavit-Hartenberg frames of `lwr.DH`; frame 0 is the arm's base,
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics.lwr import DH, N_JOINTS
 
@@ -14,7 +15,7 @@ _COS_ALPHA = np.round(np.cos(DH.alpha_rad))  # all angles are multiples of 90 de
 _SIN_ALPHA = np.round(np.sin(DH.alpha_rad))
 
 
-def joint_vector(q: ArrayLike, argument: str = "q") -> NDArray[np.float64]:
+def joint_vector(q: ArrayLike, argument: str = "q") -> Floats:
     """Return q as float64 of shape (..., 7), or raise ShapeError."""
     array = np.asarray(q, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != N_JOINTS:
@@ -24,7 +25,7 @@ def joint_vector(q: ArrayLike, argument: str = "q") -> NDArray[np.float64]:
     return array
 
 
-def frame_poses(q: ArrayLike) -> NDArray[np.float64]:
+def frame_poses(q: ArrayLike) -> Floats:
     """Return the poses of frames 0..7 in the base frame, shape (..., 8, 4, 4).
 
     Args:
@@ -50,17 +51,17 @@ def frame_poses(q: ArrayLike) -> NDArray[np.float64]:
     return poses
 
 
-def forward_kinematics(q: ArrayLike) -> NDArray[np.float64]:
+def forward_kinematics(q: ArrayLike) -> Floats:
     """Return the hand's pose in the base frame, shape (..., 4, 4), for q (..., 7) [rad]."""
     return frame_poses(q)[..., N_JOINTS, :, :]
 
 
-def hand_position(q: ArrayLike) -> NDArray[np.float64]:
+def hand_position(q: ArrayLike) -> Floats:
     """Return the hand's position in the base frame, shape (..., 3) [m], for q (..., 7) [rad]."""
     return forward_kinematics(q)[..., :3, 3]
 
 
-def jacobian(q: ArrayLike) -> NDArray[np.float64]:
+def jacobian(q: ArrayLike) -> Floats:
     """Return the geometric Jacobian in base axes, shape (..., 6, 7), of joints (..., 7) [rad].
 
     Rows 0-2 map joint velocities to the linear velocity [m/s] of the hand, rows 3-5 to its angular

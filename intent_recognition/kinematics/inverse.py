@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import KinematicsError, ShapeError
 from intent_recognition.kinematics.forward import forward_kinematics, jacobian, joint_vector
 from intent_recognition.kinematics.limits import JointLimits, within_position_limits
@@ -70,7 +71,7 @@ def swivel_angle(q: ArrayLike) -> float:
     return float(turn.as_rotvec() @ wrist / np.linalg.norm(wrist))
 
 
-def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> NDArray[np.float64]:
+def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> Floats:
     """Return the closed-form solution, shape (..., 7) [rad], limits not considered.
 
     Args:
@@ -89,7 +90,7 @@ def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> NDArray[np.
 
 def inverse_kinematics(
     pose: ArrayLike, seed: ArrayLike, limits: JointLimits = LWR_LIMITS
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the joint vector (7,) [rad] inside the limits that is nearest to the seed.
 
     The search covers all swivels of all branches. A path followed with each solution as the next
@@ -124,7 +125,7 @@ def inverse_kinematics(
     return nearest
 
 
-def follow_poses(poses: NDArray[np.float64], seed: NDArray[np.float64]) -> NDArray[np.float64]:
+def follow_poses(poses: Floats, seed: Floats) -> Floats:
     """Joint vectors (T, 7) [rad] for poses of the hand (T, 4, 4), each near to the one before.
 
     Raises:
@@ -144,7 +145,7 @@ _SEARCH = PoseSearch(
 )
 
 
-def reach_position(position_m: ArrayLike, seed: ArrayLike) -> NDArray[np.float64]:
+def reach_position(position_m: ArrayLike, seed: ArrayLike) -> Floats:
     """Joint angles (7,) [rad] near the seed with the hand at position_m (3,) [m], however turned.
 
     Raises:
@@ -172,11 +173,11 @@ class _ElbowCircle(NamedTuple):
     """
 
     elbow_angle: float
-    shoulder: NDArray[np.float64]
-    wrist: NDArray[np.float64]
+    shoulder: Floats
+    wrist: Floats
 
 
-def _elbow_circle(pose: NDArray[np.float64], elbow_sign: int) -> _ElbowCircle:
+def _elbow_circle(pose: Floats, elbow_sign: int) -> _ElbowCircle:
     wrist = pose[:3, 3] - HAND_OFFSET_M * pose[:3, 2] - _SHOULDER
     elbow_angle = elbow_sign * _elbow_angle(wrist)
     x, y, z = wrist / np.linalg.norm(wrist)
@@ -189,10 +190,10 @@ def _elbow_circle(pose: NDArray[np.float64], elbow_sign: int) -> _ElbowCircle:
 
 def _postures(
     circle: _ElbowCircle,
-    swivel: NDArray[np.float64],
+    swivel: Floats,
     shoulder_sign: NDArray[np.int_] | int,
     wrist_sign: NDArray[np.int_] | int,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return joint vectors (..., 7); swivel (...) and signs broadcast."""
     terms = np.stack([np.ones_like(swivel), np.sin(swivel), np.cos(swivel)], axis=-1)
     upper = np.tensordot(terms, circle.shoulder, axes=1)
@@ -209,13 +210,13 @@ _WRIST_SIGNS = np.array([[1], [-1], [1], [-1]])
 
 
 def _nearest_on_circle(
-    circle: _ElbowCircle, seed: NDArray[np.float64], start: float, limits: JointLimits
-) -> tuple[float, NDArray[np.float64] | None]:
+    circle: _ElbowCircle, seed: Floats, start: float, limits: JointLimits
+) -> tuple[float, Floats | None]:
     """Return (distance, q) of the posture nearest to the seed; (inf, None) outside the limits."""
 
     def distances(
-        swivels: NDArray[np.float64], shoulder: NDArray[np.int_], wrist: NDArray[np.int_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        swivels: Floats, shoulder: NDArray[np.int_], wrist: NDArray[np.int_]
+    ) -> tuple[Floats, Floats]:
         q = _postures(circle, swivels, shoulder, wrist)
         distance = np.linalg.norm(q - seed, axis=-1)
         return np.where(within_position_limits(q, limits), distance, np.inf), q
@@ -245,9 +246,7 @@ def _nearest_on_circle(
     return float(distance[row, k[row]]), q[row, k[row]]
 
 
-def _sampled_swivels(
-    circle: _ElbowCircle, start: float, limits: JointLimits
-) -> NDArray[np.float64]:
+def _sampled_swivels(circle: _ElbowCircle, start: float, limits: JointLimits) -> Floats:
     """Return increasing swivels around the circle from start - pi to start + pi.
 
     Every swivel at which a joint may enter or leave its limits is among them, so that no feasible
@@ -270,7 +269,7 @@ def _sampled_swivels(
         swivels = np.sort(np.concatenate([swivels, middles]))
 
 
-def _limit_crossings(circle: _ElbowCircle, limits: JointLimits) -> NDArray[np.float64]:
+def _limit_crossings(circle: _ElbowCircle, limits: JointLimits) -> Floats:
     """Return all swivels at which a joint of shoulder or wrist is at a limit, in any branch.
 
     A limit L of the first, second or third joint of R = Rz(a) Ry(-b) Rz(c) is met where
@@ -295,7 +294,7 @@ def _limit_crossings(circle: _ElbowCircle, limits: JointLimits) -> NDArray[np.fl
     return np.concatenate(roots)
 
 
-def _elbow_angle(wrist: NDArray[np.float64]) -> float:
+def _elbow_angle(wrist: Floats) -> float:
     distance = float(np.linalg.norm(wrist))
     cosine = (distance**2 - UPPER_ARM_M**2 - FOREARM_M**2) / (2.0 * UPPER_ARM_M * FOREARM_M)
     if not -1.0 <= cosine <= 1.0 + 1e-9:
@@ -309,14 +308,14 @@ def _elbow_angle(wrist: NDArray[np.float64]) -> float:
     return float(np.arccos(min(cosine, 1.0)))
 
 
-def _wrist_in_upper_arm(elbow_angle: float) -> NDArray[np.float64]:
+def _wrist_in_upper_arm(elbow_angle: float) -> Floats:
     """Return the vector from shoulder to wrist (3,) in the axes of the upper arm."""
     return np.array(
         [FOREARM_M * np.sin(elbow_angle), 0.0, UPPER_ARM_M + FOREARM_M * np.cos(elbow_angle)]
     )
 
 
-def _reference_rotation(wrist: NDArray[np.float64], elbow_angle: float) -> NDArray[np.float64]:
+def _reference_rotation(wrist: Floats, elbow_angle: float) -> Floats:
     """Return the upper arm's rotation with q3 = 0 that puts the wrist where it is."""
     in_arm = _wrist_in_upper_arm(elbow_angle)
     lateral = float(np.hypot(wrist[0], wrist[1]))
@@ -327,8 +326,8 @@ def _reference_rotation(wrist: NDArray[np.float64], elbow_angle: float) -> NDArr
 
 
 def _spherical_angles(
-    rotation: NDArray[np.float64], sign: NDArray[np.int_] | int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    rotation: Floats, sign: NDArray[np.int_] | int
+) -> tuple[Floats, Floats, Floats]:
     """Return (a, b, c) with rotation = Rz(a) Ry(-b) Rz(c) and b of the given sign.
 
     c is what remains of the rotation after a, so that the product stays exact near b = 0, where a
@@ -346,7 +345,7 @@ def _spherical_angles(
     return a, b, c
 
 
-def checked_pose(pose: ArrayLike) -> NDArray[np.float64]:
+def checked_pose(pose: ArrayLike) -> Floats:
     """Return a finite pose (4, 4) as float64, or raise ShapeError or KinematicsError."""
     matrix = np.asarray(pose, dtype=np.float64)
     if matrix.shape != (4, 4):

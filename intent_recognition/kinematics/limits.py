@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
 
 POSITION_TOLERANCE_RAD = 1e-9
@@ -28,14 +29,13 @@ class JointLimits:
         torque: largest torque [Nm], symmetric.
     """
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    torque: NDArray[np.float64]
+    lower: Floats
+    upper: Floats
+    velocity: Floats
+    acceleration: Floats
+    torque: Floats
 
     def __post_init__(self) -> None:
-        """Copy, check and freeze the arrays."""
         for name in ("lower", "upper", "velocity", "acceleration", "torque"):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.ndim != 1 or array.shape != np.shape(self.lower):
@@ -65,14 +65,14 @@ class JointLimits:
 
 def within_position_limits(
     q: ArrayLike, limits: JointLimits, tolerance_rad: float = POSITION_TOLERANCE_RAD
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Return whether each joint vector of q (..., n) [rad] is inside; shape (...,), bool."""
     q = np.asarray(q, dtype=np.float64)
     inside = (q >= limits.lower - tolerance_rad) & (q <= limits.upper + tolerance_rad)
     return np.all(inside, axis=-1)
 
 
-def position_violation(q: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
+def position_violation(q: ArrayLike, limits: JointLimits) -> Floats:
     """Return by how much each joint of q (..., n) is outside [rad], 0 where it is inside."""
     q = np.asarray(q, dtype=np.float64)
     return np.maximum(np.maximum(limits.lower - q, q - limits.upper), 0.0)

@@ -8,8 +8,9 @@ As pinocchio computes them one by one (Featherstone 2008, "Rigid Body Dynamics A
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from intent_recognition.array_types import Floats
 
 
 class Links(NamedTuple):
@@ -25,10 +26,10 @@ class Links(NamedTuple):
     """
 
     parents: tuple[int, ...]
-    placements: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    turns: NDArray[np.float64]
-    levers: NDArray[np.float64]
+    placements: Floats
+    axes: Floats
+    turns: Floats
+    levers: Floats
 
     @classmethod
     def of(cls, model: Any, tip_frame: int, from_base: Any) -> "Links":
@@ -70,9 +71,7 @@ class Links(NamedTuple):
             parents, np.array(placements), *(np.array(a)[order] for a in (axes, turns, levers))
         )
 
-    def moving_points(
-        self, q: NDArray[np.float64], rates: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def moving_points(self, q: Floats, rates: Floats) -> tuple[Floats, Floats]:
         """Origins of the joints and of the tip, (T, nv + 1, 3) [m], and the fastest (T,) [m/s].
 
         Args:

@@ -8,8 +8,8 @@ CentroEPiaggio/kuka-lwr).
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics.limits import JointLimits
 
 N_JOINTS = 7
@@ -25,8 +25,8 @@ class DHParameters(NamedTuple):
     Frame i is frame i-1 times Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i); here a is zero throughout.
     """
 
-    d_m: NDArray[np.float64]
-    alpha_rad: NDArray[np.float64]
+    d_m: Floats
+    alpha_rad: Floats
 
 
 DH = DHParameters(

@@ -14,10 +14,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dposv
 from scipy.spatial import KDTree
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ShapeError
 
 REACHED = 1e-6
@@ -42,15 +43,15 @@ posture [rad^2]: at a tenth of the manipulability, 0.05 rad^2. Convention."""
 _DIFFERENCE_RAD = 1e-4
 """Step of the differences that the slope of the manipulability is taken from [rad]."""
 
-PoseAndJacobian = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+PoseAndJacobian = Callable[[Floats], tuple[Floats, Floats]]
 """From q (n,) to the pose (4, 4) and the geometric Jacobian (6, n), both in base axes."""
 
 
 class PoseTarget(NamedTuple):
     """Position (3,) [m] and rotation (3, 3); None leaves the orientation free."""
 
-    position: NDArray[np.float64]
-    rotation: NDArray[np.float64] | None
+    position: Floats
+    rotation: Floats | None
 
 
 def checked_target(target: ArrayLike, argument: str = "target") -> PoseTarget:
@@ -71,7 +72,7 @@ def checked_target(target: ArrayLike, argument: str = "target") -> PoseTarget:
 class Solution(NamedTuple):
     """A posture (n,), and how far from the target it is [m] and [rad]."""
 
-    q: NDArray[np.float64]
+    q: Floats
     distance_m: float
     angle_rad: float
 
@@ -85,18 +86,12 @@ class PoseSearch:
     """The search of one arm."""
 
     def __init__(
-        self,
-        chain: PoseAndJacobian,
-        lower: NDArray[np.float64],
-        upper: NDArray[np.float64],
-        continuous: NDArray[np.bool_],
+        self, chain: PoseAndJacobian, lower: Floats, upper: Floats, continuous: Flags
     ) -> None:
         self._chain, self._lower, self._upper = chain, lower, upper
         self._ends = np.where(continuous, -np.pi, lower), np.where(continuous, np.pi, upper)
 
-    def solve(
-        self, target: PoseTarget, seed: NDArray[np.float64], rest: NDArray[np.float64]
-    ) -> Solution:
+    def solve(self, target: PoseTarget, seed: Floats, rest: Floats) -> Solution:
         """The best posture found; its self-motion at rest where the target was reached."""
         best = self.descend(target, seed, hasty=True)
         if best.error <= CONVERGED:
@@ -108,9 +103,7 @@ class PoseSearch:
                 return self.slide(target, best, rest)
         return self.descend(target, best.q)
 
-    def descend(
-        self, target: PoseTarget, seed: NDArray[np.float64], *, hasty: bool = False
-    ) -> Solution:
+    def descend(self, target: PoseTarget, seed: Floats, *, hasty: bool = False) -> Solution:
         """Least squares from one start (n,), inside the limits; hasty where there are others."""
         stalled = _UNPROMISING if hasty else _STALLED
         q = np.clip(seed, self._lower, self._upper)
@@ -137,7 +130,7 @@ class PoseSearch:
         self,
         target: PoseTarget,
         found: Solution,
-        rest: NDArray[np.float64],
+        rest: Floats,
         n_steps: int = 3,
         largest_rad: float = 0.5,
     ) -> Solution:
@@ -167,7 +160,7 @@ class PoseSearch:
             found, cost = moved, cost_there
         return found
 
-    def starts(self, target: PoseTarget) -> Iterator[NDArray[np.float64]]:
+    def starts(self, target: PoseTarget) -> Iterator[Floats]:
         """Postures of the table (n,) whose poses are near the target, nearest first."""
         postures, by_position, by_pose = self._table
         if target.rotation is None:
@@ -178,7 +171,7 @@ class PoseSearch:
         return iter(postures[rows])
 
     @cached_property
-    def _table(self) -> tuple[NDArray[np.float64], KDTree, KDTree]:
+    def _table(self) -> tuple[Floats, KDTree, KDTree]:
         rng = np.random.default_rng(0)
         postures = rng.uniform(*self._ends, size=(_N_TABLE, len(self._lower)))
         poses = np.array([self._chain(q)[0] for q in postures])
@@ -186,13 +179,7 @@ class PoseSearch:
         positions = poses[:, :3, 3]
         return postures, KDTree(positions), KDTree(np.concatenate([positions, axes], axis=1))
 
-    def _step(
-        self,
-        q: NDArray[np.float64],
-        J: NDArray[np.float64],
-        gradient: NDArray[np.float64],
-        damping: float,
-    ) -> NDArray[np.float64]:
+    def _step(self, q: Floats, J: Floats, gradient: Floats, damping: float) -> Floats:
         blocked = ((q <= self._lower) & (gradient < 0.0)) | ((q >= self._upper) & (gradient > 0.0))
         H = J.T @ J
         H.flat[:: len(q) + 1] += damping + 1e-12
@@ -207,9 +194,7 @@ class PoseSearch:
             step *= _LARGEST_STEP_RAD / largest
         return np.minimum(np.maximum(q + step, self._lower), self._upper)
 
-    def _error(
-        self, target: PoseTarget, q: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _error(self, target: PoseTarget, q: Floats) -> tuple[Floats, Floats]:
         """What is left to the target, (3,) or (6,), and the rows of the Jacobian it belongs to."""
         pose, J = self._chain(q)
         shift = target.position - pose[:3, 3]
@@ -217,15 +202,13 @@ class PoseSearch:
             return shift, J[:3]
         return np.concatenate([shift, _rotation_vector(target.rotation @ pose[:3, :3].T)]), J
 
-    def _cost(self, target: PoseTarget, q: NDArray[np.float64], rest: NDArray[np.float64]) -> float:
+    def _cost(self, target: PoseTarget, q: Floats, rest: Floats) -> float:
         """What the self-motion minimises."""
         J = self._chain(q)[1][: 3 if target.rotation is None else 6]
         away = q - rest
         return 0.5 * float(away @ away) - _MANIPULABILITY_WEIGHT * _log_manipulability(J)
 
-    def _slide_step(
-        self, target: PoseTarget, q: NDArray[np.float64], rest: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _slide_step(self, target: PoseTarget, q: Floats, rest: Floats) -> Floats:
         J = self._chain(q)[1][: 3 if target.rotation is None else 6]
         pull = rest - q
         kept = ~(((q <= self._lower) & (pull < 0.0)) | ((q >= self._upper) & (pull > 0.0)))
@@ -242,17 +225,17 @@ class PoseSearch:
         return step
 
 
-def _solution(q: NDArray[np.float64], error: NDArray[np.float64]) -> Solution:
+def _solution(q: Floats, error: Floats) -> Solution:
     angle = float(np.linalg.norm(error[3:])) if len(error) > 3 else 0.0
     return Solution(q, float(np.linalg.norm(error[:3])), angle)
 
 
-def _log_manipulability(J: NDArray[np.float64]) -> float:
+def _log_manipulability(J: Floats) -> float:
     """Half the logarithm of det(J J^T) (Yoshikawa 1985), bounded below."""
     return 0.5 * float(np.log(max(np.linalg.det(J @ J.T), 1e-24)))
 
 
-def _rotation_vector(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotation_vector(turn: Floats) -> Floats:
     """Axis times angle (3,) of a rotation matrix; at half a turn the axis is of either sign."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
     x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics.urdf import Mimic
 
 
@@ -25,8 +25,8 @@ class ReducedModel:
 
     model: Any
     geometry: Any
-    drive: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    drive: Floats
+    offset: Floats
     direct: bool
 
     @classmethod
@@ -57,6 +57,6 @@ class ReducedModel:
             offset[row] = 0.0 if copy is None else copy.offset
         return cls(model, geometry, drive, offset, np.array_equal(drive, np.eye(len(names))))
 
-    def values(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def values(self, q: Floats) -> Floats:
         """The configuration (nv,) at a joint vector (n,)."""
         return q if self.direct else self.drive @ q + self.offset

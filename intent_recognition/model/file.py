@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The model file: one `.npz` without pickled objects, checked on reading."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import ModelError
 from intent_recognition.model.arrays import (
@@ -26,7 +27,7 @@ COUPLING = tuple(f"coupling_{name}" for name in ResidualCoupling._fields)
 """Likewise."""
 
 
-def context_arrays(context: ContextModel | None) -> dict[str, NDArray[np.float64]]:
+def context_arrays(context: ContextModel | None) -> dict[str, Floats]:
     """What is written; nothing without a context."""
     if context is None:
         return {}
@@ -59,7 +60,7 @@ def read_context(
     )
 
 
-def coupling_arrays(coupling: ResidualCoupling | None) -> dict[str, NDArray[np.float64]]:
+def coupling_arrays(coupling: ResidualCoupling | None) -> dict[str, Floats]:
     """What is written; nothing without a coupling."""
     return {} if coupling is None else dict(zip(COUPLING, coupling, strict=True))
 

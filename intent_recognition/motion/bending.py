@@ -20,10 +20,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, covariance_root, regression
 from intent_recognition.kinematics import Arm, Bodies, Contact, JointLimits
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
@@ -57,12 +57,12 @@ class Spread:
     """
 
     basis: NormalizedRBFBasis
-    covariance: NDArray[np.float64]
+    covariance: Floats
     arm: Arm | None = None
     reference: tuple[float, ...] = ()
 
     @cached_property
-    def root(self) -> NDArray[np.float64]:
+    def root(self) -> Floats:
         """A root L of the covariance, L L^T (Q N, Q N); that has no full rank."""
         return covariance_root(self.covariance)
 
@@ -96,9 +96,7 @@ class Spread:
         weights = via_point(controlled, 0.0, still).weights
         return cls(primitive.basis, weights.covariance, arm, reference)
 
-    def design(
-        self, phase: NDArray[np.float64], positions: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def design(self, phase: Floats, positions: Floats) -> Floats:
         """Joints by weights, (T, n, Q N), at phases (T,) of a path through positions (T, n).
 
         For a hand, the least motion of the joints that moves it (the pseudo-inverse Jacobian).
@@ -111,13 +109,11 @@ class Spread:
             rows = np.einsum("tjd,tk->tjdk", self._inverse(self.arm, positions), table)
         return rows.reshape(*rows.shape[:2], -1)
 
-    def moves(
-        self, phase: NDArray[np.float64], positions: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def moves(self, phase: Floats, positions: Floats) -> Floats:
         """Joints by independent standard normal numbers (T, n, m); see `design`."""
         return self.design(phase, positions) @ self.root
 
-    def _inverse(self, arm: Arm, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _inverse(self, arm: Arm, positions: Floats) -> Floats:
         """Joints by DOFs of the hand, (T, n, 3) or (T, n, 6)."""
         jacobians = np.array([arm.jacobian(q) for q in positions])
         if not self.reference:
@@ -130,9 +126,7 @@ class Spread:
         return np.asarray(inverse)
 
 
-def least_change(
-    rows: NDArray[np.float64], needs: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+def least_change(rows: Floats, needs: Floats) -> Floats | None:
     """The most probable z ~ N(0, I) with G z >= b, (m,); None where there is none.
 
     Least distance programming by nonnegative least squares (Lawson and Hanson 1974, Chapter 23).
@@ -163,15 +157,13 @@ class TouchingPath(NamedTuple):
     """
 
     bodies: Bodies
-    positions: NDArray[np.float64]
-    moves: NDArray[np.float64]
+    positions: Floats
+    moves: Floats
     contacts: Sequence[Contact]
     limits: JointLimits
 
 
-def bend(
-    path: TouchingPath, largest: float = np.inf, start: NDArray[np.float64] | None = None
-) -> NDArray[np.float64] | None:
+def bend(path: TouchingPath, largest: float = np.inf, start: Floats | None = None) -> Floats | None:
     """How to move a path so that it is clear of all contacts, z (m,); None if nothing was found.
 
     Args:
@@ -202,8 +194,8 @@ def bend(
 
 
 def _position_rows(
-    q: NDArray[np.float64], moves: NDArray[np.float64], z: NDArray[np.float64], limits: JointLimits
-) -> tuple[list[NDArray[np.float64]], list[float]]:
+    q: Floats, moves: Floats, z: Floats, limits: JointLimits
+) -> tuple[list[Floats], list[float]]:
     """Rows that take joints back inside their limits, and what they need [rad]."""
     rows, needs = [], []
     lower, upper = limits.lower + POSITION_MARGIN_RAD, limits.upper - POSITION_MARGIN_RAD

@@ -4,7 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 # Rows: what one unit of start position, velocity (times T) and acceleration (times T^2) leaves
 # at the share tau = t / T of the way; columns: powers tau^0 .. tau^5. All end at zero position,
@@ -21,9 +22,7 @@ _FIRST = _BASIS[:, 1:] * _POWERS[1:]
 _SECOND = _FIRST[:, 1:] * _POWERS[1:5]
 
 
-def _tables(
-    tau: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _tables(tau: Floats) -> tuple[Floats, Floats, Floats]:
     """Basis, first and second derivative in tau at shares tau (T,), each (3, T)."""
     powers = tau[None, :] ** _POWERS[:, None]
     return _BASIS @ powers, _FIRST @ powers[:5], _SECOND @ powers[:4]
@@ -38,14 +37,12 @@ class Offset(NamedTuple):
     `position`, `velocity`, `acceleration` are its values at time 0, each (n,).
     """
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
     duration_s: float
 
-    def sample(
-        self, times_s: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def sample(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Position and velocity at times_s (T,), each (T, n); zero from duration_s on."""
         span = self.duration_s
         tau = np.minimum(np.asarray(times_s) / span, 1.0)
@@ -56,7 +53,7 @@ class Offset(NamedTuple):
         v[tau >= 1.0] = 0.0
         return q, v
 
-    def largest(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def largest(self) -> tuple[Floats, Floats]:
         """Largest speed and acceleration of each joint, each (n,), on a grid of 25 samples."""
         speed, acceleration = _largest(
             self.position, self.velocity, self.acceleration, np.array([self.duration_s])
@@ -65,11 +62,8 @@ class Offset(NamedTuple):
 
 
 def _largest(
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    acceleration: NDArray[np.float64],
-    durations_s: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    position: Floats, velocity: Floats, acceleration: Floats, durations_s: Floats
+) -> tuple[Floats, Floats]:
     """Largest speed and acceleration (M, n) for each of the durations (M,)."""
     span = durations_s[:, None, None]
     start = np.stack(
@@ -87,12 +81,12 @@ def _largest(
 
 
 def decay(
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    acceleration: NDArray[np.float64],
+    position: Floats,
+    velocity: Floats,
+    acceleration: Floats,
     *,
-    max_velocity: NDArray[np.float64],
-    max_acceleration: NDArray[np.float64],
+    max_velocity: Floats,
+    max_acceleration: Floats,
     shortest_s: float,
 ) -> Offset:
     """The quickest decay of an offset that keeps within a speed and an acceleration, per joint.

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Bodies, Contact, JointLimits
 from intent_recognition.motion.bending import Spread, TouchingPath, bend
 from intent_recognition.motion.path import JointPath
@@ -52,7 +52,7 @@ class ClearPath(NamedTuple):
     """
 
     path: JointPath
-    away: NDArray[np.float64] | None = None
+    away: Floats | None = None
     how: str = ""
     later_s: float = 0.0
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion.bending import Spread
@@ -29,7 +29,7 @@ class Via(NamedTuple):
     """Where the arm was left: the phase of the movement, and the posture (n,) [rad]."""
 
     phase: float
-    position: NDArray[np.float64]
+    position: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +59,7 @@ class Correction:
         return path.shifted(phases, corrected_by(spread, path, vias, phases), limits)
 
 
-def corrected_by(
-    spread: Spread, path: JointPath, vias: Sequence[Via], phases: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def corrected_by(spread: Spread, path: JointPath, vias: Sequence[Via], phases: Floats) -> Floats:
     """How far a path moves at phases (T,) when conditioned on via points, (T, n) [rad]."""
     at = np.array([via.phase for via in vias])
     before = path.spline(at)
@@ -82,7 +80,7 @@ def with_via(vias: Sequence[Via], via: Via) -> tuple[Via, ...]:
     return (*(old for old in vias if abs(old.phase - via.phase) >= 0.1), via)
 
 
-def phase_of(path: JointPath, position: NDArray[np.float64], first: float) -> float:
+def phase_of(path: JointPath, position: Floats, first: float) -> float:
     """The phase from `first` on at which a path comes nearest to a posture (n,)."""
     phases = np.linspace(min(first, 1.0), 1.0, 101)
     distance = np.linalg.norm(path.spline(phases) - position, axis=1)

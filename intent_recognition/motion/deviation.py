@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.motion.plan import JointReference
 
@@ -43,9 +43,9 @@ class TrackedMotion(NamedTuple):
     """
 
     step_s: float
-    error: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    error: Floats
+    velocity: Floats
+    acceleration: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,26 +60,24 @@ class DeviationDetector:
         least_rad: no smaller deviation counts [rad].
     """
 
-    coefficients: NDArray[np.float64]
-    explained: NDArray[np.float64]
+    coefficients: Floats
+    explained: Floats
     sustained_s: float
     false_alarm_rate: float
     least_rad: float = LEAST_DEVIATION_RAD
 
     @property
-    def bound(self) -> NDArray[np.float64]:
+    def bound(self) -> Floats:
         """Residuals beyond which somebody pushes, (n,) [rad]."""
         return np.maximum(self.explained, self.least_rad)
 
-    def residual(
-        self, position: NDArray[np.float64], reference: JointReference
-    ) -> NDArray[np.float64]:
+    def residual(self, position: Floats, reference: JointReference) -> Floats:
         """What the controller does not explain of an error, (n,) [rad]."""
         b0, b1, b2 = self.coefficients
         expected = b0 + b1 * reference.velocity + b2 * reference.acceleration
         return position - reference.position - expected
 
-    def deviates(self, position: NDArray[np.float64], reference: JointReference) -> bool:
+    def deviates(self, position: Floats, reference: JointReference) -> bool:
         """Whether a joint is beyond its bound now."""
         return bool(np.any(np.abs(self.residual(position, reference)) > self.bound))
 
@@ -128,18 +126,13 @@ def calibrate_detector(
     )
 
 
-def _explaining(motion: TrackedMotion, joint: int) -> NDArray[np.float64]:
+def _explaining(motion: TrackedMotion, joint: int) -> Floats:
     """One, velocity and acceleration of a joint's reference, (T, 3)."""
     velocity, acceleration = motion.velocity[:, joint], motion.acceleration[:, joint]
     return np.stack([np.ones_like(velocity), velocity, acceleration], axis=1)
 
 
-def _level(
-    motion: TrackedMotion,
-    coefficients: NDArray[np.float64],
-    std: NDArray[np.float64],
-    sustained_s: float,
-) -> float:
+def _level(motion: TrackedMotion, coefficients: Floats, std: Floats, sustained_s: float) -> float:
     """Largest number of standard deviations beyond which some joint stays for so long."""
     explained = np.stack(
         [_explaining(motion, j) @ coefficients[:, j] for j in range(std.size)], axis=1

@@ -4,9 +4,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import Arm
 from intent_recognition.signals import POSE_FIELDS, POSITION_FIELDS
@@ -31,7 +32,7 @@ def is_hand(names: Sequence[str]) -> bool:
     return len(names) == len(fields) and all(map(str.endswith, names, fields))
 
 
-def hand_targets(numbers: ArrayLike) -> NDArray[np.float64]:
+def hand_targets(numbers: ArrayLike) -> Floats:
     """Positions (..., 3) [m] as they are, whole poses (..., 7) as transforms (..., 4, 4).
 
     Args:
@@ -54,9 +55,7 @@ def hand_targets(numbers: ArrayLike) -> NDArray[np.float64]:
     return poses.reshape(*values.shape[:-1], 4, 4)
 
 
-def joints_along(
-    arm: Arm, times_s: NDArray[np.float64], hand: NDArray[np.float64], rest: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def joints_along(arm: Arm, times_s: Floats, hand: Floats, rest: Floats) -> tuple[Floats, Floats]:
     """Times and joint positions that take the hand along a predicted path.
 
     Args:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JointLimits, position_violation
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
@@ -32,13 +32,11 @@ class JointPath:
     duration_s: float
     clamped: tuple[int, ...]
 
-    def at(self, phase: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, phase: Floats) -> tuple[Floats, Floats]:
         """Positions and derivatives with respect to phase, each (..., n)."""
         return self.spline(phase), self.derivative(phase)
 
-    def shifted(
-        self, phases: NDArray[np.float64], away: NDArray[np.float64], limits: JointLimits
-    ) -> "JointPath":
+    def shifted(self, phases: Floats, away: Floats, limits: JointLimits) -> "JointPath":
         """The path moved away smoothly, bent inside the limits as any predicted path.
 
         Args:
@@ -58,10 +56,7 @@ class JointPath:
 
 
 def make_path(
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    limits: JointLimits,
-    velocities: NDArray[np.float64] | None = None,
+    times_s: Floats, positions: Floats, limits: JointLimits, velocities: Floats | None = None
 ) -> JointPath:
     """Turn the samples of a predicted trajectory into a path over phase.
 
@@ -96,7 +91,7 @@ def make_path(
     return JointPath(spline, spline.derivative(), duration_s, clamped)
 
 
-def check_range(positions: NDArray[np.float64], limits: JointLimits) -> None:
+def check_range(positions: Floats, limits: JointLimits) -> None:
     """Check that a prediction can be of an arm, in radians.
 
     Args:
@@ -117,16 +112,12 @@ def check_range(positions: NDArray[np.float64], limits: JointLimits) -> None:
     raise TrajectoryError.about("positions", expected, f"{low:.3g} to {high:.3g} rad", cure)
 
 
-def _spline(
-    phase: NDArray[np.float64], positions: NDArray[np.float64], slopes: NDArray[np.float64] | None
-) -> CubicSpline:
+def _spline(phase: Floats, positions: Floats, slopes: Floats | None) -> CubicSpline:
     ends: Any = "natural" if slopes is None else ((1, slopes[0]), (1, slopes[1]))
     return CubicSpline(phase, positions, bc_type=ends)
 
 
-def _bend_inside(
-    positions: NDArray[np.float64], limits: JointLimits
-) -> tuple[NDArray[np.float64], tuple[int, ...]]:
+def _bend_inside(positions: Floats, limits: JointLimits) -> tuple[Floats, tuple[int, ...]]:
     """Saturate the joints that leave their limits, and say which."""
     lower, upper = limits.lower + POSITION_MARGIN_RAD, limits.upper - POSITION_MARGIN_RAD
     outside = np.any((positions < lower) | (positions > upper), axis=0)
@@ -140,12 +131,7 @@ def _bend_inside(
     return np.where(outside, bent, positions), joints
 
 
-def _check(
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    velocities: NDArray[np.float64] | None,
-    n_joints: int,
-) -> None:
+def _check(times_s: Floats, positions: Floats, velocities: Floats | None, n_joints: int) -> None:
     """Raise TrajectoryError if the samples are not a trajectory of n_joints."""
     shape = (times_s.size, n_joints)
     if times_s.ndim != 1 or times_s.size < 2 or positions.shape != shape:

@@ -6,9 +6,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import (
     POSITION_TOLERANCE_RAD,
     RATE_TOLERANCE,
@@ -32,12 +32,12 @@ N_SAMPLES = 200
 class JointReference(NamedTuple):
     """What a plan asks of the arm at one time, each array (n_joints,)."""
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
 
     @classmethod
-    def at_rest(cls, position: NDArray[np.float64]) -> "JointReference":
+    def at_rest(cls, position: Floats) -> "JointReference":
         """Standing still at `position` [rad]."""
         q = np.array(position, dtype=np.float64)
         return cls(q, np.zeros_like(q), np.zeros_like(q))
@@ -97,18 +97,17 @@ class JointPlan:
         slowed: the prediction at its own speed would break a velocity or acceleration limit.
     """
 
-    times_s: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    phase_rate: NDArray[np.float64]
+    times_s: Floats
+    positions: Floats
+    velocities: Floats
+    phase: Floats
+    phase_rate: Floats
     kind: str
     clamped: tuple[int, ...] = ()
     slowed: bool = False
     outside: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         object.__setattr__(self, "times_s", np.round(np.multiply(self.times_s, 1e9)) * 1e-9)
         for name in ("times_s", "positions", "velocities", "phase", "phase_rate"):
             array = np.array(getattr(self, name), dtype=np.float64)
@@ -121,7 +120,7 @@ class JointPlan:
         return float(self.times_s[-1])
 
     @property
-    def end(self) -> NDArray[np.float64]:
+    def end(self) -> Floats:
         """Where it comes to rest, (n,) [rad]."""
         return self.positions[-1]
 
@@ -139,7 +138,7 @@ class JointPlan:
             return JointReference.at_rest(self.positions[-1])
         return JointReference(*_with_derivatives(self._cubics, max(time_s, 0.0)))
 
-    def subdivided(self, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def subdivided(self, n: int) -> tuple[Floats, Floats]:
         """Samples n times as dense, and how far each joint turns at most from one to the next.
 
         Both are those of the cubics: positions ((T - 1) n + 1, n_joints), turns one row less [rad].
@@ -151,7 +150,7 @@ class JointPlan:
         part_s = np.repeat(h / n, n, axis=0)
         return q, part_s * _fastest(part_s, q[:-1], v[:-1], q[1:], v[1:])
 
-    def sampled(self, times_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def sampled(self, times_s: Floats) -> tuple[Floats, ...]:
         """Positions, velocities and accelerations, each (S, n), at times (S,) from 0 to the end.
 
         At a sample, where two cubics meet, those of the later one.
@@ -167,9 +166,7 @@ class JointPlan:
         return PhaseState(phase, max(float(rate), 0.0), float(acceleration))
 
 
-def _with_derivatives(
-    cubics: CubicHermiteSpline, times_s: NDArray[np.float64] | float
-) -> tuple[NDArray[np.float64], ...]:
+def _with_derivatives(cubics: CubicHermiteSpline, times_s: Floats | float) -> tuple[Floats, ...]:
     """Values, first and second derivatives at some times."""
     return tuple(cubics(times_s, order) for order in range(3))
 
@@ -189,11 +186,8 @@ def _fastest(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> Any:
 
 
 def interval_use(
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    velocities: NDArray[np.float64],
-    limits: JointLimits,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    times_s: Floats, positions: Floats, velocities: Floats, limits: JointLimits
+) -> tuple[Floats, Floats]:
     """Share of the velocity and of the acceleration limits each interval uses, each (T - 1,).
 
     Exact extremes of the cubics through the samples, worst joint.
@@ -208,12 +202,7 @@ def interval_use(
     )
 
 
-def excess(
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    velocities: NDArray[np.float64],
-    limits: JointLimits,
-) -> Excess:
+def excess(times_s: Floats, positions: Floats, velocities: Floats, limits: JointLimits) -> Excess:
     """How much of each limit the cubics through the samples use, at their own exact extremes."""
     velocity, acceleration = interval_use(times_s, positions, velocities, limits)
     lowest, highest = position_range(times_s, positions, velocities)
@@ -221,9 +210,7 @@ def excess(
     return Excess(float(outside.max()), float(velocity.max()), float(acceleration.max()))
 
 
-def position_range(
-    times_s: NDArray[np.float64], positions: NDArray[np.float64], velocities: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def position_range(times_s: Floats, positions: Floats, velocities: Floats) -> tuple[Floats, Floats]:
     """Smallest and largest position of each joint on the cubics through the samples, each (n,)."""
     h = np.diff(times_s)[:, None]
     q0, q1, v0, v1 = positions[:-1], positions[1:], velocities[:-1], velocities[1:]
@@ -276,7 +263,7 @@ def plan_step(duration_s: float, limits: JointLimits) -> float:
     return max(STEP_S, min(duration_s / N_SAMPLES, longest_s))
 
 
-def sample_times(duration_s: float, step_s: float) -> NDArray[np.float64]:
+def sample_times(duration_s: float, step_s: float) -> Floats:
     """Evenly spaced times from 0 to a duration, (T,) [s], at most step_s apart."""
     n = max(int(np.ceil(duration_s / step_s - 1e-9)), 1)
     return np.linspace(0.0, duration_s, n + 1)

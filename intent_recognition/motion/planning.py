@@ -15,8 +15,8 @@ Path and offset share the limits: what the offset needs is taken off what the pa
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion.blending import Offset, decay
 from intent_recognition.motion.path import JointPath
@@ -65,7 +65,7 @@ def plan_interaction(
     start: JointReference,
     limits: JointLimits,
     progress: PhaseState = BEGINNING,
-    rate_ceiling: NDArray[np.float64] | None = None,
+    rate_ceiling: Floats | None = None,
     stretch: float = 1.0,
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
@@ -119,7 +119,7 @@ class _Budget:
         stretch: how many times longer the offset takes than its own bounds ask for.
     """
 
-    share: NDArray[np.float64]
+    share: Floats
     stretch: float
 
     def tightened(
@@ -145,7 +145,7 @@ def _attempt(
     progress: PhaseState,
     limits: JointLimits,
     budget: _Budget,
-    rate_ceiling: NDArray[np.float64] | None,
+    rate_ceiling: Floats | None,
 ) -> tuple[JointPlan, Offset] | None:
     """A plan within the budget, and its offset; None where the path takes too long."""
     step_s = plan_step(0.0 if nominal is None else nominal.duration_s, limits)
@@ -179,11 +179,7 @@ def _join(
 
 
 def _path_bounds(
-    path: JointPath,
-    offset: Offset,
-    limits: JointLimits,
-    share: NDArray[np.float64],
-    rate_ceiling: NDArray[np.float64] | None,
+    path: JointPath, offset: Offset, limits: JointLimits, share: Floats, rate_ceiling: Floats | None
 ) -> SpeedLimits:
     """Bounds along the path with what the offset leaves of the limits."""
     speed, acceleration = offset.largest()

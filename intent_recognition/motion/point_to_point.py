@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError, optional
 from intent_recognition.kinematics import POSITION_TOLERANCE_RAD, JointLimits, position_violation
 from intent_recognition.motion.plan import (
@@ -38,9 +38,7 @@ _INTERPOLATION = 8.0 / 27.0
 the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the interval."""
 
 
-def home_plan(
-    start: JointReference, home: NDArray[np.float64], limits: JointLimits
-) -> JointPlan | None:
+def home_plan(start: JointReference, home: Floats, limits: JointLimits) -> JointPlan | None:
     """Go to a posture, all joints together; straight in joint space when starting from rest.
 
     Args:
@@ -119,7 +117,7 @@ def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> "
     return motion
 
 
-def _make_straight(motion: "InputParameter", way: NDArray[np.float64]) -> None:
+def _make_straight(motion: "InputParameter", way: Floats) -> None:
     """Make the limits proportional to the way, so that phase synchronisation keeps to a line."""
     distance = np.abs(way)
     moves = distance > 1e-6  # others need not keep to the line

@@ -12,8 +12,8 @@ same plan.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.motion.bending import TouchingPath, bend
 
 _DETOUR_RAD = 0.15
@@ -26,7 +26,7 @@ _N_DESCENTS = 4
 """Descents from drawn detours at most. Measurement: docs/decisions/replanning.md."""
 
 
-def detours(phases: NDArray[np.float64], n_joints: int, first: float) -> NDArray[np.float64]:
+def detours(phases: Floats, n_joints: int, first: float) -> Floats:
     """Joints by independent standard normal numbers (T, n, m): smooth, and zero at both ends.
 
     Args:
@@ -43,7 +43,7 @@ def detours(phases: NDArray[np.float64], n_joints: int, first: float) -> NDArray
 
 def replan(
     path: TouchingPath, tries: int | None, out_of_time: Callable[[], bool]
-) -> tuple[NDArray[np.float64] | None, bool]:
+) -> tuple[Floats | None, bool]:
     """How to move a path so that it is clear of all contacts, z (m,), and whether detours were
     drawn for it; None if nothing was found.
 
@@ -69,7 +69,7 @@ def replan(
     return None, True
 
 
-def _depth(path: TouchingPath, z: NDArray[np.float64]) -> float:
+def _depth(path: TouchingPath, z: Floats) -> float:
     """By how much a moved path is too near where the path itself is nearest to each thing [m]."""
     depth = 0.0
     nearest = {c.pair: c for c in sorted(path.contacts, key=lambda c: -c.distance_m)}

@@ -10,8 +10,8 @@ pass over a grid (time-optimal path parametrisation by reachability, Pham and Ph
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.motion.path import JointPath
 
 N_GRID = 100
@@ -41,27 +41,27 @@ class SpeedLimits(NamedTuple):
     s'' is allowed, `cap` (G + 1,) the largest from which the end can be reached at rest.
     """
 
-    a: NDArray[np.float64]
-    b: NDArray[np.float64]
-    ceiling: NDArray[np.float64]
+    a: Floats
+    b: Floats
+    ceiling: Floats
     cap: tuple[float, ...]
 
 
 class PathProgress(NamedTuple):
     """Phase and phase rate at increasing times, each (T,); the last rate is zero."""
 
-    times_s: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    rate: NDArray[np.float64]
+    times_s: Floats
+    phase: Floats
+    rate: Floats
 
 
 def speed_limits(
     path: JointPath,
-    max_velocity: NDArray[np.float64],
-    max_acceleration: NDArray[np.float64],
+    max_velocity: Floats,
+    max_acceleration: Floats,
     *,
-    share: NDArray[np.float64] | float = 1.0,
-    rate_ceiling: NDArray[np.float64] | None = None,
+    share: Floats | float = 1.0,
+    rate_ceiling: Floats | None = None,
 ) -> SpeedLimits:
     """Bounds on the speed along a path.
 
@@ -90,9 +90,7 @@ def speed_limits(
     return SpeedLimits(a, b, ceiling, tuple(_backward(a, b, ceiling).tolist()))
 
 
-def _largest_with_room(
-    a: NDArray[np.float64], b: NDArray[np.float64], own: float
-) -> NDArray[np.float64]:
+def _largest_with_room(a: Floats, b: Floats, own: float) -> Floats:
     """Largest x (G + 1,) at which every lower bound on s'' lies below every upper bound.
 
     a, b are those of the joints at the grid points, (G + 1, n); own bounds s'' itself.
@@ -104,9 +102,7 @@ def _largest_with_room(
         return ((a[:, :, None] + a[:, None, :]) / difference).min(axis=(1, 2))
 
 
-def _backward(
-    a: NDArray[np.float64], b: NDArray[np.float64], ceiling: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _backward(a: Floats, b: Floats, ceiling: Floats) -> Floats:
     """Largest x (G + 1,) from which braking stays allowed until rest at the end."""
     step = 2.0 / N_GRID
     gain = 1.0 - step * b

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion.path import JointPath
@@ -49,7 +50,6 @@ class SeparationSettings:
     least_speed_m_s: float = 0.1
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         for name in ("deceleration_m_s2", "least_speed_m_s"):
             if not getattr(self, name) > 0.0:
                 raise ArgumentError.about(name, "above 0", getattr(self, name), "Raise it.")
@@ -64,11 +64,11 @@ class PredictedPerson(NamedTuple):
         std: standard deviation in the least certain direction (T,) [m].
     """
 
-    times_ns: NDArray[np.int64]
-    positions: NDArray[np.float64]
-    std: NDArray[np.float64]
+    times_ns: Integers
+    positions: Floats
+    std: Floats
 
-    def at(self, times_ns: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, times_ns: NDArray) -> tuple[Floats, Floats]:
         """Mean (S, 3) and standard deviation (S,) at some times (S,)."""
         since = (np.asarray(times_ns) - self.times_ns[0]) * 1e-9
         own = (self.times_ns - self.times_ns[0]) * 1e-9
@@ -76,9 +76,7 @@ class PredictedPerson(NamedTuple):
         return mean, np.interp(since, own, self.std)
 
 
-def permitted_speed(
-    distance_m: NDArray[np.float64], settings: SeparationSettings
-) -> NDArray[np.float64]:
+def permitted_speed(distance_m: Floats, settings: SeparationSettings) -> Floats:
     """The arm's largest speed [m/s] at distances S - Z, any shape, from the person."""
     s, a = settings, settings.deceleration_m_s2
     left = np.asarray(distance_m) - s.intrusion_m - s.human_speed_m_s * s.reaction_s
@@ -99,9 +97,7 @@ class Separation:
         self.arm = arm
         self.settings = SeparationSettings() if settings is None else settings
 
-    def rate_ceiling(
-        self, path: JointPath, times_ns: NDArray, person: PredictedPerson
-    ) -> NDArray[np.float64]:
+    def rate_ceiling(self, path: JointPath, times_ns: NDArray, person: PredictedPerson) -> Floats:
         """Largest phase rate (G + 1,) [1/s] on the grid of a path.
 
         Args:
@@ -115,9 +111,7 @@ class Separation:
         allowed = permitted_speed(self.distance_m(points, times_ns, person), self.settings)
         return np.asarray(allowed / np.maximum(speed, 1e-6), dtype=np.float64)
 
-    def distance_m(
-        self, points: NDArray[np.float64], times_ns: NDArray, person: PredictedPerson
-    ) -> NDArray[np.float64]:
+    def distance_m(self, points: Floats, times_ns: NDArray, person: PredictedPerson) -> Floats:
         """Distance of the arm from the near side of the tube (S,) [m].
 
         Args:
@@ -173,13 +167,8 @@ class Separation:
         return max(found, default=0.0)
 
     def _ratios(
-        self,
-        plan: JointPlan,
-        start_ns: int,
-        person: PredictedPerson,
-        begin: NDArray[np.float64],
-        end: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, plan: JointPlan, start_ns: int, person: PredictedPerson, begin: Floats, end: Floats
+    ) -> tuple[Floats, Floats]:
         """Ratios in the middle of intervals (S,) [s] without knots inside, and bounds on them."""
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
         q, v, a = plan.sampled(middle)
@@ -198,7 +187,7 @@ class Separation:
         return found, np.minimum(own + acceleration * half, speed) / least
 
 
-def phase_times_ns(plan: JointPlan, start_ns: int) -> NDArray[np.float64]:
+def phase_times_ns(plan: JointPlan, start_ns: int) -> Floats:
     """When a plan is at each point of its path's grid (G + 1,); those passed count as its start."""
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first = np.searchsorted(plan.phase, grid - 1e-12)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 
@@ -28,7 +28,6 @@ class NormalizedRBFBasis:
     width: float = 1.5
 
     def __post_init__(self) -> None:
-        """Check the arguments."""
         whole = isinstance(self.n_basis, int | np.integer)
         if not whole or self.n_basis < 3 or not self.width > 0:
             raise ArgumentError.about(
@@ -39,7 +38,7 @@ class NormalizedRBFBasis:
             )
 
     @cached_property
-    def centers(self) -> NDArray[np.float64]:
+    def centers(self) -> Floats:
         """Phases of the centres, (N,)."""
         return np.linspace(0.0, 1.0, self.n_basis)
 
@@ -48,7 +47,7 @@ class NormalizedRBFBasis:
         """Standard deviation of each Gaussian, in phase."""
         return self.width / (self.n_basis - 1)
 
-    def design_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def design_matrix(self, phase: Floats) -> Floats:
         """Basis functions at phases (...,): (..., N); outside [0, 1] those of the nearer end."""
         phase = np.minimum(np.maximum(phase, 0.0), 1.0)
         values = (phase[..., None] - self.centers) / self.scale
@@ -60,7 +59,7 @@ class NormalizedRBFBasis:
         values /= np.add.reduce(values, axis=-1, keepdims=True)
         return values
 
-    def derivative_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def derivative_matrix(self, phase: Floats) -> Floats:
         """d basis / d phase at phases (...,): (..., N); zero outside [0, 1].
 
         A velocity is this times the phase rate dz/dt, so it depends on the movement's duration.
@@ -72,7 +71,7 @@ class NormalizedRBFBasis:
         inside = (phase >= 0.0) & (phase <= 1.0)
         return gradient * inside[..., None]
 
-    def second_derivative_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def second_derivative_matrix(self, phase: Floats) -> Floats:
         """d^2 basis / d phase^2 at phases (...,): (..., N); zero outside [0, 1]."""
         values = self.design_matrix(phase)
         phase = np.asarray(phase, dtype=np.float64)

@@ -13,8 +13,9 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import condition, product, symmetrize
 from intent_recognition.promp.control_points import condition_controlled
@@ -32,13 +33,13 @@ class Blend(NamedTuple):
         covariance: of the positions at each time, measurement noise included, (T, m, m).
     """
 
-    times_s: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    times_s: Floats
+    positions: Floats
+    velocities: Floats
+    covariance: Floats
 
     @property
-    def std(self) -> NDArray[np.float64]:
+    def std(self) -> Floats:
         """Standard deviation of each position, (T, m)."""
         return np.sqrt(np.einsum("tdd->td", self.covariance))
 
@@ -209,9 +210,7 @@ def blend(
     return Blend(times, positions, velocities, symmetrize(covariance))
 
 
-def smooth_switch(
-    times_s: ArrayLike, at_s: float, over_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def smooth_switch(times_s: ArrayLike, at_s: float, over_s: float) -> tuple[Floats, Floats]:
     """Activations of two primitives, the second taking over from the first.
 
     The second's is 10 s^3 - 15 s^4 + 6 s^5 of the share s of the time that has passed (minimum
@@ -237,9 +236,7 @@ def smooth_switch(
     return np.column_stack([1.0 - second, second]), np.column_stack([-rate, rate])
 
 
-def _moments(
-    primitive: InteractionProMP, times_s: NDArray[np.float64], dofs: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], ...]:
+def _moments(primitive: InteractionProMP, times_s: Floats, dofs: Integers) -> tuple[Floats, ...]:
     """Mean (T, m) and covariance (T, m, m) of positions, and their derivatives per second."""
     basis, n_dofs = primitive.basis, primitive.n_dofs
     phase = np.clip(times_s / primitive.duration_s, 0.0, 1.0)
@@ -255,12 +252,12 @@ def _moments(
     return design @ means, slope @ means, covariance, rate + rate.transpose(0, 2, 1)
 
 
-def _times(matrices: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _times(matrices: Floats, vectors: Floats) -> Floats:
     """The product of each of T matrices with its vector, (T, D)."""
     return np.asarray(np.einsum("tij,tj->ti", matrices, vectors))
 
 
-def _index(primitive: InteractionProMP, dofs: Sequence[int] | None) -> NDArray[np.int64]:
+def _index(primitive: InteractionProMP, dofs: Sequence[int] | None) -> Integers:
     """Numbers of DOFs, checked; None for the controlled ones."""
     index = np.array(range(primitive.n_observed, primitive.n_dofs) if dofs is None else dofs, int)
     if not index.size or index.min() < 0 or index.max() >= primitive.n_dofs:
@@ -269,7 +266,7 @@ def _index(primitive: InteractionProMP, dofs: Sequence[int] | None) -> NDArray[n
     return index
 
 
-def _activations(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _activations(values: ArrayLike, shape: tuple[int, ...]) -> Floats:
     found = as_numbers("activations", values)
     if found.shape != shape:
         cure = "Give one for each primitive, at each time where they change."

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
 
@@ -41,9 +42,9 @@ class Given(NamedTuple):
         scale: factor of what remains of the covariances, (K,).
     """
 
-    shift: NDArray[np.float64]
-    reduction: NDArray[np.float64]
-    scale: NDArray[np.float64]
+    shift: Floats
+    reduction: Floats
+    scale: Floats
 
 
 @dataclass(frozen=True)
@@ -62,19 +63,19 @@ class ContextModel:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    gain: NDArray[np.float64]
-    freedom: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
+    gain: Floats
+    freedom: Floats
     groups: tuple[int, ...]
 
     @property
-    def tolerance(self) -> NDArray[np.float64]:
+    def tolerance(self) -> Floats:
         """Changes of the context that make no difference, (M,)."""
         least = np.min(np.diagonal(self.covariance, axis1=1, axis2=2), axis=0)
         return SAME_CONTEXT * np.sqrt(least)
 
-    def given(self, values: NDArray[np.float64]) -> Given:
+    def given(self, values: Floats) -> Given:
         """Condition the weights on a context.
 
         Args:
@@ -93,7 +94,7 @@ class ContextModel:
         )
 
 
-def as_context(context: ArrayLike, names: Sequence[str]) -> NDArray[np.float64]:
+def as_context(context: ArrayLike, names: Sequence[str]) -> Floats:
     """The values (M,) of a context; NaN for what is not known.
 
     Raises:

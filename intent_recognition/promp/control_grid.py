@@ -8,8 +8,8 @@ products of matrices. The outcome is the same.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, symmetrize, whiten_innovation
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.prediction import StartPosture
@@ -36,7 +36,7 @@ class ControlGrid:
         design, slope = basis.design_matrix(self.phase), basis.derivative_matrix(self.phase)
         start = basis.design_matrix(np.zeros(1))[0]
 
-        def rows(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        def rows(values: Floats) -> Floats:
             """Values of the DOFs at all phases, and of their slopes, (2, T Q, ...)."""
             parts = [np.tensordot(part, values, axes=(1, 1)) for part in (design, slope)]
             return np.array([part.reshape(-1, *values.shape[2:]) for part in parts])

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import (
     Gaussian,
     Regression,
@@ -37,17 +37,13 @@ class ControlPoint(NamedTuple):
     """
 
     phase: float
-    matrix: NDArray[np.float64]
-    values: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    matrix: Floats
+    values: Floats
+    covariance: Floats
 
 
 def condition_controlled(
-    joint: Gaussian,
-    n_observed: int,
-    matrix: NDArray[np.float64],
-    point: NDArray[np.float64],
-    spread: NDArray[np.float64],
+    joint: Gaussian, n_observed: int, matrix: Floats, point: Floats, spread: Floats
 ) -> Gaussian:
     """The observed weights as they are, the controlled ones given them conditioned on a point.
 
@@ -69,10 +65,7 @@ def condition_controlled(
 
 
 def condition_response(
-    rule: Regression,
-    matrix: NDArray[np.float64],
-    point: NDArray[np.float64],
-    spread: NDArray[np.float64],
+    rule: Regression, matrix: Floats, point: Floats, spread: Floats
 ) -> Regression:
     """The robot's answer to a person, w_c | w_o = b + A w_o + e, that passes through a point.
 

@@ -15,7 +15,8 @@ last one.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 
 class ResidualCoupling(NamedTuple):
@@ -29,9 +30,9 @@ class ResidualCoupling(NamedTuple):
         decay_s: time after which the residuals' correlation has fallen to 1/e [s], (K,).
     """
 
-    gain: NDArray[np.float64]
-    explained: NDArray[np.float64]
-    decay_s: NDArray[np.float64]
+    gain: Floats
+    explained: Floats
+    decay_s: Floats
 
     @classmethod
     def none(cls, n_tasks: int, n_controlled: int, n_observed: int) -> "ResidualCoupling":
@@ -40,9 +41,7 @@ class ResidualCoupling(NamedTuple):
         return cls(gain, np.zeros((n_tasks, n_controlled)), np.ones(n_tasks))
 
 
-def residual_weights(
-    seen_s: NDArray[np.float64], times_s: NDArray[np.float64], decay_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def residual_weights(seen_s: Floats, times_s: Floats, decay_s: float) -> tuple[Floats, Floats]:
     """Expected residual at some times from those at the measurements.
 
     The conditional mean of an Ornstein-Uhlenbeck process, which is Markov: only the measurements

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import Gaussian, condition, marginal
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -38,7 +39,7 @@ class InteractionProMP:
     basis: NormalizedRBFBasis
     weights: Gaussian
     n_observed: int
-    noise_variance: NDArray[np.float64]
+    noise_variance: Floats
     duration_s: float
 
     @property
@@ -46,7 +47,7 @@ class InteractionProMP:
         """Number of observed and controlled DOFs D."""
         return len(self.noise_variance)
 
-    def observation_matrix(self, phase: ArrayLike, dofs: Sequence[int]) -> NDArray[np.float64]:
+    def observation_matrix(self, phase: ArrayLike, dofs: Sequence[int]) -> Floats:
         """H of positions of some DOFs, (T m, D N): row t m + k is DOF `dofs[k]` at `phase[t]`.
 
         A DOF that is not observed has no row.
@@ -127,7 +128,7 @@ class InteractionProMP:
         return rollout(self.basis, weights, phase, self.duration_s, noise)
 
 
-def _finite(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _finite(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """An argument as an array of the given shape, all of it finite."""
     array = as_numbers(argument, values)
     if array.shape != shape:

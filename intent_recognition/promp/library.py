@@ -9,8 +9,9 @@ from functools import cached_property
 from math import inf
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import first_of
 from intent_recognition.gaussian import Gaussian, Regression, regression
 from intent_recognition.plots import Figure, by_unit, draw_bands, name_lines, new_panels
@@ -36,7 +37,7 @@ class Regressions:
         n_observed: number of observed weights.
     """
 
-    def __init__(self, mean: NDArray[np.float64], covariance: NDArray[np.float64], n_observed: int):
+    def __init__(self, mean: Floats, covariance: Floats, n_observed: int):
         self._mean, self._covariance, self._n_observed = mean, covariance, n_observed
         self._kept: dict[int, Regression] = {}
 
@@ -105,27 +106,27 @@ class TaskLibrary:
     controlled_names: tuple[str, ...]
     observed_units: tuple[str, ...]
     controlled_units: tuple[str, ...]
-    weight_mean: NDArray[np.float64]
-    weight_covariance: NDArray[np.float64]
-    noise_variance: NDArray[np.float64]
+    weight_mean: Floats
+    weight_covariance: Floats
+    noise_variance: Floats
     noise_scale: float
     correlation_time_s: float
-    log_duration_mean: NDArray[np.float64]
-    log_duration_std: NDArray[np.float64]
-    task_prior: NDArray[np.float64]
-    transition_prior: NDArray[np.float64]
-    none_mean: NDArray[np.float64]
-    none_covariance: NDArray[np.float64]
-    none_log_duration: NDArray[np.float64]
+    log_duration_mean: Floats
+    log_duration_std: Floats
+    task_prior: Floats
+    transition_prior: Floats
+    none_mean: Floats
+    none_covariance: Floats
+    none_log_duration: Floats
     none_prior: float
-    n_demonstrations: NDArray[np.int64]
+    n_demonstrations: Integers
     observed_groups: tuple[int, ...]
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
     task_evidence: float = 1.0
     none_margin: float = 0.0
     switch_margin: float = 0.0
-    observed_weight_covariance: NDArray[np.float64] | None = None
+    observed_weight_covariance: Floats | None = None
     phase_deviation: PhaseDeviation = STEADY
     evidence_freedom: float = inf
     provenance: Mapping[str, object] = field(default_factory=dict)
@@ -197,7 +198,7 @@ class TaskLibrary:
         return self.n_observed * self.basis.n_basis
 
     @property
-    def durations_s(self) -> NDArray[np.float64]:
+    def durations_s(self) -> Floats:
         """Median duration of each task in seconds, (K,)."""
         return np.exp(self.log_duration_mean)
 
@@ -240,12 +241,12 @@ class TaskLibrary:
         return figure
 
     @cached_property
-    def observed_mean(self) -> NDArray[np.float64]:
+    def observed_mean(self) -> Floats:
         """Prior means of the observed weights, tasks then none, (K + 1, P N)."""
         return np.vstack([self.weight_mean[:, : self.n_observed_weights], self.none_mean])
 
     @cached_property
-    def observed_covariance(self) -> NDArray[np.float64]:
+    def observed_covariance(self) -> Floats:
         """Prior covariances of the observed weights, tasks then none, (K + 1, P N, P N)."""
         size, known = self.n_observed_weights, self.observed_weight_covariance
         if known is None:
@@ -261,7 +262,7 @@ class TaskLibrary:
         """
         return Regressions(self.weight_mean, self.weight_covariance, self.n_observed_weights)
 
-    def observed_dofs(self, group: int, dofs: Sequence[int] | None = None) -> NDArray[np.int64]:
+    def observed_dofs(self, group: int, dofs: Sequence[int] | None = None) -> Integers:
         """Indices of the observed DOFs of a signal, (m,).
 
         Args:
@@ -272,10 +273,10 @@ class TaskLibrary:
         return all_dofs if dofs is None else all_dofs[list(dofs)]
 
     @cached_property
-    def _dofs_of_groups(self) -> list[NDArray[np.int64]]:
+    def _dofs_of_groups(self) -> list[Integers]:
         return np.split(np.arange(self.n_observed), np.cumsum(self.observed_groups)[:-1])
 
-    def noise_covariance(self, dofs: NDArray[np.int64], interval_s: float) -> NDArray[np.float64]:
+    def noise_covariance(self, dofs: Integers, interval_s: float) -> Floats:
         """Noise of one observation of the observed DOFs `dofs`, (m, m).
 
         What a primitive leaves unexplained is correlated in time. Samples closer together than
@@ -288,6 +289,6 @@ class TaskLibrary:
         crowding = max(1.0, self.correlation_time_s / max(interval_s, 1e-6))
         return np.diag(self.noise_variance[dofs] * (self.noise_scale * crowding))
 
-    def control_noise_variance(self) -> NDArray[np.float64]:
+    def control_noise_variance(self) -> Floats:
         """Residual variance of the controlled DOFs, (Q,)."""
         return self.noise_variance[self.n_observed :]

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 N_DEVIATIONS = 15
 """Values of the phase deviation on its grid (docs/decisions/one_filter.md)."""
@@ -43,24 +44,24 @@ class PhaseDeviation:
             keeps steady progress.
     """
 
-    deviation_std: NDArray[np.float64]
+    deviation_std: Floats
     correlation: float
     evidence: float
     controlled_follows: bool = True
 
     @cached_property
-    def grid(self) -> NDArray[np.float64]:
+    def grid(self) -> Floats:
         """Values of the phase deviation in its scales, (E,)."""
         if not np.any(self.deviation_std):
             return np.zeros(1)
         return np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS)
 
     @cached_property
-    def _phases(self) -> NDArray[np.float64]:
+    def _phases(self) -> Floats:
         """Recorded phases of `deviation_std`, (U,)."""
         return np.linspace(0.0, 1.0, len(self.deviation_std))
 
-    def scale(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scale(self, recorded: Floats) -> Floats:
         """Scale of the deviation at recorded phases, (...)."""
         return np.interp(recorded, self._phases, self.deviation_std)
 
@@ -69,14 +70,12 @@ STEADY = PhaseDeviation(np.zeros(2), 1.0, 1.0)
 """Steady progress: no phase deviation."""
 
 
-def deviation_prior(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
+def deviation_prior(phase_deviation: PhaseDeviation) -> Floats:
     """Probability of each phase deviation before anything is seen, (E,)."""
     return _student(phase_deviation.grid)
 
 
-def deviation_transition(
-    phase_deviation: PhaseDeviation, passed: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Floats:
     """Transition of the phase deviation while recorded phase passes, (..., E, E), rows sum to one.
 
     It keeps the prior, and two transitions one after the other equal that of their sum, however
@@ -99,9 +98,7 @@ def deviation_transition(
     return kernel
 
 
-def reference_phase(
-    phase_deviation: PhaseDeviation, recorded: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def reference_phase(phase_deviation: PhaseDeviation, recorded: Floats) -> Floats:
     """Reference phases of all deviations at recorded phases (...), clipped to [0, 1]: (..., E)."""
     recorded = np.minimum(np.maximum(recorded, 0.0), 1.0)
     if len(phase_deviation.grid) == 1:
@@ -110,14 +107,14 @@ def reference_phase(
     return np.minimum(np.maximum(recorded[..., None] + ahead, 0.0), 1.0)
 
 
-def _student(grid: NDArray[np.float64]) -> NDArray[np.float64]:
+def _student(grid: Floats) -> Floats:
     """Probabilities of deviations under their prior, (E,)."""
     weight = (1.0 + grid**2 / DEVIATION_FREEDOM) ** (-0.5 * (DEVIATION_FREEDOM + 1.0))
     return weight / weight.sum()
 
 
 @lru_cache(maxsize=4)
-def _modes(n_deviations: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _modes(n_deviations: int) -> tuple[Floats, Floats]:
     """Modes of an Ornstein-Uhlenbeck process on a grid: decay (E,), transitions flat (E, E E).
 
     Neighbours i and j change places at a rate of sqrt(p_j / p_i), which keeps the prior p by

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, condition, symmetrize
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.trajectory import dof_variance
@@ -27,8 +27,8 @@ large (docs/decisions/end_certainty.md)."""
 class StartPosture(NamedTuple):
     """The controlled agent's measured position at onset: (Q,) and its variance (Q,)."""
 
-    position: NDArray[np.float64]
-    variance: NDArray[np.float64]
+    position: Floats
+    variance: Floats
 
 
 def controlled_weights(
@@ -59,7 +59,7 @@ def controlled_weights(
     return condition(Gaussian(mean, covariance), design, start.position, noise)[0]
 
 
-def largest_by_unit(std: NDArray[np.float64], units: Sequence[str]) -> dict[str, float]:
+def largest_by_unit(std: Floats, units: Sequence[str]) -> dict[str, float]:
     """The largest of some standard deviations (d,) over the DOFs of each unit."""
     largest: dict[str, float] = {}
     for value, unit in zip(std.tolist(), units, strict=True):
@@ -79,7 +79,7 @@ def angle_starts(library: TaskLibrary) -> tuple[float | None, ...]:
     return tuple(at if unit == ANGLE_UNIT else None for unit, at in pairs)
 
 
-def controlled_spread(library: TaskLibrary) -> NDArray[np.float64]:
+def controlled_spread(library: TaskLibrary) -> Floats:
     """How far the demonstrations go in the unit of each controlled DOF, (Q,).
 
     Standard deviation over all tasks, phases and demonstrations, the largest of the DOFs that have

@@ -21,8 +21,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import symmetrize
 from intent_recognition.signals import SPATIAL_UNITS
 
@@ -61,7 +61,7 @@ class Scatter(NamedTuple):
         freedom: demonstrations less means, and whatever else, taken from them.
     """
 
-    matrix: NDArray[np.float64]
+    matrix: Floats
     freedom: float
 
 
@@ -75,12 +75,12 @@ class StructuredTarget(NamedTuple):
         floor: variance added to every weight of a DOF, (D,).
     """
 
-    amplitude: NDArray[np.float64]
-    dofs: NDArray[np.float64]
-    basis: NDArray[np.float64]
-    floor: NDArray[np.float64]
+    amplitude: Floats
+    dofs: Floats
+    basis: Floats
+    floor: Floats
 
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Floats:
         """The target as one matrix, (D N, D N), weights grouped by DOF."""
         n_basis, size = len(self.basis), self.amplitude.size
         values, vectors = np.linalg.eigh(self.dofs)
@@ -93,9 +93,7 @@ class StructuredTarget(NamedTuple):
         return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
 
 
-def weight_extent(
-    weights: NDArray[np.float64], units: Sequence[str] | None = None
-) -> NDArray[np.float64]:
+def weight_extent(weights: Floats, units: Sequence[str] | None = None) -> Floats:
     """Range of the weights of each DOF over all demonstrations, (D,).
 
     Where there is none it is 1 m or rad; in another unit it is the widest of this unit's DOFs, and
@@ -115,15 +113,13 @@ def weight_extent(
     return np.where(moves, extent, least)
 
 
-def weight_floor(
-    weights: NDArray[np.float64], units: Sequence[str] | None = None
-) -> NDArray[np.float64]:
+def weight_floor(weights: Floats, units: Sequence[str] | None = None) -> Floats:
     """Variance floor per DOF from the range of its weights (`weight_extent`), (D,)."""
     return (FLOOR_OF_RANGE * weight_extent(weights, units)) ** 2
 
 
 def structured_target(
-    own: Scatter, pooled: Scatter, floor: NDArray[np.float64], borrowed: float = OTHERS_SAMPLE_SIZE
+    own: Scatter, pooled: Scatter, floor: Floats, borrowed: float = OTHERS_SAMPLE_SIZE
 ) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
@@ -168,7 +164,7 @@ def structured_target(
 
 
 def without_demonstration(
-    pooled: Scatter, own: Scatter, deviation: NDArray[np.float64]
+    pooled: Scatter, own: Scatter, deviation: Floats
 ) -> tuple[Scatter, Scatter]:
     """Scatter of a task, and of all tasks, without one demonstration.
 
@@ -184,9 +180,7 @@ def without_demonstration(
     return Scatter(part, own.freedom - 1), Scatter(rest, pooled.freedom - 1)
 
 
-def shared_covariance(
-    pooled: Scatter, floor: NDArray[np.float64], strength: float
-) -> NDArray[np.float64]:
+def shared_covariance(pooled: Scatter, floor: Floats, strength: float) -> Floats:
     """Covariance that all tasks share, (d, d).
 
     Differences between covariances of few demonstrations are mostly due to chance and would tell
@@ -206,7 +200,7 @@ def observed_block(scatter: Scatter, size: int) -> Scatter:
     return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
-def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[NDArray[np.float64], float]:
+def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[Floats, float]:
     """Covariance of a task from its own and all demonstrations, and its equivalent sample size.
 
     Each task's outer products are divided by its degrees of freedom, so that they estimate a
@@ -219,9 +213,7 @@ def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[NDArray[np.
     return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size
 
 
-def shrunk_covariance(
-    scatter: NDArray[np.float64], n: int, target: NDArray[np.float64], strength: float
-) -> NDArray[np.float64]:
+def shrunk_covariance(scatter: Floats, n: int, target: Floats, strength: float) -> Floats:
     """Predictive covariance of one more weight vector of a task, (..., d, d).
 
     (scatter + strength * target) / (n - 1 + strength), times 1 + 1/n for the uncertain mean.

@@ -15,8 +15,9 @@ for an interaction of a new group: each group counts once, however many demonstr
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit, ndtri
+
+from intent_recognition.array_types import Floats
 
 LEAST_THRESHOLD = 0.6
 """Probability below which no task is acted on, however well the tasks differ. Convention."""
@@ -33,7 +34,7 @@ class LeftOutOdds(NamedTuple):
     odds: tuple[float, ...] = ()
     groups: tuple[str, ...] = ()
 
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """What each counts for, (n,): a group as much as a demonstration of nobody's.
 
         They sum to the share of all groups that is known, G / (G + 1).
@@ -76,7 +77,6 @@ class Risk(NamedTuple):
         return int(np.ceil(1.0 / self.max_wrong - 1e-9)) - 1
 
     def __str__(self) -> str:
-        """In words."""
         who = "groups of demonstrations" if self.grouped else "demonstrations"
         whose = "with new people" if self.grouped else "like those recorded"
         text = (
@@ -107,9 +107,7 @@ def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
     return Risk(min(threshold, 1.0), max_wrong, bound, n_groups, grouped)
 
 
-def conformal_bound(
-    values: NDArray[np.float64], accepted: float, weights: NDArray[np.float64] | None = None
-) -> float:
+def conformal_bound(values: Floats, accepted: float, weights: Floats | None = None) -> float:
     """What one more value of the same kind exceeds with at most a probability.
 
     Whatever the distribution (Vovk et al. 2005). Fewer values than that takes are extrapolated by

@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -23,10 +23,10 @@ class Trajectory(NamedTuple):
         std: standard deviation of the position, (T, d).
     """
 
-    times_s: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    std: NDArray[np.float64]
+    times_s: Floats
+    positions: Floats
+    velocities: Floats
+    std: Floats
 
 
 def check_points(n_points: int) -> None:
@@ -42,9 +42,9 @@ def check_points(n_points: int) -> None:
 def rollout(
     basis: NormalizedRBFBasis,
     weights: Gaussian,
-    phase: NDArray[np.float64],
+    phase: Floats,
     duration_s: float,
-    noise_variance: NDArray[np.float64],
+    noise_variance: Floats,
 ) -> Trajectory:
     """Trajectory of d DOFs at phases (T,), lasting `duration_s` from phase 0 to 1.
 
@@ -63,9 +63,7 @@ def rollout(
     return Trajectory(phase * duration_s, design @ per_dof.T, velocities, np.sqrt(variance))
 
 
-def dof_variance(
-    design: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def dof_variance(design: Floats, covariance: Floats) -> Floats:
     """Variance of each DOF at each row of the design (T, N), given weights' covariance: (T, d)."""
     n_basis = design.shape[1]
     n_dofs = len(covariance) // n_basis

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.signals import MIN_SAMPLES
@@ -21,15 +21,12 @@ class WeightFit(NamedTuple):
         residual_variance: mean squared residual per DOF, (d,), squared units of the DOF.
     """
 
-    weights: NDArray[np.float64]
-    residual_variance: NDArray[np.float64]
+    weights: Floats
+    residual_variance: Floats
 
 
 def fit_weights(
-    basis: NormalizedRBFBasis,
-    phase: NDArray[np.float64],
-    values: NDArray[np.float64],
-    ridge: float = 1e-4,
+    basis: NormalizedRBFBasis, phase: Floats, values: Floats, ridge: float = 1e-4
 ) -> WeightFit:
     """Ridge regression of trajectories on the basis (Maeda et al. 2014, Eq. 1).
 
@@ -70,8 +67,8 @@ def fit_weights(
 
 def fit_weights_together(
     basis: NormalizedRBFBasis,
-    phases: Sequence[NDArray[np.float64]],
-    values: Sequence[NDArray[np.float64]],
+    phases: Sequence[Floats],
+    values: Sequence[Floats],
     ridge: float = 1e-4,
 ) -> list[WeightFit]:
     """`fit_weights` of many signals; those sampled at the same phases share one factorisation.

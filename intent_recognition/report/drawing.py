@@ -9,9 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import optional
 from intent_recognition.promp import NONE
 
@@ -156,9 +154,9 @@ def to_png(figure: "Figure", dpi: float = 150.0) -> bytes:
 
 def fill_two_sigma(
     axes: "Axes",
-    at: NDArray[np.float64],
-    mean: NDArray[np.float64],
-    std: NDArray[np.float64],
+    at: Floats,
+    mean: Floats,
+    std: Floats,
     colour: str,
     *,
     alpha: float = 0.18,

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report.drawing import DASHED, INK, PALETTE, SOFT, new_axes, readable, styled
 from intent_recognition.report.figures_evaluation import draw_phase
 
@@ -36,7 +36,7 @@ def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]
 
 @styled
 def confusion_shares_figure(
-    counts: NDArray[np.float64], true: Sequence[str], recognised: Sequence[str]
+    counts: Floats, true: Sequence[str], recognised: Sequence[str]
 ) -> "Figure":
     """How often each task (rows) was taken for which (columns), as shares of the row.
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.report.drawing import (
     DASHED,
     INK,
@@ -38,7 +38,7 @@ RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
 TWO_SIGMA = 0.9545
 """Probability within two standard deviations of a normal distribution."""
 
-ScoreValues = Sequence[float] | NDArray[np.float64]
+ScoreValues = Sequence[float] | Floats
 Series = Mapping[str, tuple[ScoreValues, ScoreValues]]
 """Per name, fractions observed (F,) and values (F,); NaN is left out."""
 
@@ -100,9 +100,7 @@ def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
 
 
 @styled
-def reliability_figure(
-    confidence: NDArray[np.float64], share_right: NDArray[np.float64], counts: NDArray[np.int64]
-) -> "Figure":
+def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers) -> "Figure":
     """How often a task was true (B,) when its probability was about `confidence` (B,).
 
     Args:

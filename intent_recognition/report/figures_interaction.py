@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report.drawing import (
     INK,
     PREDICTED_COLOUR,
@@ -132,16 +133,14 @@ def _margins(rows: int, legend_below: bool) -> dict[str, float]:
     }
 
 
-def thin(values: NDArray[np.float64], count: int = 400) -> NDArray[np.float64]:
+def thin(values: Floats, count: int = 400) -> Floats:
     """At most `count` rows, evenly spaced, first and last kept."""
     if len(values) <= count:
         return values
     return values[np.linspace(0, len(values) - 1, count).round().astype(int)]
 
 
-def _tube(
-    axes: "Axes", path: NDArray[np.float64], std: NDArray[np.float64] | None, dofs: tuple[int, int]
-) -> None:
+def _tube(axes: "Axes", path: Floats, std: Floats | None, dofs: tuple[int, int]) -> None:
     """Ellipses of two standard deviations along a path, (L, 2)."""
     if std is None:
         return

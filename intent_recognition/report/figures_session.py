@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import NONE
 from intent_recognition.report.drawing import (
     DASHED,
@@ -158,8 +158,8 @@ def timing_figure(
 def posterior_figure(
     tasks: Sequence[str],
     labels: Sequence[str],
-    shares: Sequence[NDArray[np.float64]],
-    probabilities: Sequence[NDArray[np.float64]],
+    shares: Sequence[Floats],
+    probabilities: Sequence[Floats],
     decisions: Sequence[float | None] | None = None,
 ) -> "Figure":
     """Task posteriors over the share of the movement: one panel per true task, a line each.
@@ -196,7 +196,7 @@ def posterior_figure(
 
 def confusion_counts(
     true: Sequence[str], recognised: Sequence[str]
-) -> tuple[list[str], list[str], NDArray[np.float64]]:
+) -> tuple[list[str], list[str], Floats]:
     """Rows (true tasks), columns (those and what else was recognised, none last) and counts."""
     recognised = [name or NONE for name in recognised]
     rows = sorted(set(true))
@@ -207,9 +207,7 @@ def confusion_counts(
     return rows, columns, counts
 
 
-def _bundle(
-    axes: "Axes", lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]], colour: str
-) -> None:
+def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str) -> None:
     """Thin lines, and their median; a line that stops early is held."""
     for share, values in lines:
         inside = np.asarray(share) <= 1.0
@@ -225,7 +223,7 @@ def _bundle(
         axes.plot(100 * SHARE_GRID, np.median(on_grid, axis=0), color=colour, linewidth=2.4)
 
 
-def _spread(values: NDArray[np.float64], half_width: float) -> NDArray[np.float64]:
+def _spread(values: Floats, half_width: float) -> Floats:
     """Offsets that keep dots of a strip apart, the same every time."""
     offsets = np.zeros(values.size)
     pattern = np.array([0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 0.75, -0.75])
@@ -281,7 +279,7 @@ def _vertical(axes: "Axes", x: float, text: str) -> None:
 
 
 def _histogram(
-    values: Mapping[str, NDArray[np.float64]], edges: NDArray[np.float64], labels: Sequence[str]
+    values: Mapping[str, Floats], edges: Floats, labels: Sequence[str]
 ) -> "tuple[Figure, Axes]":
     """How many interactions of each task lie between edges, tasks on top of each other."""
     from matplotlib.ticker import MaxNLocator

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_axes, new_figure, styled
 from intent_recognition.warping import Part, PouringParameters, Rim, WarpedObject
 
@@ -18,9 +19,7 @@ MM = 1e3
 
 
 @styled
-def parts_figure(
-    views: tuple[tuple[str, NDArray[np.float64], NDArray[np.integer]], ...],
-) -> "Figure":
+def parts_figure(views: tuple[tuple[str, Floats, NDArray[np.integer]], ...]) -> "Figure":
     """Points of several objects, coloured by part, each upright in its own frame.
 
     Args:
@@ -80,7 +79,7 @@ def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
     return figure
 
 
-def _outline(rim: Rim, direction: NDArray[np.float64]) -> float:
+def _outline(rim: Rim, direction: Floats) -> float:
     """The rim's distance from its centre in a direction, in mean radii."""
     local = rim.axes[1:] @ direction
     angles = np.arange(len(rim.outline)) * 2.0 * np.pi / len(rim.outline)

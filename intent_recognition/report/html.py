@@ -64,7 +64,6 @@ class TableBlock:
     strong: Collection[int] = ()
 
     def __post_init__(self) -> None:
-        """Write the cells as texts."""
         rows = []
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):

@@ -2,15 +2,16 @@
 """Arrays that a caller passes: numbers, and times in seconds."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 
 LATEST_S = 9.2e9
 """Latest time of a sample [s]: nanoseconds since then fill 64 bits."""
 
 
-def as_numbers(argument: str, values: ArrayLike) -> NDArray[np.float64]:
+def as_numbers(argument: str, values: ArrayLike) -> Floats:
     """A copy as an array of numbers.
 
     Args:
@@ -44,7 +45,7 @@ def as_stamp_ns(argument: str, time_s: float) -> int:
     return round(time_s * 1e9)
 
 
-def check_times(argument: str, times_s: NDArray[np.float64]) -> None:
+def check_times(argument: str, times_s: Floats) -> None:
     """Make sure that times (T,) are seconds and increase.
 
     Raises:

@@ -8,8 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
 from intent_recognition.signals.arrays import as_numbers, check_times
 from intent_recognition.signals.labels import LABEL, can_name_task
@@ -162,7 +163,7 @@ class Demonstration:
         return (self.end_ns - self.start_ns) * 1e-9
 
     @property
-    def context_values(self) -> NDArray[np.float64]:
+    def context_values(self) -> Floats:
         """The context in which the movement began, (M,): what was known last, or else first."""
         rows = (np.searchsorted(one.stamps_ns, self.start_ns, "right") - 1 for one in self.context)
         known = (one.values[max(row, 0)] for one, row in zip(self.context, rows, strict=True))
@@ -224,7 +225,7 @@ def _unit(argument: str, unit: object) -> str:
     return unit
 
 
-def _check(argument: str, times_s: NDArray[np.float64], samples: NDArray[np.float64]) -> None:
+def _check(argument: str, times_s: Floats, samples: Floats) -> None:
     """Refuse what no signal can be made of."""
     if len(times_s) < MIN_SAMPLES:
         expected = f"at least {MIN_SAMPLES} samples"

@@ -6,8 +6,8 @@ from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import OnsetSettings, windowed_velocity
 from intent_recognition.signals.signal import Signal
@@ -57,7 +57,7 @@ class SpeedCorrelation(NamedTuple):
 
     name: str
     task: str | None
-    values: NDArray[np.float64]
+    values: Floats
     doubts: tuple[str, ...] = ()
     movement: bytes = b""
     sizes: tuple[tuple[str, Size], ...] = ()
@@ -137,7 +137,7 @@ def _same_under_another_label(
             return
 
 
-def _unusual_lag(one: SpeedCorrelation, usual_s: NDArray[np.float64]) -> Iterator[str]:
+def _unusual_lag(one: SpeedCorrelation, usual_s: Floats) -> Iterator[str]:
     """Whether the controlled agent follows much earlier or later than in other recordings."""
     median = float(np.median(usual_s))
     spread = 1.4826 * float(np.median(np.abs(usual_s - median)))  # of a normal distribution
@@ -154,7 +154,7 @@ def _unusual_lag(one: SpeedCorrelation, usual_s: NDArray[np.float64]) -> Iterato
         )
 
 
-def _correlation(recorded: Demonstration) -> NDArray[np.float64]:
+def _correlation(recorded: Demonstration) -> Floats:
     """Correlation of the agents' speeds at `LAGS_S`, (L,); zero where nothing can be told."""
     none = np.zeros(len(LAGS_S))
     signals = (*recorded.observed, *recorded.controlled)
@@ -178,9 +178,7 @@ def _correlation(recorded: Demonstration) -> NDArray[np.float64]:
     return np.where(reached, np.fft.irfft(product, length)[shifts % length], 0.0) / size
 
 
-def _speed(
-    agent: Sequence[Signal], start_ns: int, times_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _speed(agent: Sequence[Signal], start_ns: int, times_s: Floats) -> Floats:
     """Sum of the signals' speeds, each in shares of its highest, less its mean, (T,)."""
     total = np.zeros(len(times_s))
     for signal in agent:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.signals.signal import Signal
 
 
@@ -57,7 +57,7 @@ def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
 
 
 def observations_of(
-    groups: Sequence[int], stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
+    groups: Sequence[int], stamps_ns: Integers, values: Floats
 ) -> Iterator[Observation]:
     """Samples of all signals together as one observation of each signal; a NaN has no row.
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
@@ -49,9 +49,7 @@ class OnsetSettings:
                 )
 
 
-def windowed_velocity(
-    times_s: NDArray[np.float64], values: NDArray[np.float64], window_s: float
-) -> NDArray[np.float64]:
+def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Floats:
     """Slope of a line through the samples of the last `window_s` at each sample, (T, d).
 
     Causal. NaN where fewer than three samples, or less than half the window, are there.
@@ -66,7 +64,7 @@ def windowed_velocity(
     last = np.arange(1, len(times_s) + 1)
     centre = values - values[:1]
 
-    def window_sum(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    def window_sum(samples: Floats) -> Floats:
         total = np.concatenate([np.zeros((1, samples.shape[1])), np.cumsum(samples, axis=0)])
         return total[last] - total[first]
 
@@ -80,9 +78,7 @@ def windowed_velocity(
         return np.where(enough, covariance / sum_of_squares, np.nan)
 
 
-def peak_speed(
-    times_s: NDArray[np.float64], values: NDArray[np.float64], window_s: float = 0.15
-) -> float:
+def peak_speed(times_s: Floats, values: Floats, window_s: float = 0.15) -> float:
     """Largest norm of the windowed velocity, per second; 0 for a signal too short to tell.
 
     Args:
@@ -96,9 +92,7 @@ def peak_speed(
     return float(np.nanmax(speed)) if np.any(np.isfinite(speed)) else 0.0
 
 
-def speed_noise(
-    times_s: NDArray[np.float64], values: NDArray[np.float64], window_s: float = 0.15
-) -> float:
+def speed_noise(times_s: Floats, values: Floats, window_s: float = 0.15) -> float:
     """Root mean square of the windowed velocity that white measurement noise alone would give.
 
     The noise is what a sample differs from the line between its two neighbours by: its median,
@@ -122,9 +116,7 @@ def speed_noise(
     return float(np.sqrt(variance * 12.0 * n / ((n + 1.0) * (n + 2.0)))) / window_s
 
 
-def detect_onset(
-    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> float | None:
+def detect_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> float | None:
     """Time at which the movement began that is under way at the last sample, or None.
 
     Args:
@@ -155,10 +147,7 @@ def detect_onset(
 
 
 def at_rest(
-    settings: OnsetSettings,
-    times_s: NDArray[np.float64],
-    values: NDArray[np.float64],
-    rest_s: float | None = None,
+    settings: OnsetSettings, times_s: Floats, values: Floats, rest_s: float | None = None
 ) -> bool:
     """Whether the signal has rested for `rest_s` (the settings' own if None) up to its end.
 
@@ -173,9 +162,7 @@ def at_rest(
     return bool(np.all(recent < limit))
 
 
-def is_slow(
-    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> bool:
+def is_slow(settings: OnsetSettings, times_s: Floats, values: Floats) -> bool:
     """Whether a signal is as slow as at rest at its end: what `at_rest` asks of its last sample.
 
     Args:
@@ -188,9 +175,7 @@ def is_slow(
     return velocity is not None and bool(np.linalg.norm(velocity) < limit)
 
 
-def end_velocity(
-    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+def end_velocity(settings: OnsetSettings, times_s: Floats, values: Floats) -> Floats | None:
     """The last row of `windowed_velocity`, (P,); None where it is not known.
 
     Arguments as of `is_slow`.
@@ -201,9 +186,7 @@ def end_velocity(
     return np.asarray((time @ values) / (time @ time), dtype=np.float64)
 
 
-def first_onset(
-    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> float | None:
+def first_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> float | None:
     """Onset of the first movement of a recording, found as it would have been online.
 
     Equals `detect_onset` called at every sample in turn, until it answers. Arguments as of
@@ -232,9 +215,7 @@ def earliest_onset(
     return min((onset for onset in onsets if onset is not None), default=None)
 
 
-def last_motion(
-    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> float:
+def last_motion(settings: OnsetSettings, times_s: Floats, values: Floats) -> float:
     """Time at which the last movement of a recording ended; its first time if it never moved.
 
     The onset of the recording played backward, so that what is noise to the onset detector is noise

@@ -13,8 +13,9 @@ demonstrations: turning the world turns it too, and v stays the same.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals.arrays import as_numbers
 
@@ -27,7 +28,7 @@ SMALL_ANGLE_RAD = 1e-4
 """Angle [rad] below which series replace quotients. Numerical safeguard: both agree to 1e-9."""
 
 
-def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> Floats:
     """Rotation vectors [rad] from the reference to orientations, in the axes of the reference.
 
     Args:
@@ -55,7 +56,7 @@ def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> NDArray[np.float
     return np.where(angle <= LARGEST_ANGLE_RAD, scale * relative[..., :3], np.nan)
 
 
-def from_tangent(vectors: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+def from_tangent(vectors: ArrayLike, reference: ArrayLike) -> Floats:
     """Unit quaternions (..., 4) xyzw of rotation vectors from the reference, (..., 3) [rad].
 
     The sign is continuous: of two that follow one another, the scalar product is not negative.
@@ -80,7 +81,7 @@ def from_tangent(vectors: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     return np.concatenate([quaternions[:1], signs * quaternions[1:]])
 
 
-def mean_orientation(quaternions: ArrayLike) -> NDArray[np.float64]:
+def mean_orientation(quaternions: ArrayLike) -> Floats:
     """The mean of orientations (T, 4) xyzw, a unit quaternion (4,) with w >= 0.
 
     The eigenvector of sum q q^T (Markley, Cheng, Crassidis & Oshman 2007, "Averaging Quaternions"),
@@ -104,7 +105,7 @@ def mean_orientation(quaternions: ArrayLike) -> NDArray[np.float64]:
     return mean if mean[3] >= 0.0 else -mean
 
 
-def _of_size(size: int, argument: str, values: ArrayLike) -> NDArray[np.float64]:
+def _of_size(size: int, argument: str, values: ArrayLike) -> Floats:
     """Vectors (..., size), checked."""
     array = as_numbers(argument, values)
     if array.shape[-1:] != (size,):
@@ -113,7 +114,7 @@ def _of_size(size: int, argument: str, values: ArrayLike) -> NDArray[np.float64]
     return array
 
 
-def right_jacobian(vectors: ArrayLike) -> NDArray[np.float64]:
+def right_jacobian(vectors: ArrayLike) -> Floats:
     """J, (..., 3, 3): a change dv of a rotation vector turns the body by J dv [rad] about its axes.
 
     Chirikjian (2012), "Stochastic Models, Information Theory, and Lie Groups", vol. 2, p. 40.
@@ -131,9 +132,7 @@ def right_jacobian(vectors: ArrayLike) -> NDArray[np.float64]:
     return np.eye(3) - first * cross + second * (cross @ cross)
 
 
-def to_tangent_covariance(
-    covariance: ArrayLike, vector: ArrayLike, reference: ArrayLike
-) -> NDArray[np.float64]:
+def to_tangent_covariance(covariance: ArrayLike, vector: ArrayLike, reference: ArrayLike) -> Floats:
     """Covariance (3, 3) of a rotation vector, of one about the fixed axes of the world.
 
     Args:
@@ -147,16 +146,14 @@ def to_tangent_covariance(
     return 0.5 * (turned + turned.T)
 
 
-def rotation_matrix(quaternion: ArrayLike) -> NDArray[np.float64]:
+def rotation_matrix(quaternion: ArrayLike) -> Floats:
     """Rotation matrix (3, 3) of a unit quaternion (4,) xyzw."""
     x, y, z, w = np.asarray(quaternion, dtype=np.float64)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
 
 
-def quaternion_rates(
-    quaternions: NDArray[np.float64], vectors: ArrayLike, rates: ArrayLike
-) -> NDArray[np.float64]:
+def quaternion_rates(quaternions: Floats, vectors: ArrayLike, rates: ArrayLike) -> Floats:
     """Time derivatives (..., 4) of quaternions, of those of their rotation vectors (..., 3).
 
     Args:

@@ -6,8 +6,8 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.signals.observation import Observation
 
 INITIAL_SIZE = 256
@@ -19,8 +19,8 @@ NEVER_NS = -(2**63)
 class Samples(NamedTuple):
     """Stamps (T,) [ns], increasing, and values (T, m) of some DOFs of a signal."""
 
-    stamps_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    stamps_ns: Integers
+    values: Floats
 
     @property
     def first_ns(self) -> int:
@@ -32,9 +32,7 @@ class Samples(NamedTuple):
         """Stamp of the newest."""
         return int(self.stamps_ns[-1])
 
-    def arrays(
-        self, last_s: float | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def arrays(self, last_s: float | None = None) -> tuple[Floats, Floats]:
         """Times from the first on (T,) [s] and values (T, m), or the last seconds of them."""
         first = 0
         if last_s is not None:
@@ -155,7 +153,7 @@ class SignalPast:
             newest_ns[dof] = observation.stamp_ns
         self._late[observation.derivative] = (NEVER_NS, 0)
 
-    def is_covariance(self, covariance: NDArray[np.float64]) -> bool:
+    def is_covariance(self, covariance: Floats) -> bool:
         """Whether a matrix (m, m) is a valid covariance; the last valid one is known."""
         content = covariance.tobytes()
         if content != self._last_valid:
@@ -216,7 +214,7 @@ def _join(parts: Sequence[Samples]) -> Samples:
     return Samples(stamps_ns[order], np.concatenate([part.values for part in parts])[order])
 
 
-def is_covariance(matrix: NDArray[np.float64]) -> bool:
+def is_covariance(matrix: Floats) -> bool:
     """Whether a symmetric matrix is finite and positive semidefinite."""
     if not np.all(np.isfinite(matrix)):
         return False

@@ -13,8 +13,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.signals.onset import (
     OnsetSettings,
     earliest_onset,
@@ -98,9 +98,7 @@ def _movement(
     return Span(*(from_ns + round(at_s * 1e9) for at_s in (onset_s, last_s)))
 
 
-def _activity(
-    signal: Signal, settings: OnsetSettings, start_ns: int, grid: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _activity(signal: Signal, settings: OnsetSettings, start_ns: int, grid: Floats) -> Floats:
     """Speed of one signal in parts of its reference, on the grid; gaps are bridged."""
     times = signal.seconds(start_ns)
     speed = np.linalg.norm(windowed_velocity(times, signal.values, settings.window_s), axis=1)
@@ -113,7 +111,7 @@ def _activity(
 
 
 def _between_rests(
-    activity: NDArray[np.float64], settings: OnsetSettings, n_rest: int
+    activity: Floats, settings: OnsetSettings, n_rest: int
 ) -> Iterator[tuple[int, int]]:
     """Indices from the middle of one rest to that of the next, around each movement."""
     edges = np.flatnonzero(np.diff(np.r_[0, activity < settings.rest_share, 0]))
@@ -160,9 +158,7 @@ def _interactions(signals: Sequence[Signal], movements: Sequence[Span]) -> list[
     return [*found, *([Span(begun[0].start_ns, begun[-1].end_ns)] if begun else [])]
 
 
-def _at_home(
-    signals: Sequence[Signal], movements: Sequence[Span]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _at_home(signals: Sequence[Signal], movements: Sequence[Span]) -> tuple[Flags, Flags]:
     """Whether both agents are at home all through each movement, and at its end, (n,) each.
 
     Home is around the session's first rest. Its limit divides all distances from it, of the rests
@@ -182,7 +178,7 @@ def _at_home(
     return stays, near[:, 1]
 
 
-def _two_groups(values: NDArray[np.float64]) -> float:
+def _two_groups(values: Floats) -> float:
     """The largest value (n,) of the lower of two groups with the least variance within."""
     ordered = np.sort(values)
     scores = [
@@ -192,7 +188,7 @@ def _two_groups(values: NDArray[np.float64]) -> float:
     return float(ordered[int(np.argmin(scores))])
 
 
-def _path(signals: Sequence[Signal], span: Span) -> NDArray[np.float64]:
+def _path(signals: Sequence[Signal], span: Span) -> Floats:
     """Course (S, P + Q) of both agents in a span, each signal in parts of its own range."""
     grid = np.arange(span.start_ns, span.end_ns + 1, round(STEP_S * 1e9))
     columns = []

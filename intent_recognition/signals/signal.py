@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError, ShapeError
 
 POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
@@ -40,12 +40,11 @@ class Signal:
     """
 
     names: tuple[str, ...]
-    stamps_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    stamps_ns: Integers
+    values: Floats
     unit: str
 
     def __post_init__(self) -> None:
-        """Check and copy the arrays."""
         stamps = np.array(self.stamps_ns, dtype=np.int64)
         values = np.array(self.values, dtype=np.float64)
         if values.shape != (stamps.size, len(self.names)):
@@ -72,7 +71,7 @@ class Signal:
         object.__setattr__(self, "stamps_ns", stamps)
         object.__setattr__(self, "values", values)
 
-    def seconds(self, start_ns: int) -> NDArray[np.float64]:
+    def seconds(self, start_ns: int) -> Floats:
         """Times of the samples in seconds after `start_ns`, (T,)."""
         return (self.stamps_ns - np.int64(start_ns)) * 1e-9
 

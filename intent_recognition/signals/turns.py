@@ -9,8 +9,8 @@ stays what it is on the circle.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.signals.signal import Signal
 
 ANGLE_UNIT = "rad"
@@ -23,12 +23,12 @@ is no angle, jump by less than a turn.
 """
 
 
-def whole_turns(difference: NDArray[np.float64]) -> NDArray[np.float64]:
+def whole_turns(difference: Floats) -> Floats:
     """The whole turns in differences of angles, (...) [rad]."""
     return TURN * np.round(difference / TURN)
 
 
-def jumps(difference: NDArray[np.float64]) -> NDArray[np.float64]:
+def jumps(difference: Floats) -> Floats:
     """The whole turns by which angles jump from one sample to the next, zero for none, (...)."""
     turns = whole_turns(difference)
     return np.where(np.abs(difference - turns) < WRAP_TOLERANCE, turns, 0.0)
@@ -48,7 +48,7 @@ def continuous(signal: Signal) -> tuple[Signal, tuple[str, ...]]:
     return Signal(signal.names, signal.stamps_ns, values, signal.unit), names
 
 
-def turn_reference(angles: NDArray[np.float64]) -> float:
+def turn_reference(angles: Floats) -> float:
     """The middle of some angles on the circle (n,): opposite to the widest gap between them [rad].
 
     Angles brought within half a turn of it are divided where they are farthest apart. Of the turns
@@ -86,7 +86,7 @@ def begin_near(
     return tuple(found)
 
 
-def first_values(signal: Signal, start_ns: int) -> NDArray[np.float64]:
+def first_values(signal: Signal, start_ns: int) -> Floats:
     """Its sample at a stamp or after, or else the last before it, (d,)."""
     row = int(np.searchsorted(signal.stamps_ns, start_ns))
     return signal.values[min(row, len(signal.values) - 1)]

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.signals.onset import peak_speed
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
@@ -71,8 +71,8 @@ class Known(NamedTuple):
         widest: extent that no DOF can have; infinite where that is not known.
     """
 
-    lower: NDArray[np.float64] = np.empty(0)
-    upper: NDArray[np.float64] = np.empty(0)
+    lower: Floats = np.empty(0)
+    upper: Floats = np.empty(0)
     widest: float = np.inf
 
 
@@ -100,7 +100,7 @@ class Size(NamedTuple):
     extent: float
 
 
-def commensurate(units: Sequence[str]) -> list[NDArray[np.int64]]:
+def commensurate(units: Sequence[str]) -> list[Integers]:
     """Indices of the DOFs whose numbers may be added: metres and radians, then each other unit.
 
     Args:
@@ -110,7 +110,7 @@ def commensurate(units: Sequence[str]) -> list[NDArray[np.int64]]:
     return [np.flatnonzero([own == kind for own in kinds]) for kind in sorted(set(kinds))]
 
 
-def is_spatial(units: Sequence[str]) -> NDArray[np.bool_]:
+def is_spatial(units: Sequence[str]) -> Flags:
     """Whether each DOF is in metres or radians, (D,)."""
     return np.array([unit in SPATIAL_UNITS for unit in units], dtype=bool)
 
@@ -168,7 +168,7 @@ def time_misfit(signal: Signal) -> Misfit | None:
 
 
 def learned_misfit(
-    names: Sequence[str], unit: str, values: NDArray[np.float64], learned: Known
+    names: Sequence[str], unit: str, values: Floats, learned: Known
 ) -> Misfit | None:
     """Why one sample (d,) is hardly in the unit that was learned; None where it may be.
 
@@ -196,7 +196,7 @@ def learned_misfit(
     return Misfit(f"{reason}. {taken_for(unit, likely)}", next(iter(likely.values())), certain=True)
 
 
-def place_misfit(position_m: NDArray[np.float64]) -> Misfit | None:
+def place_misfit(position_m: Floats) -> Misfit | None:
     """Why the place of a tracked body (3,) is hardly in metres; None where it may be."""
     distance_m = float(np.linalg.norm(position_m))
     return length_misfit(distance_m, f"is {distance_m:.3g} m from the origin of its frame")
@@ -256,7 +256,7 @@ def _outside(signal: Signal, known: Known) -> Misfit | None:
     return Misfit(f"{where}. Likely {cause}.", np.nan, certain=False)
 
 
-def size_of(unit: str, values: NDArray[np.float64]) -> Size:
+def size_of(unit: str, values: Floats) -> Size:
     """Of numbers (T, d)."""
     if not values.size:
         return Size(unit, 0.0, 0.0)

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.tables.table import Table, check_columns, unusable
 from intent_recognition.untrusted import MOST_MESH, UntrustedError, check_regular
 
@@ -21,7 +21,7 @@ class _Joint(NamedTuple):
 
     name: str
     parent: int
-    offset: NDArray[np.float64]
+    offset: Floats
     channels: tuple[str, ...]
     column: int
 
@@ -96,9 +96,9 @@ def _joints(hierarchy: str) -> list[_Joint]:
     return joints
 
 
-def _places(joints: list[_Joint], values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _places(joints: list[_Joint], values: Floats) -> list[Floats]:
     """Where each joint is, (T, 3) in the frame of the root: rotations in the order of channels."""
-    found: list[tuple[NDArray[np.float64], Rotation]] = []
+    found: list[tuple[Floats, Rotation]] = []
     for joint in joints:
         own = values[:, joint.column : joint.column + len(joint.channels)]
         place = np.tile(joint.offset, (len(values), 1))

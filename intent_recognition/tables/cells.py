@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import BagError
 
 Values = NDArray[Any]
@@ -27,7 +28,7 @@ LONGEST_CELL = 60
 """Characters of a cell that a message repeats. Convention."""
 
 
-def numbers(values: Values, source: Path, name: str) -> NDArray[np.float64]:
+def numbers(values: Values, source: Path, name: str) -> Floats:
     """A column as numbers (T,), NaN where nothing was measured."""
     if values.dtype.kind in "fiub":
         return values.astype(np.float64)
@@ -82,7 +83,7 @@ def texts(values: Values) -> list[str]:
     return [text_of(value) for value in values]
 
 
-def without_zeros(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+def without_zeros(places: Floats) -> tuple[Floats, int]:
     """Places (T, 3) of a marker, NaN where it is at exactly zero while it is elsewhere at others.
 
     Returns:

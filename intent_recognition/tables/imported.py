@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.bags import JOINT_STATE, POSE, BagWriter, message_class
 from intent_recognition.demonstrations import DofEntry
 
@@ -24,8 +24,8 @@ class EntrySamples(NamedTuple):
     """
 
     entry: DofEntry
-    stamps_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    stamps_ns: Integers
+    values: Floats
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,7 @@ def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, 
     yield from sorted(found, key=lambda message: message[:2])
 
 
-def _at_each_stamp(
-    parts: Sequence[EntrySamples],
-) -> dict[int, list[tuple[DofEntry, NDArray[np.float64]]]]:
+def _at_each_stamp(parts: Sequence[EntrySamples]) -> dict[int, list[tuple[DofEntry, Floats]]]:
     """What the entries of one topic say at each stamp; NaN for what they do not."""
     places = [{int(ns): k for k, ns in enumerate(part.stamps_ns)} for part in parts]
     found = {}
@@ -100,7 +98,7 @@ def _at_each_stamp(
     return found
 
 
-def _joint_state(rows: Sequence[tuple[DofEntry, NDArray[np.float64]]]) -> dict[str, Any] | None:
+def _joint_state(rows: Sequence[tuple[DofEntry, Floats]]) -> dict[str, Any] | None:
     """The joints that were measured; None where none was."""
     found: dict[str, dict[str, float]] = {}
     quantities: dict[str, None] = {}
@@ -117,7 +115,7 @@ def _joint_state(rows: Sequence[tuple[DofEntry, NDArray[np.float64]]]) -> dict[s
     return content
 
 
-def _fields(rows: Sequence[tuple[DofEntry, NDArray[np.float64]]]) -> dict[str, Any] | None:
+def _fields(rows: Sequence[tuple[DofEntry, Floats]]) -> dict[str, Any] | None:
     """Nested fields; None where one of them was not measured."""
     content: dict[str, Any] = {}
     for entry, values in rows:

@@ -8,8 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label, find_bags
 from intent_recognition.errors import BagError, MissingPackageError
@@ -54,9 +54,9 @@ class _Rows:
     """The rows of an entry's table: stamps, which are known, and the entry's values."""
 
     source: ColumnsOf
-    stamps_ns: NDArray[np.int64]
-    known: NDArray[np.bool_]
-    values: NDArray[np.float64]
+    stamps_ns: Integers
+    known: Flags
+    values: Floats
     zero_ns: int
     hidden: int
 
@@ -247,7 +247,7 @@ def _rows(
     return _Rows(source, ns, known, values, stamps.zero_ns, hidden)
 
 
-def _column(source: ColumnsOf, table: Table, name: str, cells: Values) -> NDArray[np.float64]:
+def _column(source: ColumnsOf, table: Table, name: str, cells: Values) -> Floats:
     """A column in the unit of its entry."""
     values = numbers(cells, table.source, name)
     if source.entry.orientation:  # a quaternion has no unit
@@ -261,7 +261,7 @@ def _parts(
     mapping: ImportMap,
     rows: Sequence[_Rows],
     data: Mapping[str, Mapping[str, Values]],
-) -> Iterator[tuple[str, list[NDArray[np.int64]], int, Cut | None]]:
+) -> Iterator[tuple[str, list[Integers], int, Cut | None]]:
     """Name, rows of each entry, first row of the first entry, and cut of each demonstration."""
     if mapping.segments is None:
         yield recording.name, [np.arange(row.stamps_ns.size) for row in rows], 0, None
@@ -285,10 +285,10 @@ def _parts(
 
 
 def _cut_at_tasks(
-    parts: Iterator[tuple[str, list[NDArray[np.int64]], int, Cut | None]],
+    parts: Iterator[tuple[str, list[Integers], int, Cut | None]],
     mapping: ImportMap,
     data: Mapping[str, Values],
-) -> Iterator[tuple[str, list[NDArray[np.int64]], int, Cut | None]]:
+) -> Iterator[tuple[str, list[Integers], int, Cut | None]]:
     """Parts cut where the column of their task changes; an empty cell goes on with the last."""
     column = mapping.task.column if mapping.task is not None else ""
     for name, picks, first, cut in parts:
@@ -305,12 +305,12 @@ def _cut_at_tasks(
             yield f"{name}_task_{k}", inside, own, cut
 
 
-def _between(rows: _Rows, cut: Cut) -> NDArray[np.int64]:
+def _between(rows: _Rows, cut: Cut) -> Integers:
     start_ns, end_ns = (rows.zero_ns + round(s * NANOSECONDS) for s in (cut.start_s, cut.end_s))
     return np.flatnonzero(rows.known & (rows.stamps_ns >= start_ns) & (rows.stamps_ns <= end_ns))
 
 
-def _samples(rows: _Rows, pick: NDArray[np.int64], every: int) -> tuple[EntrySamples, int]:
+def _samples(rows: _Rows, pick: Integers, every: int) -> tuple[EntrySamples, int]:
     """Samples of an entry in increasing order of time, and how many were not."""
     pick = pick[::every]
     stamps = rows.stamps_ns[pick]

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
 from intent_recognition.tables.table import Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
@@ -141,7 +142,7 @@ def _has(frames: Sequence[Any], key: str) -> bool:
     return any(isinstance(frame, dict) and key in frame for frame in frames)
 
 
-def _columns(frames: Sequence[Points], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+def _columns(frames: Sequence[Points], rows: Integers) -> dict[str, NDArray[Any]]:
     """One column for each axis of each landmark, NaN where a frame has none of it."""
     count = int(rows.max(initial=-1)) + 1
     columns: dict[str, NDArray[Any]] = {"frame": np.arange(count)}

@@ -2,8 +2,8 @@
 """Units of lengths and angles as files spell them, and the factors between them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import DofError
 
 UNITS = {
@@ -43,7 +43,7 @@ def check_convertible(unit: str, wanted: str, place: str) -> None:
         raise DofError.about(place, known, unit, "Convert the columns, or correct the unit.")
 
 
-def convert(values: NDArray[np.float64], unit: str, wanted: str) -> NDArray[np.float64]:
+def convert(values: Floats, unit: str, wanted: str) -> Floats:
     """Values in another unit; as they are where it is the same or unknown."""
     scale = scale_between(spelled(unit), wanted)
     if scale is None or scale[0] == scale[1]:

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.signals import POSITION_FIELDS
 from intent_recognition.tables.cells import without_zeros
@@ -30,7 +30,7 @@ class SeenColumn(NamedTuple):
     """A column of numbers: its name, values, whether they change, and share of rows with one."""
 
     name: str
-    values: NDArray[np.float64]
+    values: Floats
     moves: bool
     seen: float
 
@@ -73,7 +73,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     ]
 
 
-def _unit_of(table: Table, name: str, values: NDArray[np.float64], base: str) -> tuple[str, str]:
+def _unit_of(table: Table, name: str, values: Floats, base: str) -> tuple[str, str]:
     """Unit of columns, "" where it is that of the entry, and how it is known."""
     number = table.find(name)
     said = spelled(table.units.get(number if number is not None else -1, "") or table.unit)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import BagError
 from intent_recognition.tables.cells import LONGEST_CELL, MISSING, Values, with_point
@@ -39,12 +40,12 @@ class Stamps(NamedTuple):
         zero_ns: the stamp of the file's own time zero; of dates that of the first row.
     """
 
-    ns: NDArray[np.int64]
-    known: NDArray[np.bool_]
+    ns: Integers
+    known: Flags
     zero_ns: int
 
 
-def usual_unit(steps: NDArray[np.float64]) -> str:
+def usual_unit(steps: Floats) -> str:
     """The unit in which steps between samples are usual, "" where there is none."""
     step = float(np.median(steps)) if steps.size else 0.0
     for unit, per in PER_UNIT.items():
@@ -108,9 +109,7 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     return Stamps(_checked(counts, known, since_ns, place, per), known, since_ns)
 
 
-def counted_ns(
-    values: NDArray[np.float64], rate_hz: float, since_ns: int | None, source: Path
-) -> Stamps:
+def counted_ns(values: Floats, rate_hz: float, since_ns: int | None, source: Path) -> Stamps:
     """Stamps of samples at a rate [Hz] by their numbers (T,); the first one is at `since_ns`."""
     known = np.isfinite(values)
     first = values[known][0] if known.any() else 0.0
@@ -119,9 +118,7 @@ def counted_ns(
     return Stamps(_checked(ticks, known, zero_ns, str(source), NANOSECONDS), known, zero_ns)
 
 
-def _checked(
-    counts: NDArray[Any], known: NDArray[np.bool_], since_ns: int, place: str, per: int
-) -> NDArray[np.int64]:
+def _checked(counts: NDArray[Any], known: Flags, since_ns: int, place: str, per: int) -> Integers:
     """Stamps [ns] of nanoseconds since another time, where they are known."""
     there = counts[known]
     lowest, highest = (there.min(), there.max()) if there.size else (1, 1)

@@ -9,8 +9,8 @@ Where the inside was not seen it follows the outside at the thickness of the wal
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.clipping import surface_volume
 from intent_recognition.warping.rim import Rim
@@ -40,9 +40,9 @@ class Cavity:
         height_m: of the container, from the base to the crest.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.float64]
-    profile: NDArray[np.float64]
+    vertices: Floats
+    faces: Floats
+    profile: Floats
     height_m: float
 
     @property
@@ -51,7 +51,7 @@ class Cavity:
         return surface_volume(self.vertices, self.faces)
 
 
-def fit_cavity(points: NDArray[np.float64], normals: NDArray[np.float64], rim: Rim) -> Cavity:
+def fit_cavity(points: Floats, normals: Floats, rim: Rim) -> Cavity:
     """Fit the inner surface below a rim.
 
     Args:
@@ -90,7 +90,7 @@ def fit_cavity(points: NDArray[np.float64], normals: NDArray[np.float64], rim: R
     return Cavity(vertices, faces, profile, height)
 
 
-def _shape(rim: Rim, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shape(rim: Rim, flat: Floats) -> Floats:
     """The outline's distance (n,) from its centre in the direction of points, mean 1."""
     radii = np.linalg.norm(rim.outline, axis=1) / rim.radius_m
     angles = np.arctan2(flat[:, 1], flat[:, 0])
@@ -98,12 +98,7 @@ def _shape(rim: Rim, flat: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.interp(angles, corners, radii, period=2.0 * np.pi)
 
 
-def _levels(
-    depth: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    wall: NDArray[np.float64],
-    depth_m: float,
-) -> NDArray[np.float64]:
+def _levels(depth: Floats, radius: Floats, wall: Floats, depth_m: float) -> Floats:
     """Mean depth and median radius (m, 2) of a wall, level by level."""
     row = np.where(wall, (depth / depth_m * N_LEVELS).astype(int), -1)
     levels = [row == level for level in range(N_LEVELS)]
@@ -112,9 +107,7 @@ def _levels(
     ).reshape(-1, 2)
 
 
-def _inner(
-    depth: NDArray[np.float64], radius: NDArray[np.float64], rim: Rim
-) -> NDArray[np.float64]:
+def _inner(depth: Floats, radius: Floats, rim: Rim) -> Floats:
     """Mean radius and depth (m, 2) of the points inside, from the rim to the floor.
 
     They are gathered by the angle at which they are seen from the axis at half the depth.
@@ -130,12 +123,8 @@ def _inner(
 
 
 def _profile(
-    inner: NDArray[np.float64],
-    outer: NDArray[np.float64],
-    floor_m: float | None,
-    base_seen: bool,
-    rim: Rim,
-) -> tuple[NDArray[np.float64], float]:
+    inner: Floats, outer: Floats, floor_m: float | None, base_seen: bool, rim: Rim
+) -> tuple[Floats, float]:
     """Radius and depth from the crest to the middle of the floor, and the object's height.
 
     A base or floor that was not seen is where the thickness of the wall lets one expect it.
@@ -154,7 +143,7 @@ def _profile(
     return np.concatenate([ends[:1], inner, ends[1:]]), float(height)
 
 
-def _thickness(inner: NDArray[np.float64], outer: NDArray[np.float64], rim: Rim) -> float:
+def _thickness(inner: Floats, outer: Floats, rim: Rim) -> float:
     """Median distance of the outer from the inner wall, square to the wall."""
     usual = 0.05 * rim.radius_m
     wall = inner[inner[:, 0] > 0.6 * rim.radius_m]
@@ -170,9 +159,7 @@ def _thickness(inner: NDArray[np.float64], outer: NDArray[np.float64], rim: Rim)
     return float(np.clip(np.median(gap[both]), 0.01 * rim.radius_m, 0.3 * rim.radius_m))
 
 
-def _surface(
-    profile: NDArray[np.float64], rim: Rim
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _surface(profile: Floats, rim: Rim) -> tuple[Floats, Floats]:
     """Rings along the profile, closed by the floor and by the plane of the rim."""
     outline = rim.outline / rim.radius_m
     n_corners, n_rings = len(outline), len(profile) - 1
@@ -184,7 +171,7 @@ def _surface(
     return vertices, _faces(n_rings, n_corners)
 
 
-def _faces(n_rings: int, n_corners: int) -> NDArray[np.float64]:
+def _faces(n_rings: int, n_corners: int) -> Floats:
     """Triangles between rings that go down, a lid over the first, a floor under the last."""
     ring, corner = np.meshgrid(np.arange(n_rings - 1), np.arange(n_corners), indexing="ij")
     following = (corner + 1) % n_corners

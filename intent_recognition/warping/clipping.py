@@ -2,13 +2,13 @@
 """Closed surfaces cut by a plane: the volume below it and the tilt at which half is left."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 
-def surface_volume(vertices: NDArray[np.float64], faces: NDArray[np.float64]) -> float:
+def surface_volume(vertices: Floats, faces: Floats) -> float:
     """Volume enclosed by a closed, outward wound surface.
 
     Args:
@@ -20,14 +20,14 @@ def surface_volume(vertices: NDArray[np.float64], faces: NDArray[np.float64]) ->
 
 
 def shares_left(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.float64],
-    lip: NDArray[np.float64],
-    up: NDArray[np.float64],
-    outward: NDArray[np.float64],
-    tilts_rad: NDArray[np.float64],
+    vertices: Floats,
+    faces: Floats,
+    lip: Floats,
+    up: Floats,
+    outward: Floats,
+    tilts_rad: Floats,
     above_m: float = 0.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Shares (n,) of the volume below the level plane through the lip, at tilts (n,) about it.
 
     The other arguments are those of `half_volume_angle`; `above_m` raises the plane.
@@ -41,11 +41,7 @@ def shares_left(
 
 
 def half_volume_angle(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.float64],
-    lip: NDArray[np.float64],
-    up: NDArray[np.float64],
-    outward: NDArray[np.float64],
+    vertices: Floats, faces: Floats, lip: Floats, up: Floats, outward: Floats
 ) -> float:
     """Tilt about the lip after which half of the volume is above the lip (Brandl et al. II-D).
 
@@ -78,7 +74,7 @@ def half_volume_angle(
     return float(brentq(surplus, 0.0, np.pi, xtol=1e-6))
 
 
-def _below(heights: NDArray[np.float64], volumes: NDArray[np.float64]) -> float:
+def _below(heights: Floats, volumes: Floats) -> float:
     """Volume below a plane through the origin: of tetrahedra between it and triangles.
 
     Where the plane cuts a triangle, one corner is alone on its side. What it cuts off there is that
@@ -100,6 +96,6 @@ def _below(heights: NDArray[np.float64], volumes: NDArray[np.float64]) -> float:
     return float(volumes[n_below == 3].sum() + share @ volumes[cut])
 
 
-def _signed_volumes(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _signed_volumes(triangles: Floats) -> Floats:
     """Volume (m,) of the tetrahedra between triangles (m, 3, 3) and the origin."""
     return np.linalg.det(triangles) / 6.0

@@ -4,8 +4,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.warping.opening import OpeningPlane, across
 
 N_LEVELS = 12
@@ -33,23 +33,23 @@ class ObjectFrame:
             the opening.
     """
 
-    origin: NDArray[np.float64]
-    axes: NDArray[np.float64]
+    origin: Floats
+    axes: Floats
     radius_m: float
     height_m: float
     reach_m: float
-    wall: NDArray[np.float64]
+    wall: Floats
 
     @property
     def has_handle(self) -> bool:
         """Whether a handle was found."""
         return self.reach_m > 0.0
 
-    def to_local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_local(self, points: Floats) -> Floats:
         """Points (n, 3) in the frame's axes, in metres."""
         return (points - self.origin) @ self.axes.T
 
-    def on_handle(self, local: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def on_handle(self, local: Floats) -> Flags:
         """Which points (n,) stand out of the wall on the handle's side; local (n, 3) [m]."""
         if not self.has_handle:
             return np.zeros(len(local), dtype=bool)
@@ -58,9 +58,7 @@ class ObjectFrame:
         return out & (local[:, 1] > 0.0)
 
 
-def coarse_frame(
-    points: NDArray[np.float64], normals: NDArray[np.float64], opening: OpeningPlane
-) -> ObjectFrame:
+def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> ObjectFrame:
     """Frame of an object whose opening is known.
 
     The second axis points to the handle. Without one it is that of the largest spread across the
@@ -95,9 +93,7 @@ def coarse_frame(
     return ObjectFrame(opening.centre, axes, opening.radius_m, height, reach, wall)
 
 
-def outer_wall(
-    share: NDArray[np.float64], radius: NDArray[np.float64], outward: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def outer_wall(share: Floats, radius: Floats, outward: Floats) -> Floats:
     """Distance (N_LEVELS,) of the outer wall from the axis, from the base up.
 
     Args:
@@ -118,21 +114,17 @@ def outer_wall(
     return np.interp(np.arange(N_LEVELS), np.flatnonzero(known), wall[known])
 
 
-def protruding(
-    share: NDArray[np.float64], radius: NDArray[np.float64], wall: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def protruding(share: Floats, radius: Floats, wall: Floats) -> Flags:
     """Which points (n,) stand out of the wall (N_LEVELS,) by far."""
     return radius > PROTRUSION * np.maximum(wall[_level(share)], 0.6 * np.median(wall))
 
 
-def _level(share: NDArray[np.float64]) -> NDArray[np.float64]:
+def _level(share: Floats) -> Floats:
     """Level (n,) of heights -1 to 0."""
     return np.clip(((1.0 + share) * N_LEVELS).astype(int), 0, N_LEVELS - 1)
 
 
-def _widest(
-    flat: NDArray[np.float64], up: NDArray[np.float64], opening: OpeningPlane
-) -> NDArray[np.float64]:
+def _widest(flat: Floats, up: Floats, opening: OpeningPlane) -> Floats:
     """Direction (3,) in which points spread most across the axis, signed toward more of them."""
     plane = np.stack(across(up), 1)
     local = flat @ plane

@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 
 LARGEST_M = 1e6
@@ -29,7 +29,7 @@ class Grasp:
         ArgumentError: it is no rigid motion, or the width is not above 0.
     """
 
-    pose: NDArray[np.float64]
+    pose: Floats
     width_m: float
 
     def __post_init__(self) -> None:
@@ -53,16 +53,16 @@ class Grasp:
         object.__setattr__(self, "width_m", float(self.width_m))
 
     @property
-    def centre(self) -> NDArray[np.float64]:
+    def centre(self) -> Floats:
         """Middle between the pads (3,) [m]."""
         return self.pose[:3, 3]
 
     @property
-    def closing(self) -> NDArray[np.float64]:
+    def closing(self) -> Floats:
         """Unit direction (3,) in which the fingers close."""
         return self.pose[:3, 1]
 
     @property
-    def approach(self) -> NDArray[np.float64]:
+    def approach(self) -> Floats:
         """Unit direction (3,) in which the hand approaches."""
         return self.pose[:3, 2]

@@ -7,13 +7,12 @@ neighbourhoods, before and after, give a frame and a distance of the contacts; t
 the frame and widens with the distance.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.mapping import agreeing_neighbours
@@ -43,8 +42,8 @@ LEAST_WIDTH = 0.2
 class _Contacts(NamedTuple):
     """What both pads touch: axes as columns (3, 3), middle (3,) and distance of the two sides."""
 
-    axes: NDArray[np.float64]
-    middle: NDArray[np.float64]
+    axes: Floats
+    middle: Floats
     width_m: float
 
 
@@ -54,9 +53,9 @@ class _Side(NamedTuple):
     """
 
     rows: NDArray[np.integer]
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    moved: NDArray[np.float64] | None
+    points: Floats
+    normals: Floats
+    moved: Floats | None
 
 
 def contact_rows(
@@ -135,11 +134,11 @@ def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
 
 def _moved(
     rows: NDArray[np.integer],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    near: NDArray[np.float64],
-    facing: NDArray[np.float64],
-    approach: NDArray[np.float64],
+    points: Floats,
+    normals: Floats,
+    near: Floats,
+    facing: Floats,
+    approach: Floats,
     reach: float,
 ) -> _Side:
     """Points (n, 3) under a pad moved across the approach to the surface at those near (n, 3).
@@ -159,11 +158,7 @@ def _moved(
     return _Side(rows[close], points[close] + moves, facing[close], moves.mean(0))
 
 
-def _contacts(
-    points: list[NDArray[np.float64]],
-    normals: list[NDArray[np.float64]],
-    approach: NDArray[np.float64],
-) -> _Contacts:
+def _contacts(points: list[Floats], normals: list[Floats], approach: Floats) -> _Contacts:
     """Frame and width of two touched surfaces, the one toward +y first."""
     closing = normals[0].mean(0) - normals[1].mean(0)
     closing /= np.linalg.norm(closing)

@@ -4,10 +4,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import expit
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError
 
 MOST_STEPS, CONVERGED = 100, 1e-9
@@ -27,22 +27,20 @@ class LogisticModel:
     """
 
     bias: float
-    weights: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    scale: NDArray[np.float64]
+    weights: Floats
+    offset: Floats
+    scale: Floats
 
-    def log_odds(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
+    def log_odds(self, features: Floats) -> Floats:
         """Log odds (n,) at features (n, d)."""
         return self.bias + (features - self.offset) @ (self.weights / self.scale)
 
-    def probability(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
+    def probability(self, features: Floats) -> Floats:
         """Probability (n,) of label 1 at features (n, d)."""
         return expit(self.log_odds(features))
 
 
-def fit_logistic(
-    features: NDArray[np.float64], labels: NDArray[np.float64], ridge: float = 1e-2
-) -> LogisticModel:
+def fit_logistic(features: Floats, labels: Floats, ridge: float = 1e-2) -> LogisticModel:
     """Fit by Newton steps on the ridge-penalised likelihood, halved until it rises.
 
     Features are standardised first; the penalty is `ridge / 2 * |weights|^2` on the standardised
@@ -68,7 +66,7 @@ def fit_logistic(
     beta = np.zeros(design.shape[1])
     beta[0] = np.log(labels.sum() / (1.0 - labels).sum())
 
-    def loss(candidate: NDArray[np.float64]) -> float:
+    def loss(candidate: Floats) -> float:
         odds = design @ candidate
         misfit = np.sum(np.logaddexp(0.0, odds) - labels * odds)
         return float(misfit + 0.5 * penalty @ candidate**2)

@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 LOOKS = (4, 16)
@@ -14,11 +15,7 @@ CHUNK = 64
 
 
 def agreeing_neighbours(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    candidates: NDArray[np.float64],
-    candidate_normals: NDArray[np.float64],
-    k: int = 1,
+    points: Floats, normals: Floats, candidates: Floats, candidate_normals: Floats, k: int = 1
 ) -> NDArray[np.integer]:
     """The k nearest candidates of each point with a normal on the same side.
 
@@ -62,11 +59,7 @@ def majority(labels: NDArray[np.integer], n_labels: int) -> NDArray[np.integer]:
 
 
 def _among_all(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    candidates: NDArray[np.float64],
-    candidate_normals: NDArray[np.float64],
-    k: int,
+    points: Floats, normals: Floats, candidates: Floats, candidate_normals: Floats, k: int
 ) -> NDArray[np.integer]:
     """The same where the agreeing ones are far away: all candidates are looked at."""
     # Squared distances but for a constant per point, in one product.

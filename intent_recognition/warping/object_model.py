@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.warping.grasp import LARGEST_M, Grasp
 
@@ -42,8 +43,8 @@ class ObjectCloud:
         ArgumentError: too few points, or a value is not finite.
     """
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    points: Floats
+    normals: Floats
 
     def __post_init__(self) -> None:
         """Check shapes, finiteness and normals; take unit copies that cannot be written to."""
@@ -87,7 +88,6 @@ class AnnotatedObject(ObjectCloud):
     grasp: Grasp | None = None
 
     def __post_init__(self) -> None:
-        """Check the labels as well."""
         super().__post_init__()
         labels = np.array(self.labels)
         if labels.shape != (len(self.points),):
@@ -102,7 +102,7 @@ class AnnotatedObject(ObjectCloud):
         object.__setattr__(self, "labels", labels)
 
 
-def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def checked_points(points: Floats) -> Floats:
     """A float copy of points (n, 3)."""
     points = np.array(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -118,9 +118,7 @@ def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return points
 
 
-def with_estimated_normals(
-    points: NDArray[np.float64], viewpoints: NDArray[np.float64] | None
-) -> ObjectCloud:
+def with_estimated_normals(points: Floats, viewpoints: Floats | None) -> ObjectCloud:
     """A cloud whose normals are those of the planes through each point's neighbours.
 
     A surface can only be seen from outside: each normal is turned toward the camera. Neighbours
@@ -156,7 +154,7 @@ def with_estimated_normals(
     return ObjectCloud(points, normals)
 
 
-def _plane_normals(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _plane_normals(points: Floats) -> Floats:
     """Unit normals (n, 3) of either sign."""
     _, near = cKDTree(points).query(points, k=min(N_NEIGHBOURS, len(points)))
     offsets = points[near] - points[near].mean(1, keepdims=True)

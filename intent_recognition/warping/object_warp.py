@@ -13,6 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.warping.cavity import Cavity, fit_cavity
 from intent_recognition.warping.frame import N_LEVELS, ObjectFrame, coarse_frame
@@ -80,13 +81,13 @@ class WarpedObject:
         mapping: "label": the points are the target's; "point": they are the source's, moved.
     """
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    points: Floats
+    normals: Floats
     labels: NDArray[np.integer]
     frame: ObjectFrame
     mapping: Mapping
 
-    def part(self, part: Part) -> NDArray[np.float64]:
+    def part(self, part: Part) -> Floats:
         """Points (m, 3) of one part."""
         return self.points[self.labels == part]
 
@@ -170,9 +171,7 @@ def _frame(cloud: ObjectCloud, classifier: LogisticModel) -> ObjectFrame:
     raise ArgumentError.about("points", "a container with an open rim", got, cure)
 
 
-def aligned_source(
-    source: ObjectModel, target: ObjectFrame
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+def aligned_source(source: ObjectModel, target: ObjectFrame) -> tuple[Floats, Floats, Flags]:
     """Points (n, 3) and normals (n, 3) of the source, scaled to the target's size in its axes.
 
     Height and radius are scaled apart, the radius level by level as the walls are wide. A handle
@@ -224,7 +223,7 @@ OTHER_PIECE = 0.25
 """A second piece of more than this share of the largest is another object."""
 
 
-def check_scan(points: NDArray[np.float64]) -> None:
+def check_scan(points: Floats) -> None:
     """Refuse a cloud that cannot be one cup or bowl in metres.
 
     Args:
@@ -251,7 +250,7 @@ def check_scan(points: NDArray[np.float64]) -> None:
         raise ArgumentError.about("points", "one object", got, cure)
 
 
-def _pieces(points: NDArray[np.float64], n_looked_at: int) -> NDArray[np.integer]:
+def _pieces(points: Floats, n_looked_at: int) -> NDArray[np.integer]:
     """Sizes of the pieces of a cloud thinned to about so many points, largest first."""
     looked_at = points[:: max(1, len(points) // n_looked_at)]
     tree = cKDTree(looked_at)

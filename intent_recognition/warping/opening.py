@@ -4,7 +4,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 N_SECTORS = 24
 """Directions around the centre in which the rim is looked for."""
@@ -26,14 +27,12 @@ MAX_RING_SPREAD = 0.25
 class OpeningPlane:
     """A circle with its axis: centre (3,) [m], unit axis (3,) outward, radius [m]."""
 
-    centre: NDArray[np.float64]
-    up: NDArray[np.float64]
+    centre: Floats
+    up: Floats
     radius_m: float
 
 
-def find_opening(
-    points: NDArray[np.float64], normals: NDArray[np.float64], rim_probability: NDArray[np.float64]
-) -> OpeningPlane | None:
+def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> OpeningPlane | None:
     """Find the opening from a first guess of the rim.
 
     Planes through three probable rim points each are scored by the rim probability near them,
@@ -73,7 +72,7 @@ def find_opening(
     return best if best is not None and score_of[best] > MIN_SCORE else None
 
 
-def fit_circle(plane_points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def fit_circle(plane_points: Floats) -> tuple[Floats, float]:
     """Centre (2,) and radius of the circle through points (n, 2) in the least-squares sense."""
     design = np.column_stack([2.0 * plane_points, np.ones(len(plane_points))])
     solution, *_ = np.linalg.lstsq(design, (plane_points**2).sum(1), rcond=None)
@@ -81,7 +80,7 @@ def fit_circle(plane_points: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
     return solution[:2], float(radius)
 
 
-def fit_plane(points: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+def fit_plane(points: Floats, up: Floats) -> Floats:
     """Unit normal (3,) of the plane through points (n, 3), on the side of `up`."""
     offsets = points - points.mean(0)
     _, vectors = np.linalg.eigh(offsets.T @ offsets)
@@ -89,7 +88,7 @@ def fit_plane(points: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[n
     return normal if normal @ up >= 0.0 else -normal
 
 
-def across(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def across(up: Floats) -> tuple[Floats, Floats]:
     """Two unit vectors that make a right-handed frame with `up` as the third axis."""
     # The axis that is least along `up` is turned square to it; products by hand, they are small.
     x, y, z = up
@@ -100,9 +99,7 @@ def across(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.flo
     return first, np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
-def _hypotheses(
-    points: NDArray[np.float64], probability: NDArray[np.float64], middle: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _hypotheses(points: Floats, probability: Floats, middle: Floats) -> Floats:
     """Planes (m, 4): normals away from the middle, and their distances from the origin."""
     count = max(MIN_RIM_POINTS, int(LIKELY_SHARE * len(points)))
     likely = np.argsort(-probability, kind="stable")[:count]
@@ -118,7 +115,7 @@ def _hypotheses(
     return np.column_stack([normals * sign[:, None], offsets * sign])
 
 
-def _directions(normals: NDArray[np.float64], likely: NDArray[np.float64]) -> NDArray[np.float64]:
+def _directions(normals: Floats, likely: Floats) -> Floats:
     """Where an opening may point (m, 3): along principal axes of the normals, or back.
 
     Walls face across the axis of a container and its floor along it.
@@ -127,7 +124,7 @@ def _directions(normals: NDArray[np.float64], likely: NDArray[np.float64]) -> ND
     return np.concatenate([axes.T, -axes.T, -likely])
 
 
-def _bearing(points: NDArray[np.float64], up: NDArray[np.float64]) -> OpeningPlane | None:
+def _bearing(points: Floats, up: Floats) -> OpeningPlane | None:
     """The plane that bears on the highest points all around, and the circle through these."""
     middle = points.mean(0)
     farthest = np.argmax(((points - middle) ** 2).sum(1))
@@ -149,7 +146,7 @@ def _bearing(points: NDArray[np.float64], up: NDArray[np.float64]) -> OpeningPla
     return _circle(points[crest], up)
 
 
-def _circle(rim: NDArray[np.float64], up: NDArray[np.float64]) -> OpeningPlane | None:
+def _circle(rim: Floats, up: Floats) -> OpeningPlane | None:
     """The circle through rim points (n, 3); None if they make none."""
     first, second = across(up)
     flat = rim @ np.stack([first, second], 1)
@@ -161,10 +158,7 @@ def _circle(rim: NDArray[np.float64], up: NDArray[np.float64]) -> OpeningPlane |
 
 
 def _refine(
-    points: NDArray[np.float64],
-    probability: NDArray[np.float64],
-    plane: NDArray[np.float64],
-    tolerance: float,
+    points: Floats, probability: Floats, plane: Floats, tolerance: float
 ) -> OpeningPlane | None:
     """The plane and circle through the probable rim points near a plane."""
     up, offset = plane[:3], plane[3]
@@ -179,10 +173,7 @@ def _refine(
 
 
 def _ring_share(
-    points: NDArray[np.float64],
-    probability: NDArray[np.float64],
-    opening: OpeningPlane,
-    tolerance: float,
+    points: Floats, probability: Floats, opening: OpeningPlane, tolerance: float
 ) -> float:
     """Share of the probable rim that lies on the ring."""
     offsets = points - opening.centre
@@ -193,12 +184,7 @@ def _ring_share(
     return float((on_ring & (np.abs(level) < 1.5 * tolerance))[likely].mean())
 
 
-def _looks_into(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    opening: OpeningPlane,
-    tolerance: float,
-) -> float:
+def _looks_into(points: Floats, normals: Floats, opening: OpeningPlane, tolerance: float) -> float:
     """How much surface below the ring faces its centre, less what lies in the ring or above."""
     centre, up, radius = opening.centre, opening.up, opening.radius_m
     offsets = points - centre

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.warping.clipping import half_volume_angle
 from intent_recognition.warping.object_warp import WarpedObject
 
@@ -50,16 +50,14 @@ class PouringParameters(NamedTuple):
     opening_radius_m: float
     volume_m3: float
     height_m: float
-    opening_centre: NDArray[np.float64]
-    lip_point: NDArray[np.float64]
+    opening_centre: Floats
+    lip_point: Floats
     tilt_reference_rad: float
 
 
 def lip_point(
-    warped: WarpedObject,
-    toward: NDArray[np.float64] | None = None,
-    vertical: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
+    warped: WarpedObject, toward: Floats | None = None, vertical: Floats | None = None
+) -> Floats:
     """Point (3,) of the rim over which is poured [m].
 
     Args:
@@ -83,7 +81,7 @@ def lip_point(
     return nearest[np.argmin(np.linalg.norm(nearest - toward, axis=1))]
 
 
-def tilt_reference(warped: WarpedObject, lip: NDArray[np.float64] | None = None) -> float:
+def tilt_reference(warped: WarpedObject, lip: Floats | None = None) -> float:
     """Tilt about the lip (default: `lip_point`) that leaves half of the volume [rad]."""
     rim, cavity = warped.rim, warped.cavity
     lip = lip_point(warped) if lip is None else lip
@@ -91,9 +89,7 @@ def tilt_reference(warped: WarpedObject, lip: NDArray[np.float64] | None = None)
 
 
 def pouring_parameters(
-    warped: WarpedObject,
-    toward: NDArray[np.float64] | None = None,
-    vertical: NDArray[np.float64] | None = None,
+    warped: WarpedObject, toward: Floats | None = None, vertical: Floats | None = None
 ) -> PouringParameters:
     """All that pouring needs of one container.
 

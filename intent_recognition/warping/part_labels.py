@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic
 from intent_recognition.warping.object_model import AnnotatedObject, Part
@@ -21,7 +22,7 @@ N_NEIGHBOURS = 20
 """Neighbours from which a point's features are computed."""
 
 
-def fit_rim_classifier(source: AnnotatedObject, up: NDArray[np.float64]) -> LogisticModel:
+def fit_rim_classifier(source: AnnotatedObject, up: Floats) -> LogisticModel:
     """Learn to tell the rim from how the surface looks nearby (Brandl et al. II-B).
 
     A camera above sees more of the rim than of the walls. The annotated points are therefore
@@ -42,11 +43,8 @@ def fit_rim_classifier(source: AnnotatedObject, up: NDArray[np.float64]) -> Logi
 
 
 def local_features(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    tree: cKDTree | None = None,
-    rows: NDArray[np.float64] | slice = slice(None),
-) -> NDArray[np.float64]:
+    points: Floats, normals: Floats, tree: cKDTree | None = None, rows: Floats | slice = slice(None)
+) -> Floats:
     """Features of the neighbourhood of each point (Brandl et al. II-B).
 
     The eigenvalues of the neighbourhood's covariance and the distance to its mean, as in the
@@ -90,7 +88,7 @@ def local_features(
 
 
 def _seen(
-    source: AnnotatedObject, up: NDArray[np.float64], n_views: int, rng: np.random.Generator
+    source: AnnotatedObject, up: Floats, n_views: int, rng: np.random.Generator
 ) -> NDArray[np.integer]:
     """Indices of points that cameras above would see, hidden ones behind others included."""
     first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])

@@ -10,9 +10,9 @@ container at hand begins to pour, and where what is to be left is level with its
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.clipping import shares_left
 from intent_recognition.warping.object_warp import WarpedObject
@@ -39,8 +39,8 @@ class Emptying(NamedTuple):
         empty_rad: tilt at which `LEFT_WHEN_EMPTY` of its volume is below the lip.
     """
 
-    tilts_rad: NDArray[np.float64]
-    shares: NDArray[np.float64]
+    tilts_rad: Floats
+    shares: Floats
     empty_rad: float
 
     def tilt_leaving(self, share: float) -> float:
@@ -62,7 +62,7 @@ class Reached(NamedTuple):
     beyond_rad: float
 
 
-def emptying(warped: WarpedObject, lip: NDArray[np.float64], above_m: float = 0.0) -> Emptying:
+def emptying(warped: WarpedObject, lip: Floats, above_m: float = 0.0) -> Emptying:
     """What a warped container holds when it is tilted over its lip.
 
     Args:
@@ -106,7 +106,7 @@ def amount_to_leave(asked: str | float, fluid_m3: float, second_m3: float) -> fl
     return fluid_m3 - poured_m3
 
 
-def reached(ratios: NDArray[np.float64], tilt_reference_rad: float, shown: Emptying) -> Reached:
+def reached(ratios: Floats, tilt_reference_rad: float, shown: Emptying) -> Reached:
     """How far demonstrated pours go, from the tilts of their mean as ratios to the reference (T,).
 
     Args:
@@ -126,8 +126,8 @@ def reached(ratios: NDArray[np.float64], tilt_reference_rad: float, shown: Empty
 
 
 def tilts_to_level(
-    ratios: NDArray[np.float64], far: Reached, cup: Emptying, fluid: float, left: float
-) -> NDArray[np.float64]:
+    ratios: Floats, far: Reached, cup: Emptying, fluid: float, left: float
+) -> Floats:
     """Tilts (T,) [rad] of a demonstrated pour, for a container that is to be left with so much.
 
     Where the demonstrated one began to pour, this one does; where that one was tilted most, this

@@ -8,9 +8,9 @@ begins and ends where it is, relative to the second opening. All in one frame wi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import InteractionProMP, via_point
 from intent_recognition.warping.parameters import References
@@ -48,9 +48,9 @@ class SeenContainer(NamedTuple):
     """
 
     references: References
-    opening_m: NDArray[np.float64]
-    lip_m: NDArray[np.float64]
-    up: NDArray[np.float64]
+    opening_m: Floats
+    lip_m: Floats
+    up: Floats
     emptying: Emptying
 
 
@@ -65,13 +65,13 @@ class PourPlan(NamedTuple):
         left: what is left in the cup in the end, as a share of its volume.
     """
 
-    times_s: NDArray[np.float64]
-    hand_poses: NDArray[np.float64]
-    hand_std: NDArray[np.float64]
+    times_s: Floats
+    hand_poses: Floats
+    hand_std: Floats
     left: float
 
 
-def pour_axes(cup: SeenContainer) -> NDArray[np.float64]:
+def pour_axes(cup: SeenContainer) -> Floats:
     """Along the pour, across it (to the left) and up, as columns (3, 3)."""
     along = (cup.lip_m - cup.opening_m) * [1.0, 1.0, 0.0]
     along = along / np.linalg.norm(along)
@@ -95,7 +95,7 @@ def plan_pour(
     skill: PouringSkill,
     cup: SeenContainer,
     second: SeenContainer,
-    hand: NDArray[np.float64],
+    hand: Floats,
     asked: str,
     fluid: float,
 ) -> PourPlan:

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError, TrainingError
 from intent_recognition.gaussian import Gaussian, covariance_root
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, fit_weights
@@ -33,18 +33,13 @@ FREE_SCALE = 0.15
 """Phase over which that is smooth. Convention: a part of the way to the opening."""
 
 
-def warped_scale(cup: References, second: References) -> NDArray[np.float64]:
+def warped_scale(cup: References, second: References) -> Floats:
     """What along [m], across [m], up [m] and tilt [rad] are divided by (4,)."""
     radius = second.opening_radius_m
     return np.array([radius, radius, cup.height_m, cup.tilt_rad])
 
 
-def to_warped(
-    offset_m: NDArray[np.float64],
-    tilt_rad: NDArray[np.float64],
-    cup: References,
-    second: References,
-) -> NDArray[np.float64]:
+def to_warped(offset_m: Floats, tilt_rad: Floats, cup: References, second: References) -> Floats:
     """A path of the lip as ratios (T, 4).
 
     Args:
@@ -56,9 +51,7 @@ def to_warped(
     return np.column_stack([offset_m, tilt_rad]) / warped_scale(cup, second)
 
 
-def from_warped(
-    path: NDArray[np.float64], cup: References, second: References
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def from_warped(path: Floats, cup: References, second: References) -> tuple[Floats, Floats]:
     """Offsets (T, 3) [m] and tilts (T,) [rad] of ratios (T, 4): the inverse of `to_warped`."""
     scaled = path * warped_scale(cup, second)
     return scaled[:, :3], scaled[:, 3]
@@ -77,14 +70,14 @@ class WarpedPrimitive:
     """
 
     basis: NormalizedRBFBasis
-    mean: NDArray[np.float64]
-    spread: NDArray[np.float64]
+    mean: Floats
+    spread: Floats
     duration_s: float
 
     @classmethod
     def learn(
         cls,
-        paths: Sequence[NDArray[np.float64]],
+        paths: Sequence[Floats],
         durations_s: Sequence[float],
         basis: NormalizedRBFBasis | None = None,
     ) -> WarpedPrimitive:
@@ -132,7 +125,7 @@ class WarpedPrimitive:
         noise = (NOISE_STD * warped_scale(cup, second)) ** 2
         return InteractionProMP(self.basis, weights, 0, noise, self.duration_s)
 
-    def _free_ends(self) -> NDArray[np.float64]:
+    def _free_ends(self) -> Floats:
         """Root (4 N, 4 N) of the covariance of where a pour begins and ends."""
         at = self.basis.centers
         path = self.mean_path(at)
@@ -144,22 +137,20 @@ class WarpedPrimitive:
         roots = np.kron(np.eye(N_WARPED), FREE_STD * covariance_root(own))
         return np.asarray(roots, dtype=np.float64)
 
-    def mean_path(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean_path(self, phase: Floats) -> Floats:
         """Mean at phases (T,): (T, 4)."""
         return self._roll_out(self.mean, phase)
 
-    def std_path(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def std_path(self, phase: Floats) -> Floats:
         """Standard deviation at phases (T,): (T, 4)."""
         design = self.basis.design_matrix(phase)
         parts = self.spread.reshape(N_WARPED, self.basis.n_basis, -1)
         return np.sqrt(np.sum(np.einsum("tn,dnr->tdr", design, parts) ** 2, axis=-1))
 
-    def sample(self, phase: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    def sample(self, phase: Floats, rng: np.random.Generator) -> Floats:
         """One pour drawn from the distribution, at phases (T,): (T, 4)."""
         drawn = self.mean + self.spread @ rng.standard_normal(self.spread.shape[1])
         return self._roll_out(drawn, phase)
 
-    def _roll_out(
-        self, weights: NDArray[np.float64], phase: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _roll_out(self, weights: Floats, phase: Floats) -> Floats:
         return self.basis.design_matrix(phase) @ weights.reshape(N_WARPED, -1).T

@@ -4,8 +4,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.frame import ObjectFrame
 from intent_recognition.warping.opening import fit_circle, fit_plane
@@ -31,13 +31,13 @@ class Rim:
         depth_m: lowest point of the object below the crest.
     """
 
-    centre: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    outline: NDArray[np.float64]
+    centre: Floats
+    axes: Floats
+    outline: Floats
     depth_m: float
 
     @property
-    def up(self) -> NDArray[np.float64]:
+    def up(self) -> Floats:
         """Unit axis (3,) out of the opening."""
         return self.axes[0]
 
@@ -49,22 +49,22 @@ class Rim:
         return float(np.average(radii, weights=edges + np.roll(edges, 1)))
 
     @property
-    def crest(self) -> NDArray[np.float64]:
+    def crest(self) -> Floats:
         """The crest (S, 3) [m]."""
         return self.centre + self.outline @ self.axes[1:]
 
-    def outward(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def outward(self, point: Floats) -> Floats:
         """Unit vector (3,) in the plane of the opening, from its axis toward a point (3,)."""
         across = point - self.centre
         across = across - (across @ self.up) * self.up
         return across / np.linalg.norm(across)
 
-    def to_local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_local(self, points: Floats) -> Floats:
         """Points (n, 3) in the rim's axes, in metres."""
         return (points - self.centre) @ self.axes.T
 
 
-def fit_rim(points: NDArray[np.float64], normals: NDArray[np.float64], frame: ObjectFrame) -> Rim:
+def fit_rim(points: Floats, normals: Floats, frame: ObjectFrame) -> Rim:
     """Fit plane, centre and outline to rim points.
 
     The distance from the centre is a smooth function of the direction plus the thickness of the
@@ -102,16 +102,14 @@ def fit_rim(points: NDArray[np.float64], normals: NDArray[np.float64], frame: Ob
     return Rim(centre, axes, outline, frame.height_m + level)
 
 
-def _harmonics(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _harmonics(angles: Floats) -> Floats:
     """Constant, cosines and sines (n, 1 + 2 N_HARMONICS) of angles (n,)."""
     orders = np.arange(1, N_HARMONICS + 1)
     turned = angles[:, None] * orders
     return np.column_stack([np.ones(len(angles)), np.cos(turned), np.sin(turned)])
 
 
-def _fit_harmonics(
-    angles: NDArray[np.float64], radii: NDArray[np.float64], outward: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _fit_harmonics(angles: Floats, radii: Floats, outward: Floats) -> Floats:
     """Coefficients of the radius over direction, and of the normal's outward share."""
     design = np.column_stack([_harmonics(angles), outward])
     orders = np.arange(1, N_HARMONICS + 1)
@@ -121,7 +119,7 @@ def _fit_harmonics(
     return np.linalg.solve(normal, design.T @ radii)
 
 
-def _crest_level(level: NDArray[np.float64], upward: NDArray[np.float64]) -> float:
+def _crest_level(level: Floats, upward: Floats) -> float:
     """Height of the crest, where a rounded rim's normal points along the axis.
 
     On a round rim the height falls in proportion to 1 - upward, and on a flat one not at all;
@@ -136,9 +134,7 @@ def _crest_level(level: NDArray[np.float64], upward: NDArray[np.float64]) -> flo
     return float(level[top].mean() - slope * drop.mean())
 
 
-def _in_plane(
-    points: NDArray[np.float64], normals: NDArray[np.float64], up: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _in_plane(points: Floats, normals: Floats, up: Floats) -> tuple[Floats, Floats, Floats]:
     """Rim points near their common plane, their normals, and its unit normal (3,)."""
     for _ in range(3):
         up = fit_plane(points, up)

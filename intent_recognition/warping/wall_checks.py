@@ -2,8 +2,8 @@
 """Whether a container that was seen from all sides can hold anything: its wall has no hole."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.cavity import Cavity
 from intent_recognition.warping.object_model import ObjectCloud
@@ -61,7 +61,7 @@ def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
         raise ArgumentError.about("target", "a closed wall and floor", got, cure)
 
 
-def _holes(cells: NDArray[np.float64]) -> NDArray[np.float64]:
+def _holes(cells: Floats) -> Floats:
     """Cells that are empty, and one beside them too, in rows where they usually are full."""
     around = np.stack([np.roll(cells, turn, axis=1) for turn in range(-4, 5)])
     filled = np.ma.median(np.ma.masked_equal(around, 0), axis=0)

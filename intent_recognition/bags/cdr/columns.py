@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.bags.cdr.layout import MOST_LAYOUTS, Layout, find_layout, header_stamps_ns
 from intent_recognition.bags.mcap.chunk import MessageTable, payloads
 
@@ -33,12 +34,12 @@ class PoseColumns:
         orientations: (T, 4) xyzw.
     """
 
-    log_times_ns: NDArray[np.int64]
-    stamps_ns: NDArray[np.int64]
+    log_times_ns: Integers
+    stamps_ns: Integers
     frame_ids: tuple[str, ...]
-    frames: NDArray[np.int64]
-    positions: NDArray[np.float64]
-    orientations: NDArray[np.float64]
+    frames: Integers
+    positions: Floats
+    orientations: Floats
 
 
 class JointPart(NamedTuple):
@@ -53,12 +54,12 @@ class JointPart(NamedTuple):
         effort: (n, J).
     """
 
-    rows: NDArray[np.int64]
+    rows: Integers
     frame_id: str
     names: tuple[str, ...]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    effort: NDArray[np.float64]
+    position: Floats
+    velocity: Floats
+    effort: Floats
 
 
 @dataclass(frozen=True)
@@ -71,16 +72,15 @@ class JointColumns:
         parts: one for each layout; several where, say, arm and gripper share the topic.
     """
 
-    log_times_ns: NDArray[np.int64]
-    stamps_ns: NDArray[np.int64]
+    log_times_ns: Integers
+    stamps_ns: Integers
     parts: tuple[JointPart, ...]
 
 
 Columns = PoseColumns | JointColumns
 
 
-_Integers = NDArray[np.int64]
-_Part = tuple[_Integers, list[NDArray[np.float64]]]
+_Part = tuple[Integers, list[Floats]]
 """Messages of one layout: which of the topic's they are, and the values of each field."""
 
 
@@ -138,11 +138,7 @@ class ColumnsBuilder:
         return self._poses(log_times_ns, stamps_ns, layouts, parts)
 
     def _add_equal(
-        self,
-        file: int,
-        table: MessageTable,
-        numbers: NDArray[np.int64],
-        messages: NDArray[np.uint8],
+        self, file: int, table: MessageTable, numbers: Integers, messages: NDArray[np.uint8]
     ) -> bool:
         """Messages of one length, uint8 (n, length)."""
         open_rows = np.arange(len(messages))
@@ -181,7 +177,7 @@ class ColumnsBuilder:
         self._layouts.append(layout)
         return True
 
-    def _joints(self, log_times_ns: _Integers, stamps_ns: _Integers, parts: list[_Part]) -> Columns:
+    def _joints(self, log_times_ns: Integers, stamps_ns: Integers, parts: list[_Part]) -> Columns:
         named = [
             JointPart(rows, layout.texts["header.frame_id"][0], layout.texts["name"], *values)
             for layout, (rows, values) in zip(self._layouts, parts, strict=True)
@@ -189,7 +185,7 @@ class ColumnsBuilder:
         return JointColumns(log_times_ns, stamps_ns, tuple(named))
 
     def _poses(
-        self, log_times_ns: _Integers, stamps_ns: _Integers, layouts: _Integers, parts: list[_Part]
+        self, log_times_ns: Integers, stamps_ns: Integers, layouts: Integers, parts: list[_Part]
     ) -> Columns:
         if len(parts) == 1:
             ((_, (positions, orientations)),) = parts
@@ -204,10 +200,10 @@ class ColumnsBuilder:
 class _Piece(NamedTuple):
     """Messages of one block and one layout, as they were recorded."""
 
-    numbers: NDArray[np.int64]
-    log_times_ns: NDArray[np.int64]
-    stamps_ns: NDArray[np.int64]
-    values: tuple[NDArray[np.float64], ...]
+    numbers: Integers
+    log_times_ns: Integers
+    stamps_ns: Integers
+    values: tuple[Floats, ...]
     file: int
     layout: int
 
@@ -216,7 +212,7 @@ def _join(arrays: Sequence[NDArray]) -> NDArray:
     return np.concatenate(arrays) if arrays else np.empty(0, np.int64)
 
 
-def _order(files: _Integers, log_times_ns: _Integers, numbers: _Integers) -> _Integers | None:
+def _order(files: Integers, log_times_ns: Integers, numbers: Integers) -> Integers | None:
     """Indices that sort by file, log time and number; None if they are sorted already."""
     later = (np.diff(files) > 0) | (np.diff(log_times_ns) >= 0)
     if np.all(later) and np.all(np.diff(numbers) > 0):

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
+from intent_recognition.array_types import Flags, Integers
+
 LITTLE_ENDIAN = b"\x00\x01"
 """First two bytes of the encapsulation header of a message in little endian."""
 MOST_LAYOUTS = 16
@@ -115,7 +117,7 @@ class Layout:
                 return False
         return True
 
-    def fit(self, messages: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    def fit(self, messages: NDArray[np.uint8]) -> Flags:
         """Which of the messages, (n, L), have this layout; (n,)."""
         if all(self._same(messages, where) for where, _ in self._expected):
             return np.ones(len(messages), bool)
@@ -146,7 +148,7 @@ class Layout:
         return np.frombuffer(self.template, np.uint8)
 
     @cached_property
-    def _mask(self) -> NDArray[np.bool_]:
+    def _mask(self) -> Flags:
         mask = np.zeros(len(self.template), bool)
         for start, stop in self.decisive:
             mask[start:stop] = True
@@ -215,7 +217,7 @@ def header_stamp_ns(data: bytes) -> int:
     return seconds * NANOSECONDS + nanoseconds
 
 
-def header_stamps_ns(messages: NDArray[np.uint8]) -> NDArray[np.int64]:
+def header_stamps_ns(messages: NDArray[np.uint8]) -> Integers:
     """Stamps [ns], (n,), of messages (n, L) in little endian that begin with a header."""
     stamps = np.array(messages[:, ORIGIN : ORIGIN + STAMP.size], order="C")
     seconds, nanoseconds = stamps.view("<i4")[:, 0], stamps.view("<u4")[:, 1]

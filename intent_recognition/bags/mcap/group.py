@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 import zstandard
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Integers
 from intent_recognition.bags.mcap.chunk import (
     CHECKSUM,
     MOST_CHUNK,
@@ -92,11 +92,7 @@ class GroupReader:
         return message_table(data, positions[kinds == WANTED])
 
     def _check_times(
-        self,
-        blocks: Sequence[McapBlock],
-        data: memoryview,
-        positions: NDArray[np.int64],
-        edges: NDArray[np.int64],
+        self, blocks: Sequence[McapBlock], data: memoryview, positions: Integers, edges: Integers
     ) -> None:
         """The times of the messages at `positions` (n,), in blocks between `edges`."""
         log_ns = gather(data, positions + LOG_NS, 8).view("<u8")

@@ -7,6 +7,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Integers
+
 RECORD_HEADER = struct.Struct("<BQ")
 MESSAGE_HEADER = np.dtype(
     [
@@ -45,7 +47,7 @@ def record_positions(data: bytes | memoryview, is_cut: bool) -> NDArray:
     Raises:
         ValueError: a record is too short, or the last one incomplete.
     """
-    found: list[NDArray[np.int64]] = []
+    found: list[Integers] = []
     at, size, others = 0, len(data), 0
     search: _Search | None = None
     while at + RECORD_HEADER.size <= size:
