@@ -41,15 +41,6 @@ def test_goes_on_where_it_was_interrupted(tmp_path):
     assert trials.tables["filling"]["through_wall"][-1] == 0.0
 
 
-def test_equal_tables_give_equal_bytes(tmp_path):
-    for name in "ab":
-        write_trials(tmp_path / name, rows(), {"seed": 1})
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
-    read = read_trials(tmp_path / "a").tables["pouring"]["tilt_rad"]
-    np.testing.assert_allclose(read, rows()["pouring"][:, 2], rtol=1e-6)
-
-
 def test_refuses_what_is_no_table_of_trials(tmp_path):
     path = tmp_path / "trials.npz"
     with pytest.raises(ModelError, match="dataset"):

@@ -53,18 +53,6 @@ def test_the_example_names_its_boxes(harness):
     assert node.get_parameter("clearance").value == 0.02
 
 
-def test_a_path_into_a_box_is_planned_anew(harness):
-    graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))])
-    graph.describe(ROBOT.description)
-    for _ in range(4):
-        graph.step()
-    graph.harness.spin_until(lambda: graph.commands)
-    q = trajectory_arrays(graph.commands[0])[1]
-    np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
-    assert np.abs(q - HOME - (GOAL - HOME) * (q[:, :1] - HOME[0]) / 0.4).max() > 0.02
-    assert graph.node.activation.counts["replanned"] >= 1
-
-
 def test_a_path_into_a_box_is_not_followed_and_both_bodies_are_named(harness):
     graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))], replan_budget=0.0)
     told = []

@@ -219,15 +219,3 @@ def test_messages_of_strangers_leave_it_running(harness, tmp_path, toolbox_model
         return answers
 
     harness.spin_until(answer, what=f"{answered} after {asked}")
-
-
-@pytest.mark.slow
-def test_a_session_is_told_in_spite_of_messages_of_strangers(harness, tmp_path, toolbox_model):
-    node = session(harness, tmp_path, toolbox_model)
-    hear_good(node)
-    rng = np.random.default_rng(SEED)
-    for _ in range(ROUNDS):
-        for subscription in node.subscriptions:
-            message = good(node, subscription.topic_name, subscription.msg_type)
-            hear(node, subscription, spoiled_message(rng, message, TEXTS_HERE))
-    assert node.log().labels == LABELS

@@ -18,43 +18,8 @@ def wrist(tmp_path_factory):
     return Folder(tmp_path_factory.mktemp("wrist"), DOFS)
 
 
-@pytest.mark.slow
-def test_the_predicted_path_of_the_human(harness, wrist):
-    graph = Graph(harness, wrist)
-    observations = wrist.observations(0)
-    graph.feed(observations)
-    end = observations[-1].values
-    assert len(graph.path) > 10
-    for message in graph.path:
-        assert message.header.frame_id == "world" and len(message.poses) == 30
-        stamps = [stamp_ns(pose) for pose in message.poses]
-        assert stamps == sorted(stamps)
-        assert abs(stamps[0] - stamp_ns(message)) < 1_500_000_000
-    half = graph.path[len(graph.path) * 2 // 3].poses[-1].pose.position
-    np.testing.assert_allclose((half.x, half.y, half.z), end, atol=0.08)
-
-
-def test_the_human_s_tube_is_told_to_who_listens(harness, wrist):
-    graph = Graph(harness, wrist, listen=False)
-    told = harness.collect(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
-    harness.connect(graph.node.people[""].output.human_trajectory)
-    observations = wrist.observations()
-    graph.feed(observations[: len(observations) // 2])
-    harness.spin_until(lambda: told)
-    message = told[-1]
-    assert tuple(message.joint_names) == wrist.model.library.observed_names
-    times_s, positions, rest = trajectory_arrays(message)
-    assert np.all(np.diff(times_s) > 0.0) and np.all(rest["effort"] > 0.0)
-    assert message.header.frame_id == wrist.model.labels[0]
-    last = observations[-1].values
-    np.testing.assert_allclose(positions[-1], last, atol=4.0 * rest["effort"][-1].max())
-
-
-@pytest.mark.slow
-def test_markers_show_observed_and_predicted_path_tube_and_label(harness, wrist):
-    graph = Graph(harness, wrist)
-    observations = wrist.observations(0)
-    graph.feed(observations)
+def check_markers(graph, wrist, observations):
+    """Observed and predicted path, tube and label."""
     observed, predicted, tube, text = graph.markers[-1].markers
     kinds = (Marker.LINE_STRIP, Marker.LINE_STRIP, Marker.TRIANGLE_LIST, Marker.TEXT_VIEW_FACING)
     assert tuple(m.type for m in (observed, predicted, tube, text)) == kinds
@@ -75,6 +40,39 @@ def test_markers_show_observed_and_predicted_path_tube_and_label(harness, wrist)
     ends = np.array([[p.x, p.y, p.z] for p in (predicted.points[0], predicted.points[-1])])
     distance = np.linalg.norm(corners[:, None] - ends, axis=-1).min(axis=0)
     assert np.all(distance > 0.0)
+
+
+@pytest.mark.slow
+def test_the_predicted_path_of_the_human_and_its_markers(harness, wrist):
+    graph = Graph(harness, wrist)
+    observations = wrist.observations(0)
+    graph.feed(observations)
+    end = observations[-1].values
+    assert len(graph.path) > 10
+    for message in graph.path:
+        assert message.header.frame_id == "world" and len(message.poses) == 30
+        stamps = [stamp_ns(pose) for pose in message.poses]
+        assert stamps == sorted(stamps)
+        assert abs(stamps[0] - stamp_ns(message)) < 1_500_000_000
+    half = graph.path[len(graph.path) * 2 // 3].poses[-1].pose.position
+    np.testing.assert_allclose((half.x, half.y, half.z), end, atol=0.08)
+    check_markers(graph, wrist, observations)
+
+
+def test_the_human_s_tube_is_told_to_who_listens(harness, wrist):
+    graph = Graph(harness, wrist, listen=False)
+    told = harness.collect(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
+    harness.connect(graph.node.people[""].output.human_trajectory)
+    observations = wrist.observations()
+    graph.feed(observations[: len(observations) // 2])
+    harness.spin_until(lambda: told)
+    message = told[-1]
+    assert tuple(message.joint_names) == wrist.model.library.observed_names
+    times_s, positions, rest = trajectory_arrays(message)
+    assert np.all(np.diff(times_s) > 0.0) and np.all(rest["effort"] > 0.0)
+    assert message.header.frame_id == wrist.model.labels[0]
+    last = observations[-1].values
+    np.testing.assert_allclose(positions[-1], last, atol=4.0 * rest["effort"][-1].max())
 
 
 def test_markers_keep_the_colour_of_a_task_when_another_is_learned():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from estimator_graph import DOFS, MIXED, Folder, Graph, check_tasks, expected, message_for, shifted
+from estimator_graph import DOFS, MIXED, Folder, Graph, check_tasks, expected, message_for
 from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -153,21 +153,6 @@ def test_a_publisher_of_another_type_is_reported_once(harness, wrist):
     finally:
         impostor.destroy_node()
         context.try_shutdown()
-
-
-@pytest.mark.slow
-def test_reset_forgets_the_movement_and_the_clock(harness, wrist):
-    graph = Graph(harness, wrist)
-    observations = wrist.observations(0)
-    graph.feed(observations[:80])
-    assert graph.tasks[-1].position[-1] < 1.0
-    assert graph.call("reset").success
-    del graph.tasks[:], graph.robot[:]
-    earlier = shifted(observations, -100.0)  # a recording from before, played again
-    graph.feed(earlier)
-    check_tasks(graph.tasks, expected(wrist.model, earlier), wrist.model.labels)
-    harness.spin_until(lambda: graph.robot)
-    assert len(graph.robot) > 10
 
 
 @pytest.mark.slow

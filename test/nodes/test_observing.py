@@ -155,18 +155,6 @@ def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harne
 
 
 @pytest.mark.slow
-def test_stamps_before_the_last_of_the_same_body_are_dropped(harness, bodies):
-    seen = bodies.observations(0)
-    for k in range(20, len(seen) - 2, 15):  # they change places with the next of their topic
-        seen[k], seen[k + 2] = seen[k + 2], seen[k]
-    messages = [(1 + k, e, f) for k, (_, e, f) in enumerate(plain(bodies, seen))]
-    rows, nodes = run(harness, bodies, messages, bodies=("wrist", "elbow"))
-    swapped = len(range(20, len(seen) - 2, 15))
-    assert nodes.rejected() == {"stamp_not_increasing": swapped}
-    assert len(rows) == len(seen) - swapped
-
-
-@pytest.mark.slow
 def test_joints_that_are_missing_or_nan_leave_the_others(harness, tmp_path):
     subject = Subject(tmp_path, make_dofs(GLOVE))
     messages = []

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 from model_builder import WRIST, learned_model, make_dofs, true_library
 from nodes.test_primitive_activation import HOME, LABELS, Graph, check_commands
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from intent_recognition.errors import ArgumentError
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state
-from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.recognition.start_posture import start_mean
 
 TASKS = LABELS[:2]
@@ -111,12 +108,6 @@ def test_an_expectation_from_the_future_is_counted_and_not_used(harness, path):
     graph.expect((0.7, 0.3))
     graph.step()
     assert graph.report()[1]["expected task"] == "plate (0.70)"
-
-
-def test_it_needs_a_model(harness):
-    overrides = [Parameter("pretrigger_threshold", value=0.7)]
-    with pytest.raises(ArgumentError, match="pretrigger_threshold"):
-        PrimitiveActivation(parameter_overrides=overrides)
 
 
 @pytest.mark.parametrize(("limit", "told"), [(1e-5, True), (10.0, False)])

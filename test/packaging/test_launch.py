@@ -118,16 +118,6 @@ def values(node):
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
-def test_arguments_are_described_and_texts(describe, name):
-    arguments = declared(describe(name))
-    assert {"params_file", "namespace", "use_sim_time"} <= set(arguments)
-    for argument, options in arguments.items():
-        assert options["description"].endswith("."), argument
-        assert isinstance(options.get("default_value", ""), str), argument
-        assert ("default_value" in options) == (argument not in NEEDED), argument
-
-
-@pytest.mark.parametrize("name", EXECUTABLES)
 def test_nodes_are_executables_with_parameters(describe, repository, name):
     entities = describe(name)
     assert set(start(entities)) == EXECUTABLES[name]
@@ -186,15 +176,6 @@ def test_what_is_not_given_is_left_to_the_parameter_file(describe):
     assert "use_sim_time" not in values(nodes["primitive_activation"])
 
 
-def test_a_file_of_ones_own_is_taken(describe, tmp_path):
-    own = tmp_path / "mine.yaml"
-    own.write_text("{}", encoding="utf-8")
-    for name, shipped in (("real", "config/real_arm.yaml"), ("intent", "config/params.yaml")):
-        for node in start(describe(name), params_file=str(own)).values():
-            first, second, _ = node["parameters"]
-            assert first.endswith(shipped) and second == str(own)
-
-
 def test_a_real_arm_is_slow_and_waits(describe, repository):
     nodes = start(
         describe("real"), bodies="left_hand, right_hand", joint_states_topic="/arm/states"
@@ -230,14 +211,6 @@ def test_a_replay_moves_no_arm_and_plays_no_answer(describe):
     assert {"intent/", "human/", "joint_trajectory"} <= set(player["without"])
 
 
-def test_rviz_gets_its_file_and_a_tree_of_frames(describe):
-    nodes = start(describe("demo"), rviz="true")
-    assert nodes["rviz2"]["arguments"][0] == "-d"
-    assert nodes["rviz2"]["arguments"][1].endswith("config/intent.rviz")
-    assert ("/tf", "tf") in nodes["rviz2"]["remappings"]
-    assert '<link name="world" />' in values(nodes["robot_state_publisher"])["robot_description"]
-
-
 @pytest.mark.parametrize("name", ["demo", "sim"])
 def test_another_arm_takes_the_place_of_the_lwr(describe, name):
     nodes = start(describe(name), arm="panda", rviz="true")
@@ -255,12 +228,6 @@ def test_nodes_use_our_profiles_of_fast_dds_unless_the_user_has_some(describe, m
     assert {variable for variable, _ in added} == set(PROFILES)
     monkeypatch.setenv(PROFILES[0], "mine.xml")
     assert not [e for e in describe(name) if e.kind == "SetEnvironmentVariable"]
-
-
-@pytest.mark.parametrize("given", [{"rate": "fast"}, {"headless": "perhaps"}, {"seed": "1.5"}])
-def test_a_value_of_another_kind_is_named(describe, given):
-    with pytest.raises(ArgumentError, match=next(iter(given))):
-        start(describe("demo"), **given)
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
@@ -321,13 +288,6 @@ def test_a_node_that_cannot_start_ends_the_launch_and_one_that_dies_does_not(des
         return
     with pytest.raises(IntentError, match="primitive_activation-3 cannot run"):
         node["on_exit"](exited, Context())
-
-
-def test_a_player_that_cannot_start_ends_the_launch_and_its_end_does_not(describe):
-    player = start(describe("replay"))["bag_player"]
-    assert player["on_exit"](types.SimpleNamespace(returncode=0), Context()) is None
-    with pytest.raises(IntentError):
-        player["on_exit"](types.SimpleNamespace(returncode=1, process_name="p"), Context())
 
 
 def test_what_is_optional_is_there_before_the_first_node_starts(describe, monkeypatch, tmp_path):

@@ -62,18 +62,6 @@ def test_positions_alone_do_not_overshoot():
     assert np.abs(np.diff(velocities, axis=0)).max() < 0.05
 
 
-def test_names_in_any_order():
-    order = [3, 0, 6, 1, 5, 2, 4]
-    goal = np.arange(7) * 0.1
-    times, q, qd, qdd = quintic_rows(REST, goal, 2.0, 5)
-    shuffled = TrajectoryCommand.validated(
-        [JOINT_NAMES[i] for i in order], times, q[:, order], qd[:, order], qdd[:, order]
-    )
-    assert np.array_equal(shuffled.positions, q)
-    assert np.array_equal(shuffled.velocities, qd)
-    assert np.array_equal(shuffled.accelerations, qdd)
-
-
 def test_single_point_is_reached_at_its_time_and_held():
     goal = np.full(7, 0.4)
     follower = TrajectoryFollower(REST)
@@ -190,27 +178,6 @@ def test_blend_alone_keeps_its_share_of_the_acceleration(goal):
     follower.accept(command([0.0], [goal]), 0.0)
     _, _, qdd = samples(follower, np.linspace(0.0, 5.0, 2000))
     assert np.all(np.abs(qdd) <= ACCELERATION_SHARE * LWR_LIMITS.acceleration * (1.0 + 1e-9))
-
-
-def test_a_stream_of_updates_is_smooth():
-    """Twenty commands a second along slightly different paths, as activation sends them."""
-    rng = np.random.default_rng(7)
-    follower = TrajectoryFollower(REST)
-    velocities = []
-    goal = np.full(7, 0.6)
-    times, q, qd, qdd = quintic_rows(REST, goal, 2.0, 41)
-    for k in range(40):
-        now = 0.05 * k
-        shift = 0.01 * rng.standard_normal(7)
-        rows = slice(k, None)
-        share = (np.arange(41) / 40)[rows, None]
-        follower.accept(
-            command(times[rows] - now, (q[rows] + share * shift), qd[rows], qdd[rows]), now
-        )
-        _, part, acceleration = samples(follower, np.arange(now, now + 0.05, 0.001))
-        assert np.abs(acceleration).max() < 8.0
-        velocities.append(part)
-    assert np.abs(np.diff(np.concatenate(velocities), axis=0)).max() <= 8.0 * 0.001 + 1e-9
 
 
 def test_one_that_cannot_be_joined_within_the_limits_is_rejected_and_changes_nothing(monkeypatch):

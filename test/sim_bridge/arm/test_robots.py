@@ -175,14 +175,3 @@ def test_meshes_of_installed_packages_are_found(tmp_path, monkeypatch):
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path / 'install'}")
     text = '<robot><link><mesh filename="package://arm_description/link.stl"/></link></robot>'
     assert str(mesh) in with_meshes(text, tmp_path / "elsewhere")
-
-
-def test_a_raised_base_is_drawn_on_a_block_from_the_ground_on():
-    root = ET.fromstring(find_robot("xarm").description)
-    (visual,) = root.findall("link[@name='world']/visual")
-    x, y, z = map(float, visual.find("origin").get("xyz").split())
-    assert (x, y) == find_robot("xarm").base_position_m[:2]
-    height = float(visual.find("geometry/box").get("size").split()[2])
-    assert (z - height / 2, z + height / 2) == (0.0, find_robot("xarm").base_position_m[2])
-    root = ET.fromstring(find_robot("panda").description)
-    assert root.findall("link[@name='world']/visual") == []

@@ -6,12 +6,11 @@ import pytest
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
-from intent_recognition.nodes.qos import COMMAND, STATE
+from intent_recognition.nodes.qos import COMMAND
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
 from sim_bridge.arm.spread_control import HOLD_S, SpreadControl
@@ -49,12 +48,6 @@ def test_a_sure_prediction_is_held_firmly_and_an_unsure_one_softly():
     assert firm[0] < 0.5 * soft[0]
     assert firm[1] < 1e-3
     assert soft[1] < 0.01
-
-
-@pytest.mark.slow
-def test_without_a_prediction_the_arm_has_low_gains():
-    assert deflection(SpreadControl()) == deflection(None)
-    assert not SpreadControl().in_force(0.0)
 
 
 def test_gains_go_from_point_to_point_and_end_after_a_hold():
@@ -121,24 +114,6 @@ def test_the_node_takes_the_spread_of_predictions(harness):
             for value in status.values
         )
     )
-    assert node.spread.in_force(node.arm.time_s)
-
-
-def test_the_node_reaches_its_goal_by_either_controller(harness):
-    states = harness.collect(JointState, "joint_states", STATE)
-    predictions = harness.publisher(JointTrajectory, "intent/robot_trajectory", COMMAND)
-    commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    overrides = {"controller": "stochastic_feedback", "publish_clock": True}
-    node = harness.node(LwrSim, **overrides)
-    harness.connect(predictions)
-    harness.connect(commands)
-    goal = np.array(HOME) + 0.1
-    point = JointTrajectoryPoint(positions=goal.tolist(), velocities=[0.0] * 7)
-    point.time_from_start = Duration(nanosec=800_000_000)
-    predictions.publish(prediction(UNSURE))
-    harness.spin_until(lambda: node.spread.in_force(node.arm.time_s))
-    commands.publish(JointTrajectory(joint_names=list(JOINT_NAMES), points=[point]))
-    harness.spin_until(lambda: states and np.abs(states[-1].position - goal).max() < 2e-3)
     assert node.spread.in_force(node.arm.time_s)
 
 

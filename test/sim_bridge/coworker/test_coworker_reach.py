@@ -11,21 +11,13 @@ from sim_bridge.coworker.reach import (
     Hesitation,
     Reach,
     bow_profile,
-    draw_reach,
-    draw_rest,
     normalised_time,
 )
-from sim_bridge.coworker.styles import LONGEST_MOVEMENT_S, STYLES, TASKS
 
 
 def reach(nominal_s=2.0, hesitations=(), bow=(0.0, 0.0, 0.0)) -> Reach:
     start, goal = np.zeros(3), np.array([0.4, 0.0, 0.0])
     return Reach("", start, goal, nominal_s, np.array(bow), 1.2, np.zeros(3), hesitations)
-
-
-def draws(task, count=200):
-    rng = np.random.default_rng(3)
-    return [draw_reach(rng, task, draw_rest(rng)) for _ in range(count)]
 
 
 def test_straight_reach_has_the_peaks_of_minimum_jerk():
@@ -61,23 +53,6 @@ def test_hesitation_slows_the_hand_where_it_hesitates():
     middle = np.argmin(np.abs(normalised_time(slow, times) - 0.5))
     before = np.argmin(np.abs(normalised_time(slow, times) - 0.35))
     assert speed[middle] < 0.5 * speed[before]
-
-
-@pytest.mark.parametrize("task", TASKS)
-def test_speed_varies_by_two_and_a_half_and_goals_fill_a_region(task):
-    drawn = draws(task)
-    nominal = np.array([r.nominal_s for r in drawn])
-    assert nominal.min() >= 1.6
-    assert nominal.max() <= 4.0
-    assert nominal.max() / nominal.min() > 2.3
-    assert max(r.duration_s for r in drawn) <= LONGEST_MOVEMENT_S
-    goals = np.array([r.goal_m for r in drawn])
-    region = 2.0 * STYLES[task].goal_half_width_m
-    assert np.all(np.ptp(goals, axis=0) <= region)
-    assert np.all(np.ptp(goals, axis=0) > 0.9 * region)
-    assert np.all(region > 0.12)
-    hesitating = np.mean([bool(r.hesitations) for r in drawn])
-    assert 0.25 < hesitating < 0.45
 
 
 def test_quaternions_are_unit_continuous_and_turn_by_the_rotation_vector():

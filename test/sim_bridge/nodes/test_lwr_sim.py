@@ -253,6 +253,7 @@ def test_in_gravity_compensation_no_trajectory_is_taken(harness):
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
     node = make(harness, publish_clock=True, real_time_factor=2.0)
     harness.connect(sender)
+    harness.spin_until(lambda: states)
     for guided in (True, False):
         request = SetBool.Request(data=guided)
         assert harness.call(SetBool, "lwr_sim/gravity_compensation", request).success
