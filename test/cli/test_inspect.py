@@ -11,6 +11,7 @@ from moved_box import learned
 
 from intent_recognition.bags import BagReader
 from intent_recognition.bags.writer import BagWriter
+from intent_recognition.cli.inspect_bag import moment
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import BagError, IntentError, ModelError
@@ -213,3 +214,28 @@ def test_a_table_is_to_be_imported(words, run_command, tmp_path, model_file):
     for path in (folder, folder / "walk.csv"):
         with pytest.raises(IntentError, match=r"`intent import` \(docs/import.md\)"):
             run_command(*words, path, *more)
+
+
+def test_messages_of_a_chunk_that_cannot_be_read_do_not_count(run_command, tmp_path):
+    bag = write_bag(tmp_path / "flipped")
+    file = next(bag.glob("*.mcap"))
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    file.write_bytes(data)
+    _, output = run_command("inspect", bag, "--json")
+    content = json.loads(output)
+    n_readable = len(list(BagReader(bag, tolerant=True).raw_messages()))
+    assert content["message_count"] == n_readable < 200 and content["damage"]
+    assert content["duration_s"] < 0.5
+
+
+def test_moments_of_simulated_clocks_are_plain_seconds():
+    assert moment(1_500_000_000) == "t = 1.500 s"
+    assert moment(START_NS) == "2023-11-14 22:13:20.000 UTC"
+
+
+def test_an_empty_bag_is_a_problem(run_command, tmp_path):
+    for name in ("empty_00", "empty_01"):
+        write_bag(tmp_path / name, count=0)
+    assert "note: it holds no messages" in run_command("inspect", tmp_path / "empty_00")[1]
+    assert "it holds no messages" in " ".join(run_command("inspect", tmp_path)[1].split())

@@ -130,3 +130,10 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(run_command
     for output in (tmp_path, tmp_path / "file" / "model.npz"):
         with pytest.raises(ResourceBusyError, match="--output"):
             run_command("train", "/no/bag", "--output", output)
+
+
+@pytest.mark.slow
+def test_single_bags_and_folders_may_be_mixed(train, recorded):
+    names = [recorded / "bags" / f"demo_{k:02d}" for k in range(6)]
+    code, _, output = train(*names)
+    assert code == 0 and load_model(output).library.n_demonstrations.tolist() == [3, 3]

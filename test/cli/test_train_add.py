@@ -3,9 +3,11 @@
 
 import numpy as np
 import pytest
+import yaml
+from model_builder import GLOVE, make_dofs
 
 from intent_recognition.cli.main import main
-from intent_recognition.errors import ModelError, TrainingError
+from intent_recognition.errors import ArgumentError, DofError, ModelError, TrainingError
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.model.file import load_model, load_trained, save_model
 from intent_recognition.model.from_bags import accumulate_bags
@@ -89,3 +91,13 @@ def test_nothing_to_add_is_an_error(train, first, recorded, tmp_path, run_comman
         (nameless / path.name).write_bytes(text)
     with pytest.raises(TrainingError, match="BAG: expected a demonstration that can be added"):
         run_command("train", nameless, "--add", first, "--output", tmp_path / "more.npz")
+
+
+def test_options_that_contradict_the_model_are_refused(train, first, recorded, tmp_path):
+    with pytest.raises(ArgumentError, match=r"--basis: expected 8, as in .*first\.npz, got 12"):
+        train("more.npz", (5,), "--add", first, "--basis", 12)
+    with pytest.raises(ArgumentError, match="--segment: expected movement"):
+        train("more.npz", (5,), "--add", first, "--segment", "recording")
+    (tmp_path / "glove.yaml").write_text(yaml.safe_dump(make_dofs(GLOVE).to_dict()))
+    with pytest.raises(DofError, match="the DOFs of the model"):
+        train("more.npz", (5,), "--add", first, "--dofs", tmp_path / "glove.yaml")

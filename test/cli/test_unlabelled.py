@@ -90,3 +90,18 @@ def test_some_without_labels_are_clustered_but_not_scored(run, recorded, tmp_pat
     _, output = run("evaluate", tmp_path / "all", *arguments)
     result = json.loads(output.read_text())
     assert result["mixture"]["purity"] == 1.0 and result["n_demonstrations"] == 2
+
+
+@pytest.mark.slow
+def test_the_number_of_components_may_be_given(run):
+    text, output = run("train", "bags", "--unlabelled", "--components", 1)
+    assert load_model(output).library.labels == ("component_1",)
+    assert "purity 0.500" in text
+
+
+def test_evaluation_of_recordings_without_a_single_label(run):
+    text, output = run("evaluate", "nameless", "--unlabelled")
+    result = json.loads(output.read_text())
+    assert result["mixture"] == {"n_components": 2, "purity": None}
+    assert result["n_demonstrations"] == 8 and result["tasks"] == []
+    assert "no recording has a label" in text

@@ -11,6 +11,8 @@ from intent_recognition.dashboard.figure import (
     SHOULDER,
     SHOULDER_HALF_WIDTH,
     Stance,
+    bend,
+    bone_axes,
     lean_toward,
     reach,
 )
@@ -83,3 +85,16 @@ def test_the_smallest_rotation_is_the_one_found_by_search():
     ends = Rotation.from_rotvec(angles[:, None] * axis).apply(arm)
     first = angles[np.argmax(np.linalg.norm(ends - target, axis=1) <= wanted)]
     assert np.arccos((np.trace(lean) - 1) / 2) == pytest.approx(first, abs=2e-4)
+
+
+def test_the_elbow_lies_on_the_side_of_its_pole():
+    elbow = bend(np.zeros(3), np.array([0.4, 0.0, 0.0]), 0.3, 0.25, np.array([0.5, 0.0, -1.0]))
+    assert elbow[1] == 0.0
+    assert elbow[2] < 0.0
+
+
+def test_axes_of_a_bone_are_a_rotation_along_it():
+    axes = bone_axes(np.array([0.3, -0.2, 0.1]), np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    np.testing.assert_allclose(np.cross(axes[:, 2], [0.3, -0.2, 0.1]), 0.0, atol=1e-15)

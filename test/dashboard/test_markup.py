@@ -117,3 +117,21 @@ def test_a_node_that_said_that_its_work_is_done_has_ended():
     assert "ended: session over" in markup.nodes_table(nodes, 10.0)
     assert "silent" not in markup.nodes_table(nodes, 10.0)
     assert "ended" not in markup.nodes_table(nodes, 1.0), "it still reports"
+
+
+def test_a_node_that_is_done_raises_no_alarm():
+    nodes = {"cell/bag_player": NodeHealth(0, "running", {}, 0.0)}
+    assert markup.silent_nodes(nodes, 10.0) == []
+    assert markup.BAD not in markup.nodes_table(nodes, 10.0)
+
+
+def test_old_probabilities_lose_their_colour():
+    assert "#0072b2" not in bars(state_with("a"), {"a": "#0072b2"}, fresh=False)
+
+
+def test_details_have_rates_latency_and_what_was_rejected():
+    values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
+    text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
+    assert "human/wrist 100 Hz" in text
+    assert "latency p99 1.9 ms" in text
+    assert "rejected jump 4" in text

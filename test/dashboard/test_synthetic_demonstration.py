@@ -10,6 +10,8 @@ from hypothesis.extra.numpy import arrays
 from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
     arm_motion,
+    progress,
+    sample_demonstration,
     shortest_s,
 )
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, RATE_TOLERANCE
@@ -27,6 +29,20 @@ def test_wrist_rests_at_its_start_and_at_its_goal(start, goal, duration):
         assert np.allclose(show.wrist(at), start)
     for at in (show.rest_s + duration, show.length_s):
         assert np.allclose(show.wrist(at), goal)
+
+
+def test_progress_is_minimum_jerk():
+    share = np.linspace(-0.5, 1.5, 401)
+    inside = np.clip(share, 0.0, 1.0)
+    assert np.allclose(progress(share), 10 * inside**3 - 15 * inside**4 + 6 * inside**5)
+
+
+@given(POINTS, POINTS, st.integers(0, 1000))
+def test_goals_of_wrist_and_hand_shift_together(start, goal, seed):
+    drawn, shift = sample_demonstration(np.random.default_rng(seed), start, goal, 2.0, 0.03)
+    assert np.allclose(drawn.goal_m, goal + shift)
+    assert abs(drawn.bow_m @ (drawn.goal_m - start)) < 1e-9
+    assert 1.4 <= drawn.duration_s <= 2.6
 
 
 def test_the_arm_moves_from_rest_to_rest_within_its_time():

@@ -126,6 +126,15 @@ def test_the_start_posture_is_used_and_equals_the_library_s(harness, model, path
         np.testing.assert_allclose(message.position, expected, rtol=0.0, atol=1e-12)
 
 
+def test_a_posture_outside_is_skipped_counted_and_reported(harness, model, path, truth):
+    graph = Graph(harness, path)
+    far = start_mean(model.library, 1) + 0.8
+    graph.feed(movement(truth, 1), lambda stamp: far)
+    assert graph.rejected("start_posture_outside")
+    values = {v.key: v.value for v in graph.node._diagnostics.report().values}
+    assert values["start posture"] == "outside"
+
+
 def test_bad_joint_states_are_counted_and_harm_nothing(harness, model, path, truth):
     graph = Graph(harness, path)
     start = start_mean(model.library, 1)

@@ -257,3 +257,13 @@ def test_topics_that_nobody_publishes_are_named_once(harness, tmp_path, monkeypa
     harness.spin_until(lambda: said)
     named = "to /alone/late" if early else "anything"
     assert said == [f"nobody publishes {named} yet; what comes is recorded"]
+
+
+def test_a_best_effort_publisher_joining_later_is_heard(harness, tmp_path):
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["p"]))
+    first = harness.publisher(PoseStamped, "p", STATE)
+    harness.connect(first)
+    second = harness.publisher(PoseStamped, "p", SENSOR)
+    harness.connect(first, second)
+    second.publish(pose(1))
+    harness.spin_until(lambda: node._writer.message_count)

@@ -168,3 +168,15 @@ def test_without_the_arm_that_shall_slow_nothing_moves(harness):
     assert graph.node.diagnostics.rejected("no_robot_description") == 1 and graph.commands == []
     with pytest.raises(ArgumentError, match="person_dofs: expected 3 names"):
         Graph(harness, person_dofs=["x"])
+
+
+def test_a_path_into_a_box_is_planned_anew(harness):
+    graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))])
+    graph.describe(ROBOT.description)
+    for _ in range(4):
+        graph.step()
+    graph.harness.spin_until(lambda: graph.commands)
+    q = trajectory_arrays(graph.commands[0])[1]
+    np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
+    assert np.abs(q - HOME - (GOAL - HOME) * (q[:, :1] - HOME[0]) / 0.4).max() > 0.02
+    assert graph.node.activation.counts["replanned"] >= 1

@@ -91,3 +91,17 @@ def message_of(observation):
 
 def with_covariance(observation):
     return observation._replace(covariance=np.eye(3) * 4e-6)
+
+
+def test_what_is_left_over_from_a_pass_before_does_not_hold_up_the_next(harness, folder):
+    box = harness.publisher(PoseStamped, "box/pose", qos.STATE)
+    graph = Graph(harness, folder, listen=False)
+    harness.connect(box)
+    for at_s, place in ((10, ELSEWHERE), (11, ELSEWHERE), (2, PLACE)):
+        due = heard(graph) + 1
+        if at_s == 11:
+            graph.node._start_over()  # as when /clock goes back
+        box.publish(pose(place, START_NS + at_s * 10**9))
+        harness.spin_until(lambda due=due: heard(graph) >= due, what="the place")
+    assert graph.rejected("left_over") == 1 and graph.rejected("stamp_not_increasing") == 0
+    np.testing.assert_array_equal(graph.node.people[""].estimator._context.values, PLACE)

@@ -290,3 +290,18 @@ def test_an_activation_that_fails_half_way_leaves_nothing_subscribed(harness, tm
         assert not node.active
         topics = sorted(subscription.topic_name for subscription in node.subscriptions)
         assert topics == before
+
+
+@pytest.mark.slow
+def test_observed_topics_of_three_kinds_work_together(harness, mixed):
+    graph = Graph(harness, mixed)
+    observations = mixed.observations(2)
+    graph.feed(observations)
+    check_tasks(graph.tasks, expected(mixed.model, observations), mixed.model.labels)
+    moving = [m for m in graph.tasks if m.position[-1] < 1.0]
+    assert np.argmax(moving[-1].position) == 2
+    drawn = np.array([[p.x, p.y, p.z] for p in graph.markers[-1].markers[0].points])
+    wrist = np.array([o.values for o in observations if o.group == 2])
+    apart = np.linalg.norm(drawn[:, None] - wrist, axis=2)  # the body that is predicted, alone
+    assert np.all(np.min(apart, axis=1) < 1e-12)
+    assert graph.robot and graph.path

@@ -360,3 +360,18 @@ def test_an_arm_stands_where_the_second_person_does(describe):
     assert nodes["arm_sim"]["initial_position"] == nodes["primitive_activation"]["home"]
     given = start(describe("assembly"), arm="iiwa", hand_link="lbr_iiwa_link_6")
     assert values(given["intent_estimator"])["hand_link"] == "lbr_iiwa_link_6"
+
+
+def test_a_file_of_ones_own_is_taken(describe, tmp_path):
+    own = tmp_path / "mine.yaml"
+    own.write_text("{}", encoding="utf-8")
+    for name, shipped in (("real", "config/real_arm.yaml"), ("intent", "config/params.yaml")):
+        for node in start(describe(name), params_file=str(own)).values():
+            first, second, _ = node["parameters"]
+            assert first.endswith(shipped) and second == str(own)
+
+
+@pytest.mark.parametrize("given", [{"rate": "fast"}, {"headless": "perhaps"}, {"seed": "1.5"}])
+def test_a_value_of_another_kind_is_named(describe, given):
+    with pytest.raises(ArgumentError, match=next(iter(given))):
+        start(describe("demo"), **given)

@@ -30,6 +30,7 @@ from intent_recognition.report.figures_evaluation import (
 from intent_recognition.report.figures_interaction import (
     joint_figure,
     posterior_over_time_figure,
+    thin,
     wrist_figure,
 )
 
@@ -229,3 +230,18 @@ def test_matplotlib_is_loaded_by_the_first_figure_only():
         "sys.exit(before or 'matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_histograms_hold_every_interaction(per_task):
+    per_task["plate"].append(1.7)
+    for figure in (figures.decision_share_figure(per_task), figures.arrival_figure(per_task)):
+        bars = figure.axes[0].patches
+        assert sum(bar.get_height() for bar in bars) == sum(map(len, per_task.values()))
+
+
+def test_thinning_keeps_both_ends():
+    values = np.arange(10_000)
+    assert thin(values, 100)[[0, -1]].tolist() == [0, 9999]
+    assert len(thin(values, 100)) == 100
+    assert thin(values[:7], 100) is not None
+    assert len(thin(values[:7], 100)) == 7

@@ -169,3 +169,11 @@ def test_the_physics_gets_the_same_arm_without_the_world():
     assert [ET.tostring(e) for e in plain if e.tag in ("link", "joint")] == [
         ET.tostring(e) for e in rooted if e.get("name") not in extra
     ]
+
+
+def test_inertias_are_those_of_real_bodies():
+    """PyBullet silently zeroes an inertia that breaks the triangle inequality."""
+    for i, J in enumerate(ROTOR_INERTIA_KG_M2):
+        moments = link_inertia(i, J)
+        assert np.all(moments > 0.0)
+        assert 2.0 * moments.max() <= moments.sum() + 1e-12

@@ -196,3 +196,15 @@ def test_one_that_cannot_be_joined_within_the_limits_is_rejected_and_changes_not
     assert caught.value.reason == "cannot_join"
     for t, reference in zip((0.5, 2.0), before, strict=True):
         np.testing.assert_array_equal(follower.sample(t).q, reference.q)
+
+
+def test_names_in_any_order():
+    order = [3, 0, 6, 1, 5, 2, 4]
+    goal = np.arange(7) * 0.1
+    times, q, qd, qdd = quintic_rows(REST, goal, 2.0, 5)
+    shuffled = TrajectoryCommand.validated(
+        [JOINT_NAMES[i] for i in order], times, q[:, order], qd[:, order], qdd[:, order]
+    )
+    assert np.array_equal(shuffled.positions, q)
+    assert np.array_equal(shuffled.velocities, qd)
+    assert np.array_equal(shuffled.accelerations, qdd)
