@@ -69,6 +69,8 @@ def test_nothing_is_fetched(site):
 
 
 def test_formulae_are_drawn(site):
-    text = (site / "docs" / "mathematics.html").read_text(encoding="utf-8")
-    source = (ROOT / "docs" / "mathematics.md").read_text(encoding="utf-8")
-    assert text.count('<svg class="formula"') == source.count("```math")
+    for page in PAGES:
+        source = page.read_text(encoding="utf-8")
+        text = (site / page.relative_to(ROOT)).with_suffix(".html").read_text(encoding="utf-8")
+        assert text.count('<svg class="formula"') == source.count("```math"), page
+        assert "$$" not in text, page
