@@ -33,7 +33,7 @@ HOW = {
 }
 """Where more is said about what a node does."""
 BAG = "bags/toolbox/test/plate_handover_00"
-EVERY_NODES = ("/rosout", "/parameter_events", "/diagnostics")
+EVERY_NODES = ("/rosout", "/parameter_events", "/diagnostics", f"{NAMESPACE}/clock_answers")
 LIFECYCLE = "transition_event"
 LIFECYCLE_SERVICES = "lifecycle_msgs/"
 EVERY_NODES_SERVICES = (LIFECYCLE_SERVICES, "rcl_interfaces/", "type_description_interfaces/")
@@ -44,10 +44,11 @@ INTRODUCTION = """\
 
 Each node was started with shipped recordings and a model of them, and asked what it has. Names \
 are relative, `~/` is the node's own name, and a leading slash is absolute. All have the \
-parameters and services of every ROS 2 node, `use_sim_time` among them, and publish `/diagnostics`.
+parameters and services of every ROS 2 node, `use_sim_time` among them, and publish `/diagnostics` \
+and `clock_answers`.
 
 A parameter with a star is read at the start; `ros2 param set` refuses it. Ranges are checked. \
-Types and QoS of topics are in [topics.md](../topics.md#topics).
+[topics.md](../topics.md) has the types of topics and services.
 """
 
 
@@ -169,7 +170,7 @@ def _services(node: Node) -> str:
             kind = _type(end.srv_type)
             managed |= word == "Offers" and kind.startswith(LIFECYCLE_SERVICES)
             if word == "Calls" or not kind.startswith(EVERY_NODES_SERVICES):
-                names.add(f"`{_relative(node, end.srv_name)}` ({kind})")
+                names.add(f"`{_relative(node, end.srv_name)}`")
         lines += [f"{word}: {', '.join(sorted(names))}."] if names else []
     if managed:
         lines.append("A lifecycle node: it also offers `~/change_state` and its companions.")
