@@ -2,7 +2,6 @@
 """How a command says what it takes: its help as text, types of arguments, and a node's options."""
 
 import argparse
-import json
 import math
 import re
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from intent_recognition.cli.help import HEADING, Formatter
+from intent_recognition.nodes.processes import yaml_value
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Number = TypeVar("Number", int, float)
@@ -202,8 +202,3 @@ def node_arguments(args: argparse.Namespace, parameters: Mapping[str, object]) -
     for rule in args.remap:
         command += ["-r", rule]
     return command
-
-
-def yaml_value(value: object) -> str:
-    """A parameter's value as YAML that keeps its type: texts quoted, floats with a point."""
-    return json.dumps(value, ensure_ascii=False)

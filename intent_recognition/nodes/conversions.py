@@ -184,7 +184,10 @@ class TrajectoryBuilder:
         """
         times_ns = np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64)
         count = times_ns.size
-        self._grow(count)
+        for _ in range(count - len(self._points)):
+            self._points.append(JointTrajectoryPoint())
+        for views in self._views.values():
+            del views[count:]
         columns = {"positions": positions, "velocities": velocities, "effort": efforts}
         for field, values in columns.items():
             self._fill(field, values, count)
@@ -193,12 +196,6 @@ class TrajectoryBuilder:
         self._message.header.frame_id = frame_id
         self._message.points = self._points[:count]
         return self._message
-
-    def _grow(self, count: int) -> None:
-        for _ in range(count - len(self._points)):
-            self._points.append(JointTrajectoryPoint())
-        for views in self._views.values():
-            del views[count:]
 
     def _set_times(self, times_ns: NDArray[np.int64]) -> None:
         """Write time_from_start of the points, which rarely changes between two calls."""

@@ -216,17 +216,11 @@ GRAPHS = {
 
 @dataclass(frozen=True)
 class NodeCall:
-    """A node with all values that it starts with.
+    """A node of a graph with all values that it starts with, see `NodeSpec`.
 
     Attributes:
-        name: name of the node.
-        package: package that it is installed from.
         module: module whose `main` runs it; empty for a node of another package.
-        namespace: namespace of its topics; empty: none.
-        parameters: parameters that are set.
         remappings: pairs of names, from and to.
-        executable: that runs it.
-        respawns: whether it starts again where it died.
     """
 
     name: str

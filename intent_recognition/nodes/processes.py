@@ -2,6 +2,7 @@
 """Nodes as child processes: their environment, and an end with the command that started them."""
 
 import ctypes
+import json
 import os
 import signal
 import subprocess
@@ -91,7 +92,7 @@ class NodeProcesses:
         command = [sys.executable, "-c", code]
         command += ["--ros-args"]
         for key, value in parameters.items():
-            command += ["-p", f"{key}:={_text(value)}"]
+            command += ["-p", f"{key}:={yaml_value(value)}"]
         if params_file is not None:
             command += ["--params-file", str(params_file.resolve())]
         for pair in (("__node", name), *remappings) if remappings else ():
@@ -160,12 +161,9 @@ class NodeProcesses:
         self._processes.clear()
 
 
-def _text(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_text(item) for item in value) + "]"
-    return str(value)
+def yaml_value(value: object) -> str:
+    """A parameter's value as YAML that keeps its type: texts quoted, floats with a point."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _die_with_parent() -> None:

@@ -237,19 +237,12 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
     The Fast DDS of the wheels of ROS may otherwise spin for ever when the last node of a process is
     destroyed while another one is being discovered (docs/decisions/ros.md).
     """
-    with _end_of_process_after(END_S):
+    faulthandler.dump_traceback_later(END_S, exit=True, file=2)  # needs no thread of Python
+    try:
         if executor is not None:
             executor.shutdown()
         if node is not None:
             node.destroy_node()
-
-
-@contextmanager
-def _end_of_process_after(seconds: float) -> Iterator[None]:
-    """End the process unless the block is left in time; no thread of Python has to run for it."""
-    faulthandler.dump_traceback_later(seconds, exit=True, file=2)
-    try:
-        yield
     finally:
         faulthandler.cancel_dump_traceback_later()
 

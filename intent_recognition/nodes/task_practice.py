@@ -54,8 +54,11 @@ class TaskPracticeService:
         if self.running:
             raise BagError.about("~/practise", "no practice", "one", "End it first.")
         self._begun = begun = self._open()
-        if begun.by_thumbs:
-            self._check_judged()
+        judged = self._teacher.estimator_runs() and self._teacher.executions.records
+        if begun.by_thumbs and not judged:
+            cure = "Start the graph, and leave `executions` above 0."
+            expected = "an estimator, and recordings of executions"
+            raise BagError.about("practice by thumbs", expected, "none", cure)
         self.running = True
         text = f"practising {begun.practised.task} by {begun.cost}"
         self._teacher.report(Level.OK, f"{text}, {len(begun.session.tried)} rollouts so far")
@@ -123,13 +126,6 @@ class TaskPracticeService:
         costs = Cost(THUMBS, _unjudged) if cost == THUMBS else load_cost(cost, known, files=False)
         session = practised.session(costs, int(seed))
         return _Begun(practised, session, cost)
-
-    def _check_judged(self) -> None:
-        """Raise where no execution would be recorded or no estimator would execute."""
-        if not self._teacher.estimator_runs() or not self._teacher.executions.records:
-            cure = "Start the graph, and leave `executions` above 0."
-            expected = "an estimator, and recordings of executions"
-            raise BagError.about("practice by thumbs", expected, "none", cure)
 
     def _try_next(self) -> None:
         """Give the estimator the library with the next point."""

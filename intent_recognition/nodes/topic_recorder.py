@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Base of the nodes that write topics to bags: any topic of any installed type, bit for bit."""
 
-import operator
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 
 from intent_recognition.bags import (
     FLUSH_PERIOD_S,
@@ -36,29 +35,16 @@ NOISE_TOPICS = ("/rosout", "/parameter_events")
 ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
 
 
-class _Guarantees(NamedTuple):
-    """What all publishers of a topic offer, and the subscription therefore asks for."""
-
-    reliable: bool
-    latched: bool
-
-    @classmethod
-    def offered(cls, offers: Sequence[QoSProfile]) -> "_Guarantees":
-        return cls(
-            all(o.reliability == QoSReliabilityPolicy.RELIABLE for o in offers),
-            all(o.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for o in offers),
-        )
-
-
 @dataclass
 class _RecordedTopic:
-    """One topic listened to; `latched` is its last message, if it is a latched topic."""
+    """One topic listened to: what all its publishers offer, and the last message if latched."""
 
     name: str
     type: str
-    guarantees: _Guarantees
+    reliable: bool
+    latched: bool
     profiles: list[dict]
-    latched: RawMessage | None = None
+    last: RawMessage | None = None
 
 
 class TopicRecorder(Node):
@@ -133,10 +119,10 @@ class TopicRecorder(Node):
             self._writer = writer = BagWriter(path, dict(metadata))
             for source in self._sources.values():
                 self._declare(writer, source)
-                if source.latched is not None:
+                if source.last is not None:
                     now_ns = simulated_ns(self)
                     received_ns = time.time_ns() if now_ns is None else now_ns
-                    self._write(writer, replace(source.latched, log_time_ns=received_ns))
+                    self._write(writer, replace(source.last, log_time_ns=received_ns))
         self.diagnostics.status(Level.OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
@@ -233,9 +219,10 @@ class TopicRecorder(Node):
         if not publishers:
             return
         offers = [p.qos_profile for p in publishers]
-        guarantees = _Guarantees.offered(offers)
+        reliable = all(o.reliability == QoSReliabilityPolicy.RELIABLE for o in offers)
+        latched = all(o.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for o in offers)
         known = self._sources.get(resolved)
-        if known is not None and all(map(operator.ge, guarantees, known.guarantees)):
+        if known is not None and reliable >= known.reliable and latched >= known.latched:
             return
         try:
             kind = message_class(type_name)
@@ -247,12 +234,11 @@ class TopicRecorder(Node):
             for o in offers
         ]
         with self._lock:
-            self._sources[resolved] = source = _RecordedTopic(
-                stored, type_name, guarantees, profiles
-            )
+            source = _RecordedTopic(stored, type_name, reliable, latched, profiles)
+            self._sources[resolved] = source
             if self._writer is not None:
                 self._declare(self._writer, source)
-        profile = keep_last(2000, **guarantees._asdict())
+        profile = keep_last(2000, reliable=reliable, latched=latched)
         self._listener.subscribe(resolved, kind, profile)
 
     def _on_message(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
@@ -265,8 +251,8 @@ class TopicRecorder(Node):
         with self._lock:
             source = self._sources[topic]
             message = RawMessage(source.name, source.type, received_ns, sent_ns, data)
-            if source.guarantees.latched:
-                source.latched = message
+            if source.latched:
+                source.last = message
             if received_ns == 0 and self._writer is not None:
                 self.diagnostics.reject("no_clock", f"{topic}, before /clock")
             if received_ns == 0:

@@ -14,8 +14,9 @@ from ros_harness import NodeProcess
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.cli import play, record
-from intent_recognition.cli.options import node_arguments, yaml_value
+from intent_recognition.cli.options import node_arguments
 from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.nodes.processes import yaml_value
 
 INTENT = "intent_recognition.cli.main"
 
