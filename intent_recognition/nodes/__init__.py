@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 nodes: they translate between messages and the library, and do not think."""
+"""The ROS 2 nodes: they translate between messages and the library, and do not think.
+
+A file for each node, by the name of its executable (`registry.NODES`), and one for each of its
+inputs and outputs that is more than a callback.
+"""
 
 import os
 

@@ -179,10 +179,9 @@ class ActivationParameters:
         """
         value = self._values
         home = self.home
-        if home is not None and (home.shape != (len(names),) or not np.all(np.isfinite(home))):
-            raise ArgumentError.about(
-                "home", f"{len(names)} finite angles", value["home"], "One per joint [rad]."
-            )
+        if home is not None and home.shape != (len(names),):
+            cure = "One per joint [rad]."
+            raise ArgumentError.about("home", f"{len(names)} angles", value["home"], cure)
         return ActivationSettings(
             limits=self._limits_of(names),
             decision=self._decision(),

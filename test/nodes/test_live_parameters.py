@@ -130,7 +130,7 @@ def test_activation_tells_what_does_not_fit(harness, model):
     assert "0 without a model" in change(harness, node, pretrigger_threshold=0.5)
     other = harness.node(PrimitiveActivation, model=model)
     harness.executor.remove_node(node)
-    assert "7 finite angles" in change(harness, other, home=[0.0, 0.0])
+    assert "7 angles" in change(harness, other, home=[0.0, 0.0])
 
 
 def test_limits_change_only_while_the_arm_rests(harness, model):
