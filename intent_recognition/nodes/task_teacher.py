@@ -53,16 +53,9 @@ class TaskTeacher(TopicRecorder):
     """A recorder whose recordings become tasks.
 
     Executions are recorded, too, with what is told of them on `intent/feedback`, while `executions`
-    is above 0; `~/keep` makes a demonstration of the last one that a person corrected by hand.
-
-    `~/start` begins a recording of the task named by the parameter `task`; `~/stop` ends it, adds
-    it to the model in the folder `library` and asks the estimator to load that, unless the
-    parameter `learn_at_stop` is false: then recordings wait for `~/learn`. `~/discard` ends a
-    recording, or takes the last that waits, and keeps it aside; `~/undo` takes the last one that
-    was learned back. What happened is on `teach/status`, a sentence each, the last one latched.
-
-    `~/practise` begins (true) and ends (false) practice of the task named by the parameter `task`,
-    `~/accept` takes over what it came to; see `task_practice`.
+    is above 0. Each service does what the method of its name says, `~/practise` (true begins) and
+    `~/accept` those of `task_practice`. What happened is on `teach/status`, a sentence each, the
+    last one latched.
 
     An estimator that had the library's model and reports another one, since it was started again,
     gets it back.
@@ -135,7 +128,7 @@ class TaskTeacher(TopicRecorder):
         return str(path)
 
     def stop(self) -> str:
-        """End the recording, and learn it if `learn_at_stop`; returns what changed.
+        """End the recording; learn it if `learn_at_stop`, else it waits; returns what changed.
 
         Raises:
             BagError: nothing is being recorded, or the recording cannot be read.
