@@ -24,8 +24,6 @@ from intent_recognition.warping import amount_to_leave
 if TYPE_CHECKING:
     from intent_recognition.nodes.pouring_observer import PouringObserver
 
-DEFAULT_POURS = 2
-
 
 class Done(NamedTuple):
     """A pour of the demo: from what, into what, their warped parameters, and counts of balls."""
@@ -80,7 +78,7 @@ def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:
     from sim_bridge.scenarios.pouring import PAIRS
 
     if args.pair is None:
-        return PAIRS[: args.interactions or DEFAULT_POURS]
+        return PAIRS[: args.interactions or 2]
     cup, _, second = args.pair.partition(",")
     if not {cup, second} <= set(CONTAINER_NAMES):
         expected = f"two of {', '.join(CONTAINER_NAMES)}, with a comma"

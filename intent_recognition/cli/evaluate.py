@@ -24,7 +24,6 @@ from intent_recognition.model import merge_frames
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 
 ONLINE = ("recognised", "acted_on", "wrongly_acted_on", "median_share_at_decision")
-NO_LABEL = "it has no label `task`"
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
             return _finish_unlabelled(args, mixture, len(found.demonstrations), rejections, console)
     unlabelled = [d.name for d in recorded + held_out if d.task is None]
     unread: list[Rejection | StreamFinding]
-    unread = [*rejections, *(StreamFinding(name, NO_LABEL) for name in unlabelled)]
+    unread = [*rejections, *(StreamFinding(name, "it has no label `task`") for name in unlabelled)]
     print_left_out(console, unread)
     usable = _labelled(recorded) + _labelled(held_out)
     if test is None:

@@ -39,12 +39,7 @@ from intent_recognition.warping import (
     with_estimated_normals,
 )
 
-INPUT = "object/cloud"
-CLOUD = "object/labelled_cloud"
-PARAMETERS = "object/parameters"
-POSE = "object/pose"
-GRASP = "object/grasp"
-TOWARD = "object/toward"
+PARAMETERS, TOWARD = "object/parameters", "object/toward"
 
 
 class ObjectWarper(Node):
@@ -71,12 +66,12 @@ class ObjectWarper(Node):
         self._toward: PoseStamped | None = None
         self._frames = FrameOutput(self)
         self._diagnostics = Diagnostics(self)
-        self._cloud = self.create_publisher(PointCloud2, CLOUD, qos.STATE)
+        self._cloud = self.create_publisher(PointCloud2, "object/labelled_cloud", qos.STATE)
         self._vector = self.create_publisher(JointState, PARAMETERS, qos.STATE)
-        self._pose = self.create_publisher(PoseStamped, POSE, qos.STATE)
-        self._grasp = self.create_publisher(PoseStamped, GRASP, qos.STATE)
+        self._pose = self.create_publisher(PoseStamped, "object/pose", qos.STATE)
+        self._grasp = self.create_publisher(PoseStamped, "object/grasp", qos.STATE)
         self._diagnostics.subscribe(PoseStamped, TOWARD, self._on_toward, qos.STATE)
-        self._diagnostics.subscribe(PointCloud2, INPUT, self._on_cloud, qos.SENSOR)
+        self._diagnostics.subscribe(PointCloud2, "object/cloud", self._on_cloud, qos.SENSOR)
 
     def _on_cloud(self, message: PointCloud2) -> None:
         start_s = time.perf_counter()

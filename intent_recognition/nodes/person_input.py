@@ -17,7 +17,6 @@ from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.prediction_input import RejectionError
 
 TOPIC = "intent/human_trajectory"
-_DEFAULTS = SeparationSettings()
 
 
 class PersonInput:

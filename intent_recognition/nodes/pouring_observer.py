@@ -13,7 +13,6 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
 
-BALLS = "balls"
 SETTLED = 2
 """Clouds of each container that are warped before a pour: from the second on the cup's lip is
 toward the other one."""
@@ -39,7 +38,7 @@ class PouringObserver(Node):
         for name in OBJECTS:
             handle = partial(self._take_parameters, name)
             self.create_subscription(JointState, f"{name}/parameters", handle, qos.STATE)
-        self.create_subscription(JointState, BALLS, self._take_balls, qos.STATE)
+        self.create_subscription(JointState, "balls", self._take_balls, qos.STATE)
         self.create_subscription(String, "intent/active_task", self._take_active, qos.LATCHED)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take_reports, 10)
         self._pour = self.create_publisher(String, REQUEST, qos.STATE)

@@ -15,8 +15,6 @@ from rclpy.serialization import deserialize_message, serialize_message
 from intent_recognition.bags import LITTLE_ENDIAN, POSE, LayoutCache, header_stamp_ns
 from intent_recognition.errors import MessageError
 
-ODOMETRY = "nav_msgs/msg/Odometry"
-
 
 class PoseNumbers(NamedTuple):
     """What a node uses of a pose.
@@ -34,7 +32,7 @@ class PoseNumbers(NamedTuple):
     covariance: NDArray[np.float64] | None = None
 
 
-_POSES, _ODOMETRIES = LayoutCache(POSE), LayoutCache(ODOMETRY)
+_POSES, _ODOMETRIES = LayoutCache(POSE), LayoutCache("nav_msgs/msg/Odometry")
 
 
 def read_pose(data: bytes) -> PoseNumbers:
