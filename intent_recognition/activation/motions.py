@@ -117,9 +117,13 @@ class Motions:
 
         Where the arm is faster than that already, it brakes along the path.
         """
-        limits = self._common.settings.limits
+        settings = self._common.settings
+        limits, places = settings.limits, settings.slow_places
+        always = None if places is None else places.rate_ceiling(path)
 
         def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
+            if always is not None:
+                rate_ceiling = always if rate_ceiling is None else np.minimum(always, rate_ceiling)
             if rate_ceiling is not None and progress.rate > 0.0:
                 brake = stop_plan(path, start, limits, progress)
                 grid = np.linspace(0.0, 1.0, len(rate_ceiling))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import Clearance, Correction, Separation
+from intent_recognition.motion import Clearance, Correction, Separation, SlowPlaces
 from intent_recognition.recognition import DecisionSettings
 
 
@@ -41,6 +41,7 @@ class ActivationSettings:
         max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
         clearance: keeps plans clear of things; None: joint limits alone count.
         separation: slows what is no brake near the predicted person; None: nothing does.
+        slow_places: slow what is no brake there; None: nothing does.
         correction: yields to a person who moves the arm, and goes on by it; None: a push is an
             error of tracking and nothing more.
     """
@@ -60,6 +61,7 @@ class ActivationSettings:
     max_lateness_s: float = 3.0
     clearance: Clearance | None = None
     separation: Separation | None = None
+    slow_places: SlowPlaces | None = None
     correction: Correction | None = None
 
 

@@ -24,3 +24,4 @@ from intent_recognition.motion.separation import (
     SeparationSettings,
     phase_times_ns,
 )
+from intent_recognition.motion.slow_places import SlowPlaces, parse_places

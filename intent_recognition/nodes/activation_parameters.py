@@ -15,7 +15,14 @@ from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits
-from intent_recognition.motion import Clearance, Separation, Spread, is_hand, scaled_limits
+from intent_recognition.motion import (
+    Clearance,
+    Separation,
+    SlowPlaces,
+    Spread,
+    is_hand,
+    scaled_limits,
+)
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, declare
 from intent_recognition.nodes.prediction_input import RejectionError
@@ -170,6 +177,7 @@ class ActivationParameters:
         starts: dict[str, NDArray[np.float64]],
         clearance: Clearance | None = None,
         separation: Separation | None = None,
+        slow_places: SlowPlaces | None = None,
     ) -> ActivationSettings:
         """How to act, for these joints.
 
@@ -199,6 +207,7 @@ class ActivationParameters:
             max_lateness_s=value["max_lateness"],
             clearance=clearance,
             separation=separation,
+            slow_places=slow_places,
         )
 
     def _decision(self) -> DecisionSettings:

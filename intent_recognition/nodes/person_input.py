@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where people are predicted to be, for the speed of the arm: from `intent/human_trajectory`."""
+"""What bounds the speed of the arm: where people are predicted to be, and places to pass slowly."""
 
 from functools import partial
 
@@ -8,7 +8,14 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, IntentError
-from intent_recognition.motion import PredictedPerson, Separation, SeparationSettings
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import (
+    PredictedPerson,
+    Separation,
+    SeparationSettings,
+    SlowPlaces,
+    parse_places,
+)
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -20,14 +27,16 @@ TOPIC = "intent/human_trajectory"
 
 
 class PersonInput:
-    """Keeps the newest tube of each person's tracked point.
+    """Keeps the newest tube of each person's tracked point, from `intent/human_trajectory`.
 
     Args:
         diagnostics: counts what cannot be used under `bad_human_trajectory`.
 
     Attributes:
         people: in the frame of the URDF's root link; those of whom something is predicted.
-        separation: slows plans; None where nothing does, or as long as the arm is not known.
+        separation: slows plans near people; None where that is not asked for, or as long as the
+            arm is not known.
+        slow_places: likewise.
     """
 
     def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
@@ -45,10 +54,13 @@ class PersonInput:
             got = f"{len(self._dofs)}, and {len(self._offset)} in person_offset"
             cure = "Name x, y and z: `intent inspect MODEL` lists them."
             raise ArgumentError.about("person_dofs", "3 names, or none", got, cure)
+        self._places = parse_places(values["slow_at"])
         self._node = node
         self._people: dict[str, PredictedPerson] = {}
         self.people: tuple[PredictedPerson, ...] = ()
         self.separation: Separation | None = None
+        self.slow_places: SlowPlaces | None = None
+        self._arm: Arm | None = None
 
     def hear(self, person: str, topic: str = TOPIC) -> None:
         """Subscribe to the prediction of one more person, where the parameters ask for it."""
@@ -57,22 +69,26 @@ class PersonInput:
             self._node.create_subscription(JointTrajectory, topic, take, qos.COMMAND)
 
     def update(self, names: tuple[str, ...]) -> bool:
-        """Whether there is another `separation` than before.
+        """Whether `separation` and `slow_places` are others than before.
 
         Raises:
-            RejectionError: the arm is to slow near the person, and is not known.
+            RejectionError: the arm is to slow, and is not known.
         """
-        if not self._dofs:
+        if not self._dofs and not len(self._places):
             return False
         arm = self._hand.arm
         if arm is None:
-            raise RejectionError("no_robot_description", "person_dofs is set, but for which arm?")
+            raise RejectionError(
+                "no_robot_description", "person_dofs or slow_at is set, but for which arm?"
+            )
         if arm.joint_names != names:
             text = f"robot_description moves {', '.join(arm.joint_names)}, not {', '.join(names)}"
             raise RejectionError("wrong_joint_names", text)
-        new = self.separation is None or self.separation.arm is not arm
-        if new:
+        new, self._arm = self._arm is not arm, arm
+        if new and self._dofs:
             self.separation = Separation(arm, self._settings)
+        if new and len(self._places):
+            self.slow_places = SlowPlaces(arm, self._places)
         return new
 
     def _take(self, who: str, message: JointTrajectory) -> None:
@@ -81,6 +97,9 @@ class PersonInput:
             times_s, positions, rest = trajectory_arrays(message)
             names = list(message.joint_names)
             columns = [names.index(name) for name in self._dofs]
+            if np.all(times_s == times_s[-1:]):  # the movement is at its end
+                times_s, positions = times_s[-1:], positions[-1:]
+                rest = {name: values[-1:] for name, values in rest.items()}
             if not len(times_s) or np.any(np.diff(times_s) <= 0.0):
                 got = f"{len(times_s)} that do not" if len(times_s) else "none"
                 cure = "Check the sender."

@@ -366,7 +366,11 @@ class PrimitiveActivation(ManagedNode):
         self._correction.update(names, self._settings.taught)
         settings = replace(
             self._settings.settings(
-                names, self._starts, self._things.clearance, self._person.separation
+                names,
+                self._starts,
+                self._things.clearance,
+                self._person.separation,
+                self._person.slow_places,
             ),
             correction=self._correction.correction,
         )

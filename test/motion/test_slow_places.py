@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hand is slow at places, and the path is what it was."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import LWR_LIMITS, Arm
+from intent_recognition.motion import (
+    JointReference,
+    NominalTiming,
+    SlowPlaces,
+    make_path,
+    parse_places,
+    plan_interaction,
+    scaled_limits,
+)
+from sim_bridge.arm import find_robot
+from sim_bridge.scenarios.toolbox import HOME, HOME_HAND_M
+
+LIMITS = scaled_limits(LWR_LIMITS)
+RADIUS_M, SPEED_M_S = 0.03, 0.1
+
+
+def test_the_hand_keeps_the_speed_at_a_place_and_is_as_fast_as_before_elsewhere():
+    arm = Arm.from_urdf(find_robot("lwr").description)
+    turn = np.array([0.8, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    ends = np.stack([HOME - 0.5 * turn, HOME, HOME + 0.5 * turn])
+    path = make_path(np.array([0.0, 0.5, 1.0]), ends, LIMITS)
+    place_m = arm.forward_kinematics(path.spline(0.5))[:3, 3]
+    np.testing.assert_allclose(place_m, HOME_HAND_M, atol=1e-6)
+    places = SlowPlaces(
+        arm, parse_places([f"{' '.join(map(str, place_m))} {RADIUS_M} {SPEED_M_S}"])
+    )
+    start = JointReference.at_rest(ends[0])
+    plans = [
+        plan_interaction(path, NominalTiming(0.0, 1.0), start, LIMITS, rate_ceiling=ceiling)
+        for ceiling in (None, places.rate_ceiling(path))
+    ]
+    speeds = []
+    for plan in plans:
+        times_s = np.arange(0.0, plan.duration_s, 1e-3)
+        hand = arm.forward_kinematics(np.array([plan.at(t).position for t in times_s]))[:, :3, 3]
+        speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)
+        at_place = np.linalg.norm(hand - place_m, axis=1) < 0.9 * RADIUS_M
+        speeds.append((speed[at_place].max(), speed[~at_place].max()))
+    (free, fastest), (slow, elsewhere) = speeds
+    assert free > 3.0 * SPEED_M_S
+    assert slow < 1.1 * SPEED_M_S
+    assert elsewhere > 0.7 * fastest
+    assert plans[0].end == pytest.approx(plans[1].end)
+
+
+@pytest.mark.parametrize(
+    "text", ["0 0 0 0.1", "0 0 0 0 0.1", "0 0 0 0.1 -1", "a b c d e", "0 0 nan 1 1"]
+)
+def test_what_is_no_place_is_refused(text):
+    with pytest.raises(ArgumentError, match="slow_at"):
+        parse_places([text])
+    assert parse_places([""]).shape == (0, 5)
