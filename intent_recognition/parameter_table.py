@@ -22,14 +22,14 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     + ("correction", "sequences"),
     "task_teacher": ("task_teacher", "practice"),
     "object_warper": ("object_warper", "frames"),
-    "object_transfer": ("object_transfer", "hand"),
+    "object_transfer": ("object_transfer", "hand", "people"),
     "warped_primitive": ("warped_primitive",),
     "dashboard": ("dashboard",),
     "bag_recorder": ("bag_recorder",),
     "bag_player": ("bag_player",),
-    "arm_sim": ("arm", "robot", "pouring_scene"),
-    "lwr_sim": ("arm", "pouring_scene"),
-    "coworker_sim": ("coworker_sim",),
+    "arm_sim": ("arm", "robot", "pouring_scene", "people"),
+    "lwr_sim": ("arm", "pouring_scene", "people"),
+    "coworker_sim": ("coworker_sim", "people"),
 }
 """Parts that a node has, by the name of its executable."""
 

@@ -66,6 +66,7 @@ _ARM = RegisteredNode(
     "A torque-controlled arm in PyBullet, 1 kHz physics: one of four, or any URDF.",
     subscribes=(
         ANSWERS,
+        "intent/active_person",
         "intent/active_task",
         "intent/robot_trajectory",
         "intent/transfer",
@@ -184,6 +185,7 @@ NODES: Mapping[str, RegisteredNode] = {
         "Feels at the hand who carries an object, and says when to let it go.",
         subscribes=(
             f"human/{BODY}",
+            "intent/active_person",
             "intent/active_task",
             "intent/holding",
             "joint_states",

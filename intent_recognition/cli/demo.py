@@ -39,8 +39,8 @@ def add_parser(subparsers: Subparsers) -> None:
         coworker assemble a toolbox with the arm's help. Needs ROS 2.
 
         what happens:
-        --scenario          toolbox (default): hand over parts; cell: the same by a work plan of 20
-                            steps, with boxes on the arm's way and objects handed over by force;
+        --scenario          toolbox (default): hand over parts; cell: two people, one work plan
+                            of 20 steps, boxes on the arm's way and objects handed over by force;
                             assembly: learned from two people, the arm takes the place of the second
                             one; pouring: the arm pours with containers it was not taught with,
                             --interactions times (default: 2)
@@ -233,17 +233,17 @@ def _run_one(
     """A session: run it, print its table and write its report; its records and numbers."""
     from intent_recognition.evaluation import summarise, to_json
     from intent_recognition.report import table_lines, write_demo_report
-    from sim_bridge.scenarios.toolbox import score_session
+    from sim_bridge.scenarios.toolbox import score_people
 
     if scene.note:
         say(console, scene.note)
     if args.model is not None:
         check_model(args.model, scene)
     model = args.model or trained_model(args.output / "model.npz", console, scene)
-    log, first_ns = run_session(args, model, console, scene)
-    records, traces = score_session(log, scene.plan, first_ns, scene.scoring)
+    logs, first_ns = run_session(args, model, console, scene)
+    records, traces = score_people(logs, scene.plans, first_ns, scene.scorings)
     summary = summarise(records)
-    duration_s = float(scene.plan.samples.times_s[-1])
+    duration_s = max(float(plan.samples.times_s[-1]) for plan in scene.plans.values())
     settings = {
         "scenario": args.scenario,
         "arm": args.arm,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED
-from intent_recognition.nodes.graph import ARMS
+from intent_recognition.nodes.graph import ARMS, RECOGNITION
 from intent_recognition.plans import read_plan
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import read_text
@@ -30,12 +30,30 @@ BASES_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.5, -0.1, 0.
 Convention: toward the worker; an arm of 0.4 m reaches them from the last."""
 CELL_PLAN = "config/examples/cell_plan.yaml"
 """Work plan of the scenario `cell`."""
-CELL_BOXES = ("bin 0.60 -0.13 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.535 0.06 0.05 0.10")
+CELL_BOXES = ("bin 0.56 -0.26 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.535 0.06 0.05 0.10")
 """Boxes on the way of its arm. Convention: below the way to the screwdriver, and above that to the
-plates and the screws; nearly all ways can be bent around them."""
+plates and the screws, but 2.5 cm clear of the LWR at the stands and wherever something is handed
+over: where the end of a way touches, there is no way."""
+SLOW_M, SLOW_M_S = 0.03, 0.1
+"""Distance from a stand within which the hand is slow, and its speed there [m], [m/s]: the object
+is taken where both are less (`GRASP_RADIUS_M`, `GRASP_SPEED_M_S`)."""
 TRANSFER_HOLD_S = (5.0, 6.0)
 """Shortest and longest time for which the worker stays where an object is handed over [s].
 Convention: an arm that is late, and both of them taking their time."""
+CELL_PEOPLE = ("anna", "ben")
+"""Who work in the scenario `cell`."""
+WITH_PEOPLE = ("coworker_sim", "object_transfer", *RECOGNITION)
+"""Nodes that are told their names, beside the arm's."""
+CELL_HOLD_S = (10.0, 11.0)
+"""The same where two of them wait for one arm [s]. Convention: twice as long."""
+CELL_SEPARATION: Mapping[str, object] = {
+    "person_dofs": [f"mocap/wrist/pose.pose.position.{axis}" for axis in "xyz"],
+    "human_speed": 0.5,
+    "intrusion": 0.05,
+    "least_speed": 0.15,
+}
+"""How its arm slows near both of them [m/s], [m]. Convention: their hands wait for it, or go where
+they are predicted to."""
 
 
 class Scene(NamedTuple):
@@ -48,8 +66,8 @@ class Scene(NamedTuple):
         graph: of the nodes.
         arguments: of the graph.
         own: parameters that depend on the arm, by node.
-        plan: what the worker does.
-        scoring: where the hand belongs, and where it is.
+        plans: what the workers do, by name; the only one has none.
+        scorings: where the hand belongs, and where it is, for each of them.
         note: what a user should know of the arm; empty: nothing.
     """
 
@@ -59,8 +77,8 @@ class Scene(NamedTuple):
     graph: str
     arguments: Mapping[str, object]
     own: Mapping[str, Mapping[str, object]]
-    plan: "SessionPlan"
-    scoring: "Scoring"
+    plans: Mapping[str, "SessionPlan"]
+    scorings: Mapping[str, "Scoring"]
     note: str = ""
 
 
@@ -69,22 +87,29 @@ def make_scene(args: argparse.Namespace) -> Scene:
     return _assembly(args) if args.scenario == "assembly" else _toolbox(args)
 
 
-def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
-    """The entries of a toolbox session's task list, some of them changed on the way."""
-    from sim_bridge.coworker import change_some, parse_task_list, work_order
+def session_tasks(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
+    """The entries of each worker's task list, by name, some of them changed on the way."""
+    from sim_bridge.coworker import change_some, parse_task_list, work_shares
 
+    people = CELL_PEOPLE if args.scenario == CELL else ("",)
     if args.scenario == CELL and args.task_list == "habit":
         plan = read_plan(read_text(share_path(CELL_PLAN)))
-        tasks = work_order(plan, args.seed)[: args.interactions or None]
-        return change_some(tasks, args.seed, args.changes)
-    tasks = parse_task_list(args.task_list, args.seed, args.interactions)
-    return change_some(tasks, args.seed, args.changes)
+        shares = work_shares(plan, args.seed, len(people), args.interactions)
+    else:
+        tasks = parse_task_list(args.task_list, args.seed, args.interactions)
+        shares = tuple(tasks[k :: len(people)] for k in range(len(people)))
+    busy = {person: share for person, share in zip(people, shares, strict=True) if share}
+    own = [args.changes // len(busy) + (k < args.changes % len(busy)) for k in range(len(busy))]
+    return {
+        person: change_some(share, args.seed, n)
+        for (person, share), n in zip(busy.items(), own, strict=True)
+    }
 
 
 def _toolbox(args: argparse.Namespace) -> Scene:
     """The LWR by its joints, as it was taught; another arm by its hand."""
     from sim_bridge.arm import find_robot
-    from sim_bridge.coworker import HOLD, SessionTiming, plan_session
+    from sim_bridge.coworker import HOLD, SessionTiming, plan_people
     from sim_bridge.handover import finger_joints, with_fingers
     from sim_bridge.scenarios.toolbox import (
         HOME,
@@ -96,9 +121,12 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     )
 
     tasks = session_tasks(args)
-    timing = SessionTiming(hold_s=TRANSFER_HOLD_S) if args.transfers else SessionTiming()
-    plan = plan_session(args.seed, tasks, timing)
-    places_m = toolbox_places(plan)
+    hold_s = TRANSFER_HOLD_S if len(tasks) == 1 else CELL_HOLD_S
+    timing = SessionTiming(hold_s=hold_s) if args.transfers else SessionTiming()
+    sessions = plan_people(args.seed, list(tasks.values()), timing)
+    plans = dict(zip(tasks, sessions, strict=True))
+    places = {person: toolbox_places(plan) for person, plan in plans.items()}
+    places_m = np.concatenate(list(places.values()))
     plain = args.arm == LWR and not (args.base or args.tip)
     fetched_m = np.concatenate([list(STANDS_M.values()), np.add(list(STANDS_M.values()), LIFT_M)])
     arm = None if plain else _arm(args, HOME_HAND_M, np.concatenate([places_m, fetched_m]))
@@ -115,25 +143,32 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         things = {"boxes": list(CELL_BOXES)}
         for arm_node in ARMS:
             own[arm_node] = {**own.get(arm_node, {}), **things}
-        own["primitive_activation"] |= {**things, "clearance": 0.02}  # as config/examples/boxes
+        own["primitive_activation"] |= {**things, "clearance": 0.02, **CELL_SEPARATION}
+    if people := [person for person in plans if person]:
+        for node in (*WITH_PEOPLE, *ARMS):
+            own[node] = {**own.get(node, {}), "persons": people}
     if args.transfers:
         robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
         fingers = finger_joints(robot)
-        own["object_transfer"] = {"takes": [HOLD], "fingers": fingers, "hand_link": robot.tip}
-        own["coworker_sim"] = {"hold": list(timing.hold_s)}
+        felt = {"takes": [HOLD], "fingers": fingers, "hand_link": robot.tip}
+        own["object_transfer"] = {**own.get("object_transfer", {}), **felt}
+        own["coworker_sim"] = {**own.get("coworker_sim", {}), "hold": list(timing.hold_s)}
+        own["primitive_activation"]["slow_at"] = [
+            f"{x} {y} {z} {SLOW_M} {SLOW_M_S}" for x, y, z in STANDS_M.values()
+        ]
         named |= {"transfers": "true", "arm_scene": "transfers"}
-    scoring = Scoring(places_m)
+    scoring = Scoring(places_m, by_force=args.transfers)
     if arm is not None:
-        scoring = Scoring(places_m, arm.hand, n_joints=arm.robot.n_joints)
+        scoring = scoring._replace(hand_of=arm.hand, n_joints=arm.robot.n_joints)
     return Scene(
         "bags/toolbox/train",
         "" if arm is None else "config/dofs_hand.yaml",
         "bags/sessions",
         "demo",
-        named | {"task_list": ",".join(tasks)},
+        named | {"task_list": ";".join(map(",".join, tasks.values()))},
         own,
-        plan,
-        scoring,
+        plans,
+        {person: scoring._replace(places_m=own_m) for person, own_m in places.items()},
         "" if arm is None else _note(arm.robot),
     )
 
@@ -158,8 +193,8 @@ def _assembly(args: argparse.Namespace) -> Scene:
         "assembly",
         {"arm": named, "task_list": ",".join(one.task for one in session.interactions)},
         in_assistants_place(named, arm.robot.tip),
-        of_worker(session),
-        Scoring(places_m, arm.hand, REST_M, arm.robot.n_joints),
+        {"": of_worker(session)},
+        {"": Scoring(places_m, arm.hand, REST_M, arm.robot.n_joints)},
         _note(arm.robot),
     )
 

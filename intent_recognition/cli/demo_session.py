@@ -46,8 +46,11 @@ ROS_DOMAIN_ID")."""
 
 def run_session(
     args: argparse.Namespace, model: Path, console: Console, scene: Scene
-) -> tuple["SessionLog", int]:
-    """Start the nodes, follow the session, stop the nodes; its log, and the first sample's stamp.
+) -> tuple[dict[str, "SessionLog"], int]:
+    """Start the nodes, follow the session, stop the nodes.
+
+    Returns:
+        The log of each worker, by name, and the stamp of the first sample.
 
     Raises:
         IntentError: a node died, or nothing was received from one.
@@ -56,15 +59,17 @@ def run_session(
     from sim_bridge.scenarios.toolbox import first_sample_ns
 
     calls = _calls(args, model, scene)
-    log = _run_graph(args, calls, model, len(scene.plan.interactions), console)
-    first_ns = first_sample_ns(log, scene.plan)
+    logs = _run_graph(args, calls, model, scene, console)
+    person, plan = next(iter(scene.plans.items()))
+    log = logs[person]
+    first_ns = first_sample_ns(log, plan)
     if first_ns is None:
         got = f"{len(log.wrist_ns)} poses, none of them at a place of the session"
         cure = "See the nodes' logs, and let nothing else publish in this ROS_DOMAIN_ID."
         raise IntentError.about(
             "mocap/wrist/pose", "the coworker's poses", got if len(log.wrist_ns) else "none", cure
         )
-    return log, first_ns
+    return logs, first_ns
 
 
 def refuse_options(
@@ -145,14 +150,15 @@ def _run_graph(
     args: argparse.Namespace,
     calls: dict[str, NodeCall],
     model: Path,
-    n_tasks: int,
+    scene: Scene,
     console: Console,
-) -> "SessionLog":
-    """Run the nodes through one session; returns what was observed."""
+) -> dict[str, "SessionLog"]:
+    """Run the nodes through one session; returns what was observed of each worker."""
     from intent_recognition.nodes.session_observer import SessionObserver
 
-    progress = ProgressLine(n_tasks, console)
-    make_observer = partial(SessionObserver, progress.on_task, progress.on_active)
+    people = [person for person in scene.plans if person]
+    progress = ProgressLine(sum(len(p.interactions) for p in scene.plans.values()), console)
+    make_observer = partial(SessionObserver, progress.on_task, progress.on_active, people=people)
     with watched_graph(args, make_observer) as (observer, watch):
         refuse_busy_domain(observer, watch)
         if args.dashboard:
@@ -163,14 +169,14 @@ def _run_graph(
             watch.until(lambda: answers(page_address(args)), GRAPH_DEADLINE_S, "the page")
             say(console, f"the page is at {page_address(args)}")
         pace = _follow(args, observer, progress, watch)
-        log = observer.log()
+        logs = {person: observer.log(person) for person in scene.plans}
         if args.dashboard:
             observer.close()
             say(console, f"the session is over; the page stays open at {page_address(args)}")
             say(console, "teach a task there, or end it with Ctrl-C: the table of results follows")
             watch.until_interrupted()
         console.print(f"simulated time ran at {pace:.2f} x real time")
-        return log
+        return logs
 
 
 def _start_nodes(

@@ -88,6 +88,10 @@ class InteractionRecord:
             not handed over by force.
         transfer_s: when it had changed hands, counted from the human's end.
         largest_force_n: of the person on it.
+        believed: the most probable task at the end of the movement, whether or not the arm acted.
+        person: who did it; empty for the only one.
+        wrong_helps: times that the arm began to help while that one neither moved nor waited,
+            until the next interaction.
 
     Raises:
         ArgumentError: a number is not finite, or a missed interaction has a hand error.
@@ -107,6 +111,9 @@ class InteractionRecord:
     handed_over: bool | None = None
     transfer_s: float | None = None
     largest_force_n: float | None = None
+    believed: str = ""
+    person: str = ""
+    wrong_helps: int = 0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -136,6 +143,31 @@ class InteractionRecord:
 
 
 @dataclass(frozen=True)
+class PersonSummary:
+    """The interactions of one of several people.
+
+    Attributes:
+        person: name.
+        n: interactions.
+        recognised: of them those whose task was the most probable one at the end of the movement.
+        helped: of them those in which the arm did that task for this person.
+        handed_over: of them those in which the object changed hands.
+        wrong_helps: times that the arm began to help while the person neither moved nor waited.
+        median_arrival_s: after the end of the movement; None where the arm never came.
+        largest_force_n: of the person on an object; None without any.
+    """
+
+    person: str
+    n: int
+    recognised: int
+    helped: int
+    handed_over: int
+    wrong_helps: int
+    median_arrival_s: float | None
+    largest_force_n: float | None
+
+
+@dataclass(frozen=True)
 class DemoSummary:
     """All interactions of a session; those that the human changed on the way stand apart.
 
@@ -155,6 +187,7 @@ class DemoSummary:
         n_transfers: interactions in which an object was to be handed over by force, of all.
         handed_over: of them those in which it was.
         largest_force_n: of a person on an object; None without any.
+        people: each of several; empty for one.
     """
 
     n: int
@@ -172,6 +205,7 @@ class DemoSummary:
     n_transfers: int = 0
     handed_over: int = 0
     largest_force_n: float | None = None
+    people: tuple[PersonSummary, ...] = ()
 
     @property
     def missed(self) -> int:
@@ -195,6 +229,10 @@ def hand_error(errors_m: Sequence[float]) -> HandError:
 
 def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
     """Count and average; hand errors of `TASKS_APART` stay out of the overall hand error."""
+    people = tuple(
+        _summary_of(person, [r for r in records if r.person == person])
+        for person in sorted({r.person for r in records} - {""})
+    )
     changed = [record for record in records if record.changed_from]
     transfers = [record for record in records if record.handed_over is not None]
     forces = [r.largest_force_n for r in transfers if r.largest_force_n is not None]
@@ -228,6 +266,22 @@ def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
         n_transfers=len(transfers),
         handed_over=sum(bool(record.handed_over) for record in transfers),
         largest_force_n=max(forces) if forces else None,
+        people=people,
+    )
+
+
+def _summary_of(person: str, records: Sequence[InteractionRecord]) -> PersonSummary:
+    arrivals = [r.arrival_s for r in records if r.arrival_s is not None]
+    forces = [r.largest_force_n for r in records if r.largest_force_n is not None]
+    return PersonSummary(
+        person,
+        n=len(records),
+        recognised=sum(r.believed == r.task for r in records),
+        helped=sum(r.right for r in records),
+        handed_over=sum(bool(r.handed_over) for r in records),
+        wrong_helps=sum(r.wrong_helps for r in records),
+        median_arrival_s=median(arrivals) if arrivals else None,
+        largest_force_n=max(forces) if forces else None,
     )
 
 
@@ -255,6 +309,9 @@ def summary_line(summary: DemoSummary) -> str:
     if summary.n_transfers:
         force = f" with at most {summary.largest_force_n or 0.0:.1f} N"
         parts.append(f"handed over {summary.handed_over}/{summary.n_transfers}{force}")
+    for one in summary.people:
+        helped = f"recognised {one.recognised}/{one.n}, helped {one.helped}/{one.n}"
+        parts.append(f"{one.person} {helped}, wrong helps {one.wrong_helps}")
     return "summary: " + ", ".join(parts)
 
 

@@ -104,16 +104,16 @@ class ActivationOutput:
 
     def task(self, activation: Activation | None) -> None:
         """Tell which task is active, which ones are in question, and for which one it is ahead."""
+        person = "" if activation is None else activation.attended
+        if self._helped is not None and person != self._published_person:
+            self._published_person = person
+            self._helped.publish(String(data=person))
         task = "" if activation is None else activation.active_task
         if task != self._published_task:
             self._published_task = task
             self._task.publish(String(data=task))
             self._diagnostics.tick("intent/active_task")
             self._logger.info(f"active task: {task or 'none'}")
-        person = "" if activation is None else activation.attended
-        if self._helped is not None and person != self._published_person:
-            self._published_person = person
-            self._helped.publish(String(data=person))
         question = {} if activation is None else activation.question
         if {*question} != {*self._asked}:
             self._asked = tuple(question)

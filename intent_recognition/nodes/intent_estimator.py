@@ -95,7 +95,6 @@ class IntentEstimatorNode(ManagedNode):
         if VIA_POINTS in changes:
             self._via_points.check(changes[VIA_POINTS], self._estimators, self._postures.arm)
         if PLAN in changes:
-            self._check_plan(changes[PLAN])
             self._plan.check(changes[PLAN], self._estimators)
 
     def _change(self, changes: Changes) -> None:
@@ -122,7 +121,6 @@ class IntentEstimatorNode(ManagedNode):
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""
         self._model = self._load()
-        self._check_plan(self.get_parameter(PLAN).value)
         for belief in self.people.values():
             self._configure(belief)
         self._configured = True
@@ -173,6 +171,9 @@ class IntentEstimatorNode(ManagedNode):
     def _tell(self, belief: PersonBelief) -> None:
         """Publish what may come next, and report the worst of the people's states, if changed."""
         if belief.tell_next():
+            self._plan.share(belief.estimator, self._estimators)
+            for other in self.people.values():
+                other.tell_next()
             self._plan.update(belief.estimator)
         if belief.status != self._statuses.get(belief.person):
             self._statuses[belief.person] = belief.status
@@ -181,14 +182,9 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.status(level, "; ".join(texts))
 
     def _forget(self) -> None:
+        self._plan.forget()
         for belief in self.people.values():
             belief.forget()
-
-    def _check_plan(self, plan: str) -> None:
-        """Refuse a plan for several people."""
-        if plan and "" not in self.people:
-            cure = "Leave plan or persons empty: a plan is of one person's work."
-            raise ArgumentError.about(PLAN, "none with persons", plan, cure)
 
     def _load(self) -> Model:
         path = self.get_parameter("model").value

@@ -25,6 +25,7 @@ from intent_recognition.nodes.conversions import duration_s, position_array, sta
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.people import meet
 from intent_recognition.nodes.runtime import now_ns, run
 from intent_recognition.transfer import (
     Holding,
@@ -50,7 +51,7 @@ class ObjectTransfer(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_transfer", **kwargs)
         values = declare(self, "object_transfer")
-        self._near_m = values["near"]
+        self._near_m, self._attended = values["near"], ""
         self._takes: list[str] = values["takes"]
         self._fingers: list[str] = values["fingers"]
         self._diagnostics = Diagnostics(self)
@@ -58,14 +59,17 @@ class ObjectTransfer(Node):
         self._machine = TransferMachine(values["patience"])
         self._estimator: LoadEstimator | None = None
         self._task, self._until_ns = "", 0
-        self._person: deque[tuple[int, NDArray[np.float64], float]] = deque(maxlen=2)
+        self._people: dict[str, deque[tuple[int, NDArray[np.float64], float]]] = {}
         self._wrench: tuple[int, str, NDArray[np.float64]] | None = None
         self._out = self.create_publisher(JointState, TRANSFER, qos.STATE)
         hear = self._diagnostics.subscribe
         hear(String, "intent/active_task", self._on_task, qos.LATCHED)
         hear(Bool, HOLDING, self._on_holding, qos.STATE)
         hear(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
-        hear(Odometry, f"human/{values['body']}", self._on_person, qos.SENSOR)
+        if meet(self, f"human/{{}}/{values['body']}", partial(self._meet, values["body"])):
+            hear(String, "intent/active_person", self._on_attended, qos.LATCHED)
+        else:
+            self._meet(values["body"], "")
         hear(WrenchStamped, WRENCH, self._on_wrench, qos.SENSOR)
         hear(JointState, "joint_states", self._on_joints, qos.MEASURED)
 
@@ -143,8 +147,9 @@ class ObjectTransfer(Node):
     def _look(
         self, at_ns: int, hand_m: NDArray[np.float64]
     ) -> tuple[bool | None, NDArray[np.float64] | None, float]:
-        """Whether the person's hand is near, the way to it, and its speed, by earlier poses."""
-        fresh = [seen for seen in self._person if 0 < at_ns - seen[0] <= FRESH_S * 1e9]
+        """Whether the hand of whom the arm helps is near, the way to it, and its speed."""
+        person = self._people.get(self._attended, ())
+        fresh = [seen for seen in person if 0 < at_ns - seen[0] <= FRESH_S * 1e9]
         if not fresh:
             return None, None, 0.0
         _, at_m, speed = fresh[-1]
@@ -163,11 +168,23 @@ class ObjectTransfer(Node):
         end_s = duration_s(message.points[-1].time_from_start) if message.points else 0.0
         self._until_ns = begin_ns + round(end_s * 1e9)
 
-    def _on_person(self, message: Odometry) -> None:
+    def _on_attended(self, message: String) -> None:
+        self._attended = message.data or self._attended
+
+    def _meet(self, body: str, person: str) -> None:
+        """Hear where a person's hand is."""
+        topic = f"human/{person}/{body}" if person else f"human/{body}"
+        self._people[person] = deque(maxlen=2)
+        take = partial(self._on_person, person)
+        self._diagnostics.subscribe(Odometry, topic, take, qos.SENSOR)
+
+    def _on_person(self, person: str, message: Odometry) -> None:
         at_m, v = position_array(message.pose.pose), message.twist.twist.linear
         speed = float(np.linalg.norm([v.x, v.y, v.z]))
         if np.all(np.isfinite(at_m)):
-            self._person.append((stamp_ns(message), at_m, speed if np.isfinite(speed) else 0.0))
+            self._people[person].append(
+                (stamp_ns(message), at_m, speed if np.isfinite(speed) else 0.0)
+            )
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         f = message.wrench.force

@@ -24,6 +24,7 @@ PLAN = "plan"
 class PlanFollower:
     """The parameter `plan`, the topic `intent/plan` with what is believed of each step, and the
     service `save_plan`, which writes the plan in force into the file that the parameter named last.
+    Several people work on one assembly: what each of them has done counts for all.
 
     `intent/plan` is a diagnostic_msgs/DiagnosticStatus: `message` names the steps that were
     forgotten and those that may come, and `values` hold for each step "done", "may come",
@@ -37,6 +38,12 @@ class PlanFollower:
         serve(node, "save_plan", self._save)
         self._publisher = node.create_publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
         self._told: DiagnosticStatus | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is done."""
+        self._n_taken = 0
+        self._shared: WorkProgress | None = None
 
     def check(self, text: str, estimators: Sequence[IntentEstimator]) -> None:
         """Make sure that a value of the parameter can be taken."""
@@ -63,6 +70,19 @@ class PlanFollower:
     def follow(self, estimator: IntentEstimator) -> None:
         """Let an estimator follow the plan; steps that were done stay done."""
         estimator.expectation.follow(self._plan)
+
+    def share(self, estimator: IntentEstimator, everybody: Sequence[IntentEstimator]) -> None:
+        """Let all know what one person has done, and one who was forgotten what the others have."""
+        progress = estimator.expectation.progress
+        if progress is None or len(everybody) < 2:
+            return
+        if progress.n_taken < self._n_taken and self._shared is not None:
+            estimator.expectation.share(self._shared)
+        elif progress.n_taken > self._n_taken:
+            self._n_taken, self._shared = progress.n_taken, progress
+            for other in everybody:
+                if other is not estimator:
+                    other.expectation.share(progress)
 
     def update(self, estimator: IntentEstimator) -> None:
         """Publish how far the assembly is, if that has changed."""

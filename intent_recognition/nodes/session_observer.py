@@ -2,7 +2,7 @@
 """Node: subscribes to the topics of a session and logs them; simulated time waits for it."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -11,6 +11,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -28,45 +29,98 @@ EVERY_PATH_NS = 100_000_000
 """Time between two predictions that are kept [ns]. Convention."""
 
 
+class _Seen:
+    """What was on the topics of one person."""
+
+    def __init__(self) -> None:
+        self.labels: tuple[str, ...] = (NONE,)
+        self.wrist: list[tuple[int, NDArray[np.float64]]] = []
+        self.tasks: list[tuple[int, NDArray[np.float64]]] = []
+        self.predictions: list[tuple] = []
+        self.paths: list[tuple[int, NDArray[np.float64]]] = []
+
+    def take_wrist(self, _: int, message: PoseStamped) -> None:
+        self.wrist.append((stamp_ns(message), position_array(message.pose)))
+
+    def take_tasks(self, _: int, message: JointState) -> None:
+        if len(message.position) != len(message.name):
+            return
+        if not self.tasks:
+            self.labels = tuple(message.name)
+        row = np.array(message.position)
+        if tuple(message.name) != self.labels:  # a task was taught, or taken back
+            by_label = dict(zip(message.name, message.position, strict=True))
+            row = np.array([by_label.get(label, 0.0) for label in self.labels])
+        self.tasks.append((stamp_ns(message), row))
+
+    def take_prediction(self, now_ns: int, message: JointTrajectory) -> None:
+        if self.predictions and now_ns - self.predictions[-1][0] < EVERY_PATH_NS:
+            return
+        try:
+            times, positions, others = trajectory_arrays(message)
+            std = others["effort"]
+        except (MessageError, KeyError):
+            return  # none of the estimator's
+        of = stamp_ns(message), message.header.frame_id
+        self.predictions.append((now_ns, *of, times, positions, std))
+
+    def take_path(self, now_ns: int, message: Path) -> None:
+        if not self.paths or now_ns - self.paths[-1][0] >= EVERY_PATH_NS:
+            points = np.array([position_array(pose.pose) for pose in message.poses])
+            self.paths.append((now_ns, points))
+
+
 class SessionObserver(Node):
     """Collects the topics of a toolbox session until `log` is asked for.
 
     Args:
         on_task: called with (ground truth label, or "" at the end of a movement).
         on_active: called with the active task whenever it changes.
+        people: names of those who work; empty: one without a name.
     """
 
     def __init__(
-        self, on_task: Callable[[str], None], on_active: Callable[[str], None], **kwargs: Any
+        self,
+        on_task: Callable[[str], None],
+        on_active: Callable[[str], None],
+        people: Sequence[str] = (),
+        **kwargs: Any,
     ) -> None:
         super().__init__("session_observer", **kwargs)
-        self._on_active = on_active
-        self._labels: tuple[str, ...] = (NONE,)
-        self._wrist: list[tuple[int, NDArray[np.float64]]] = []
-        self._tasks: list[tuple[int, NDArray[np.float64]]] = []
+        self._on_task, self._on_active = on_task, on_active
+        self._people = {person: _Seen() for person in people or ("",)}
         self._active: list[tuple[int, str]] = []
+        self._helped: list[tuple[int, str]] = []
         self._joints: list[tuple[int, NDArray[np.float64]]] = []
-        self._predictions: list[tuple] = []
-        self._paths: list[tuple[int, NDArray[np.float64]]] = []
         self._contacts: list[tuple[int, str, NDArray[np.float64]]] = []
         self._transfers: list[tuple[int, str, NDArray[np.float64]]] = []
-        topics = (
-            (PoseStamped, "mocap/wrist/pose", self._take_wrist, qos.SENSOR),
-            (JointState, "intent/tasks", self._take_tasks, qos.STATE),
+        topics: list[tuple[type, str, Callable[[Any], None], QoSProfile]] = [
             (String, "intent/active_task", self._take_active, qos.LATCHED),
+            (String, "intent/active_person", self._take_helped, qos.LATCHED),
             (JointState, "joint_states", self._take_joints, qos.MEASURED),
-            (JointTrajectory, "intent/robot_trajectory", self._take_prediction, qos.COMMAND),
-            (Path, "intent/human_path", self._take_path, qos.COMMAND),
-            (String, "coworker/task", lambda message: on_task(message.data), qos.STATE),
             (JointState, "coworker/hand", partial(self._keep, self._contacts, 3), qos.STATE),
             (JointState, "intent/transfer", partial(self._keep, self._transfers, 5), qos.STATE),
-        )
+        ]
+        for person, seen in self._people.items():
+            of = f"{person}/" if person else ""
+            predicted = self._now(seen.take_prediction)
+            topics += [
+                (PoseStamped, f"mocap/{of}wrist/pose", self._now(seen.take_wrist), qos.SENSOR),
+                (JointState, f"intent/{of}tasks", self._now(seen.take_tasks), qos.STATE),
+                (JointTrajectory, f"intent/{of}robot_trajectory", predicted, qos.COMMAND),
+                (Path, f"intent/{of}human_path", self._now(seen.take_path), qos.COMMAND),
+                (String, f"coworker/{of}task", self._take_truth, qos.STATE),
+            ]
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
         self._inputs = [
             self.create_subscription(kind, topic, partial(self._take, topic, take), profile)
             for kind, topic, take, profile in topics
         ]
+
+    def _now(self, take: Callable[[int, Any], None]) -> Callable[[Any], None]:
+        """Called with a message, call with the time and it."""
+        return lambda message: take(now_ns(self), message)
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
         """Take a message, and tell those whose time waits for it."""
@@ -82,80 +136,55 @@ class SessionObserver(Node):
 
     def graph_is_complete(self) -> bool:
         """Whether the nodes that must run before the human moves have found one another."""
-        return (
-            self.count_subscribers("mocap/wrist/pose") >= 2
-            and self.count_publishers("human/wrist") >= 1
-            and self.count_subscribers("human/wrist") >= 1
-            and self.count_subscribers("intent/tasks") >= 2
-            and self.count_subscribers("joint_trajectory") >= 1
-            and self.count_publishers("joint_trajectory") >= 1
-            and self.count_subscribers("joint_states") >= 3
-            and bool(self._joints)
+        needed = [("joint_trajectory", 1, 1), ("joint_states", 1, 3)]
+        for person in self._people:
+            of = f"{person}/" if person else ""
+            needed += [(f"mocap/{of}wrist/pose", 0, 2), (f"intent/{of}tasks", 1, 2)]
+        if "" in self._people:  # of others there is none until they are seen
+            needed.append(("human/wrist", 1, 1))
+        return bool(self._joints) and all(
+            self.count_publishers(topic) >= n_out and self.count_subscribers(topic) >= n_in
+            for topic, n_out, n_in in needed
         )
 
-    def log(self) -> SessionLog:
-        """Everything so far, as arrays."""
-        wrist_ns, wrist = _columns(self._wrist, 3)
-        tasks_ns, probabilities = _columns(self._tasks, len(self._labels))
+    def log(self, person: str = "") -> SessionLog:
+        """Everything so far, as arrays; of somebody with a name what the arm did for that one."""
+        seen = self._people[person]
+        wrist_ns, wrist = _columns(seen.wrist, 3)
+        tasks_ns, probabilities = _columns(seen.tasks, len(seen.labels))
         joint_ns, joints = _columns(self._joints, len(self._joints[0][1]) if self._joints else 7)
+        active = self._active if not person else _of_person(self._active, self._helped, person)
+        contacts, transfers = self._contacts, self._transfers
+        if person:
+            contacts, transfers = (_while_active(rows, active) for rows in (contacts, transfers))
         return SessionLog(
-            self._labels,
+            seen.labels,
             wrist_ns,
             wrist,
             tasks_ns,
             probabilities,
-            np.array([stamp for stamp, _ in self._active], dtype=np.int64),
-            tuple(task for _, task in self._active),
+            np.array([stamp for stamp, _ in active], dtype=np.int64),
+            tuple(task for _, task in active),
             joint_ns,
             joints,
-            tuple(self._predictions),
-            tuple(self._paths),
-            ContactLog(*_states(self._contacts, 3)),
-            TransferLog(*_states(self._transfers, 5)),
+            tuple(seen.predictions),
+            tuple(seen.paths),
+            ContactLog(*_states(contacts, 3)),
+            TransferLog(*_states(transfers, 5)),
         )
-
-    def _take_wrist(self, message: PoseStamped) -> None:
-        self._wrist.append((stamp_ns(message), position_array(message.pose)))
-
-    def _take_tasks(self, message: JointState) -> None:
-        if len(message.position) != len(message.name):
-            return
-        if not self._tasks:
-            self._labels = tuple(message.name)
-        row = np.array(message.position)
-        if tuple(message.name) != self._labels:  # a task was taught, or taken back
-            by_label = dict(zip(message.name, message.position, strict=True))
-            row = np.array([by_label.get(label, 0.0) for label in self._labels])
-        self._tasks.append((stamp_ns(message), row))
 
     def _take_active(self, message: String) -> None:
         if self._active or message.data:
             self._active.append((now_ns(self), message.data))
         self._on_active(message.data)
 
+    def _take_helped(self, message: String) -> None:
+        self._helped.append((now_ns(self), message.data))
+
     def _take_joints(self, message: JointState) -> None:
         positions = np.array(message.position)
         if not self._joints or self._joints[0][1].shape == positions.shape:
             self._joints.append((stamp_ns(message), positions))
-
-    def _take_prediction(self, message: JointTrajectory) -> None:
-        now = now_ns(self)
-        if self._predictions and now - self._predictions[-1][0] < EVERY_PATH_NS:
-            return
-        try:
-            times, positions, others = trajectory_arrays(message)
-            std = others["effort"]
-        except (MessageError, KeyError):
-            return  # none of the estimator's
-        self._predictions.append(
-            (now, stamp_ns(message), message.header.frame_id, times, positions, std)
-        )
-
-    def _take_path(self, message: Path) -> None:
-        now = now_ns(self)
-        if not self._paths or now - self._paths[-1][0] >= EVERY_PATH_NS:
-            points = np.array([position_array(pose.pose) for pose in message.poses])
-            self._paths.append((now, points))
 
     def _keep(
         self, rows: list[tuple[int, str, NDArray[np.float64]]], width: int, message: JointState
@@ -163,16 +192,40 @@ class SessionObserver(Node):
         if len(message.position) == width:
             rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
 
+    def _take_truth(self, message: String) -> None:
+        self._on_task(message.data)
+
+
+def _of_person(
+    active: Sequence[tuple[int, str]], helped: Sequence[tuple[int, str]], person: str
+) -> list[tuple[int, str]]:
+    """When the task that is active for a person changed, and to what."""
+    changes = [(ns, 0, text) for ns, text in active] + [(ns, 1, text) for ns, text in helped]
+    now, found = ["", ""], dict[int, str]()
+    for at_ns, which, text in sorted(changes, key=lambda change: change[0]):
+        now[which] = text
+        found[at_ns] = now[0] if now[1] == person else ""
+    before = ["", *found.values()]
+    return [row for row, last in zip(found.items(), before, strict=False) if row[1] != last]
+
+
+def _while_active(
+    rows: Sequence[tuple[int, str, NDArray[np.float64]]], active: Sequence[tuple[int, str]]
+) -> list[tuple[int, str, NDArray[np.float64]]]:
+    """The rows of times at which some task was active."""
+    places = np.searchsorted([at_ns for at_ns, _ in active], [row[0] for row in rows], "right")
+    return [row for row, k in zip(rows, places, strict=True) if k and active[k - 1][1]]
+
 
 def _columns(
-    rows: list[tuple[int, NDArray[np.float64]]], width: int
+    rows: Sequence[tuple[int, NDArray[np.float64]]], width: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
     return stamps, np.array([row for _, row in rows]).reshape(len(rows), width)
 
 
 def _states(
-    rows: list[tuple[int, str, NDArray[np.float64]]], width: int
+    rows: Sequence[tuple[int, str, NDArray[np.float64]]], width: int
 ) -> tuple[NDArray[np.int64], tuple[str, ...], NDArray[np.float64]]:
     stamps, values = _columns([(stamp, row) for stamp, _, row in rows], width)
     return stamps, tuple(state for _, state, _ in rows), values

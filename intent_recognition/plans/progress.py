@@ -78,6 +78,7 @@ class WorkProgress:
     Attributes:
         plan: of the steps that can be recognised.
         labels: as given.
+        n_taken: movements that it has taken note of.
 
     Raises:
         ArgumentError: the plan has no step of these tasks.
@@ -111,11 +112,13 @@ class WorkProgress:
         out = WorkProgress(plan, labels)
         place = {name: k for k, name in enumerate(self.plan.names)}
         kept = [place.get(name, -1) for name in out.plan.names]
+        out.n_taken = self.n_taken
         out._keep(np.pad(self._done, ((0, 0), (0, 1)))[:, kept], self._weight)
         return out
 
     def reset(self) -> None:
         """Nothing is done."""
+        self.n_taken = 0
         self._done = np.zeros((1, len(self._task)), dtype=bool)
         self._weight = np.ones(1)
 
@@ -138,6 +141,7 @@ class WorkProgress:
             probabilities: of the K tasks and none, (K + 1,), that of the plan included.
             habit: as it was given to `next_tasks` before.
         """
+        self.n_taken += 1
         n = len(self._task)
         step, anew, idle = self._choice(habit)
         gain = probabilities[:-1] / np.maximum(self.next_tasks(habit), 1e-300)

@@ -189,6 +189,11 @@ class Expectation:
         self._plan = plan
         self._set(self.memory)
 
+    def share(self, progress: WorkProgress) -> None:
+        """Go by how far the assembly is that several people work on, who all share this."""
+        self.progress = progress
+        self._set(self.memory)
+
     def expect(self, task: str, *, at_once: bool) -> None:
         """Let a task be that of the next movement, as sure as a habit; empty: as it was learned.
 
@@ -211,8 +216,8 @@ class Expectation:
 
     def reset(self) -> None:
         """No last task, and nothing of the plan done."""
-        if self.progress is not None:
-            self.progress.reset()
+        if self.progress is not None and self._plan is not None:  # others may share the one before
+            self.progress = WorkProgress(self._plan, self._library.labels)
         self._answer = ""
         self._set(TaskMemory.empty(self._library.n_tasks))
 

@@ -94,6 +94,7 @@ def demo_page(
     remarks = (Paragraph(COLOURS, small=True), Paragraph(CONDITIONS, small=True))
     sections = [
         Section("Result", (_key_numbers(summary), *remarks)),
+        *([Section("People", (_people(summary),))] if summary.people else []),
         Section("Accuracy and timing", _figures_of_records(unchanged, summary, labels)),
         Section("Recognition", _figures_of_posteriors(unchanged, by_index)),
         *_details(records, by_index),
@@ -173,6 +174,32 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
             )
         )
     return KeyNumbers(tuple(numbers))
+
+
+def _people(summary: DemoSummary) -> TableBlock:
+    counts = ("recognised", "helped", "handed over", "wrong helps")
+    columns = (
+        Column("person", align="left"),
+        *map(Column, counts),
+        Column("arrival", "s"),
+        Column("largest force", "N"),
+    )
+    rows = tuple(
+        (
+            one.person,
+            *(f"{n}/{one.n}" for n in (one.recognised, one.helped, one.handed_over)),
+            str(one.wrong_helps),
+            _absent(one.median_arrival_s, lambda x: f"{x:+.2f}"),
+            _absent(one.largest_force_n, lambda x: f"{x:.1f}"),
+        )
+        for one in summary.people
+    )
+    caption = (
+        "recognised: the most probable task at the end of the movement. helped: the arm did that"
+        " task for this person. wrong helps: begun while the person neither moved nor waited."
+        " arrival: median, after the end of the movement; the arm helps one at a time."
+    )
+    return TableBlock(columns, rows, caption)
 
 
 def _figures_of_records(

@@ -45,7 +45,8 @@ def _note(record: InteractionRecord) -> str:
     began = f"began as {record.changed_from}" if record.changed_from else ""
     missed = "" if record.right else "MISSED"
     kept = "NOT HANDED OVER" if record.handed_over is False else ""
-    return " ".join(filter(None, (missed, kept, began, record.note)))
+    wrong = "WRONG HELP" if record.wrong_helps else ""
+    return " ".join(filter(None, (record.person, missed, wrong, kept, began, record.note)))
 
 
 def fields_of(records: Sequence[InteractionRecord]) -> tuple[Field, ...]:

@@ -5,6 +5,7 @@ Nodes say how many messages of each topic they have taken and sent. Time goes on
 sent along the way from the clock to the arm has been taken: nobody sleeps, and nobody is guessed.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -44,6 +45,7 @@ EDGES = (
     Edge("joint_states", ARM, "warped_primitive"),
     Edge("intent/transfer", "object_transfer", "session_observer"),
     Edge("coworker/hand", ARM, "session_observer"),
+    Edge("intent/active_task", "primitive_activation", "session_observer"),
 )
 """From the clock to the person, the estimate, the command and back to the arm; and to who looks."""
 ALWAYS = ("joint_trajectory",)
@@ -74,17 +76,20 @@ class LockStep:
         self._counts: dict[str, dict[str, int]] = {ARM: {}}
         self._lost: dict[Edge, int] = {}
 
-    def hear(self, node: str, counts: Mapping[str, int]) -> None:
+    def hear(self, node: str, counts: Mapping[str, int]) -> dict[str, int]:
         """Take how many messages of each topic a node has taken and sent since its start.
 
-        None of any: it is not to be waited for.
+        None of any: it is not to be waited for. What several people have of a topic is added up.
+
+        Returns:
+            The sums.
         """
-        before = self._counts.get(node, {})
+        before, counts = self._counts.get(node, {}), _of_all_people(counts)
         if any(counts.get(topic, 0) < n for topic, n in before.items()):  # it has started again
             self.leave(node)
-        if not counts:
-            return
-        self._counts[node] = dict(counts)
+        if counts:
+            self._counts[node] = counts
+        return counts
 
     def note(self, topic: str) -> None:
         """The arm has sent or taken a message of a topic."""
@@ -113,3 +118,16 @@ class LockStep:
         """Wait for a node no longer, until it answers again."""
         self._counts.pop(node, None)
         self._lost = {e: n for e, n in self._lost.items() if node not in (e.sender, e.taker)}
+
+
+def _of_all_people(counts: Mapping[str, int]) -> dict[str, int]:
+    """Counts by the topics of edges: what several people have of one is added up."""
+    total: Counter[str] = Counter()
+    for topic, n in counts.items():
+        first, _, rest = topic.partition("/")
+        short = f"{first}/{rest.partition('/')[2]}"
+        total[short if short in _TOPICS else topic] += n
+    return dict(total)
+
+
+_TOPICS = {edge.topic for edge in EDGES}

@@ -16,9 +16,10 @@ from sim_bridge.coworker.session import (
     Interaction,
     SessionPlan,
     SessionTiming,
+    plan_people,
     plan_session,
 )
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.coworker.task_list import change_some, parse_task_list
 from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
-from sim_bridge.coworker.work import work_order
+from sim_bridge.coworker.work import work_order, work_shares

@@ -190,9 +190,16 @@ def progress_at(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64
     return minimum_jerk(normalised_time(reach, time_s))
 
 
-def draw_rest(rng: np.random.Generator) -> NDArray[np.float64]:
-    """A resting place of the wrist (3,), uniform in the rest region common to all tasks."""
-    return REST_CENTRE_M + REST_HALF_WIDTH_M * rng.uniform(-1.0, 1.0, 3)
+def draw_rest(rng: np.random.Generator, side: float = 0.0) -> NDArray[np.float64]:
+    """A resting place of the wrist (3,), uniform in the rest region common to all tasks.
+
+    Beside somebody else it is in the outer 40 % of the region on one's own side of the table: 1 for
+    larger y, -1 for smaller.
+    """
+    place = rng.uniform(-1.0, 1.0, 3)
+    if side:
+        place[1] = side * (0.8 + 0.2 * place[1])
+    return REST_CENTRE_M + REST_HALF_WIDTH_M * place
 
 
 def draw_reach(
@@ -230,11 +237,13 @@ def draw_reach(
     return reach
 
 
-def draw_retract(rng: np.random.Generator, start_m: NDArray[np.float64]) -> Reach:
-    """Draw the way back from `start_m` to a new resting place."""
+def draw_retract(
+    rng: np.random.Generator, start_m: NDArray[np.float64], side: float = 0.0
+) -> Reach:
+    """Draw the way back from `start_m` to a new resting place; `side` as of `draw_rest`."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.015 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)
-    return Reach("", start_m, draw_rest(rng), rng.uniform(1.1, 1.7), bow, 1.0, turn)
+    return Reach("", start_m, draw_rest(rng, side), rng.uniform(1.1, 1.7), bow, 1.0, turn)
 
 
 def draw_hesitations(rng: np.random.Generator) -> tuple[Hesitation, ...]:

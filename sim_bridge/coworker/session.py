@@ -42,6 +42,10 @@ class SessionTiming:
     overlap_share: float = 0.0
 
 
+MOST_PEOPLE = 2
+"""At one table: its two sides."""
+SEEDS_APART = 1000
+"""From one worker's seed to the next one's. Convention: sessions of other seeds stay others."""
 WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), overlap_share=0.1)
 """One movement flows into the next: there is no rest but before the first and after the last.
 
@@ -61,6 +65,7 @@ class Interaction:
         reach: the movement.
         changed_from: label of the task as which a changed reach began, else empty.
         change_s: when it was changed; NaN if it was not.
+        leaves_s: when the worker waits for the robot no longer.
     """
 
     task: str
@@ -70,6 +75,7 @@ class Interaction:
     reach: WristMovement
     changed_from: str = ""
     change_s: float = np.nan
+    leaves_s: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ class SessionPlan:
 
 
 def plan_session(
-    seed: int, tasks: Sequence[str], timing: SessionTiming | None = None
+    seed: int, tasks: Sequence[str], timing: SessionTiming | None = None, side: float = 0.0
 ) -> SessionPlan:
     """Plan a session through `tasks` with new goals, starts, curves and speeds.
 
@@ -96,6 +102,7 @@ def plan_session(
         seed: of all variation; other seeds, other movements.
         tasks: labels in order, at least one; `read_intention` says how a change is written.
         timing: rests and holds; the defaults if None.
+        side: of the table, as of `draw_rest`.
 
     Raises:
         ArgumentError: an unknown label, or no task at all.
@@ -106,7 +113,7 @@ def plan_session(
         )
     timing = timing or SessionTiming()
     rng = np.random.default_rng([seed, 2])
-    place, now = draw_rest(rng), timing.first_idle_s
+    place, now = draw_rest(rng, side), timing.first_idle_s
     movements: list[tuple[float, WristMovement]] = []
     interactions = []
     retract: WristMovement | None = None
@@ -114,9 +121,9 @@ def plan_session(
         reach = _intended(rng, intention, place)
         movements.append((now, _following(reach, retract, timing)))
         end = now + (1.0 - timing.overlap_share) * reach.duration_s
-        interactions.append(_interaction(intention, now, end, reach))
-        retract = draw_retract(rng, reach.goal_m)
+        retract = draw_retract(rng, reach.goal_m, side)
         back = end + rng.uniform(*timing.hold_s)
+        interactions.append(_interaction(intention, now, end, back, reach))
         movements.append((back, _following(retract, reach, timing)))
         place = retract.goal_m
         now = back + (1.0 - timing.overlap_share) * retract.duration_s
@@ -125,6 +132,27 @@ def plan_session(
     length = last[0] + last[1].duration_s + timing.last_idle_s
     samples = sample_wrist(rng, movements, length, gaps_per_s=timing.gaps_per_s)
     return SessionPlan(samples, tuple(interactions))
+
+
+def plan_people(
+    seed: int, tasks: Sequence[Sequence[str]], timing: SessionTiming | None = None
+) -> tuple[SessionPlan, ...]:
+    """Sessions at one table, each with a seed of its own: of one worker, or of two side by side.
+
+    Args:
+        seed: of all; the first worker's alone.
+        tasks: labels of each worker, as of `plan_session`.
+        timing: rests and holds.
+
+    Raises:
+        ArgumentError: as of `plan_session`, or there is no place for so many.
+    """
+    if not 1 <= len(tasks) <= MOST_PEOPLE:
+        cure = "Name no more people."
+        raise ArgumentError.about("people", f"1 to {MOST_PEOPLE}", len(tasks), cure)
+    sides = (0.0,) if len(tasks) == 1 else (1.0, -1.0)
+    each = enumerate(zip(tasks, sides, strict=True))
+    return tuple(plan_session(seed + SEEDS_APART * k, own, timing, side) for k, (own, side) in each)
 
 
 def _intended(
@@ -149,11 +177,11 @@ def _following(
 
 
 def _interaction(
-    intention: Intention, onset_s: float, end_s: float, reach: WristMovement
+    intention: Intention, onset_s: float, end_s: float, leaves_s: float, reach: WristMovement
 ) -> Interaction:
     if not intention.then:
-        return Interaction(intention.task, onset_s, end_s, reach.goal_m, reach)
+        return Interaction(intention.task, onset_s, end_s, reach.goal_m, reach, leaves_s=leaves_s)
     change_s = onset_s + intention.share * reach.duration_s
     return Interaction(
-        intention.then, onset_s, end_s, reach.goal_m, reach, intention.task, change_s
+        intention.then, onset_s, end_s, reach.goal_m, reach, intention.task, change_s, leaves_s
     )

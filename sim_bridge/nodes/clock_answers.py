@@ -48,8 +48,7 @@ class ClockAnswers:
         if node not in self._answering:
             return {}
         counts = dict(zip(message.name, map(int, message.position), strict=True))
-        self._lock_step.hear(node, counts)
-        return counts
+        return self._lock_step.hear(node, counts)
 
     def all_came(self) -> bool:
         """Whether time has stood still, and what it waited for has come."""

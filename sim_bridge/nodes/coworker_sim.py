@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `coworker_sim`: a simulated worker whose wrist a simulated tracker follows."""
+"""The node `coworker_sim`: simulated workers whose wrists a simulated tracker follows."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -15,10 +15,11 @@ from std_msgs.msg import String
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.people import named_people
 from intent_recognition.nodes.qos import SENSOR, STATE
 from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import run, steady_timer
-from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
+from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_people
 from sim_bridge.scenarios.assembly import of_worker, plan_live
 
 SCENARIOS = _, ASSEMBLY = "toolbox", "assembly"
@@ -32,13 +33,76 @@ POLL_S = 0.02
 """Time between two looks for subscribers [s]. Convention."""
 
 
+class _Worker:
+    """One of the people: publishes samples and labels as their time comes.
+
+    Args:
+        node: that publishes.
+        plan: of the session.
+        person: name; empty for the only one.
+        diagnostics: of the node.
+        frame: of the poses.
+    """
+
+    def __init__(
+        self, node: Node, plan: SessionPlan, person: str, diagnostics: Diagnostics, frame: str
+    ) -> None:
+        of = f"{person}/" if person else ""
+        self.plan, self._topic = plan, f"mocap/{of}wrist/pose"
+        self._said, self._diagnostics = f"interaction {person}".strip(), diagnostics
+        self.poses = node.create_publisher(PoseStamped, self._topic, SENSOR)
+        self._tasks = node.create_publisher(String, f"coworker/{of}task", STATE)
+        self._labels = _label_schedule(plan)
+        self._next_label = self._next_sample = 0
+        self._message = PoseStamped()
+        self._message.header.frame_id = frame
+
+    def tick(self, first_ns: int, now_ns: int) -> bool:
+        """Publish the samples whose time has come; whether more will follow."""
+        samples = self.plan.samples
+        due = min((now_ns - first_ns + EARLY_NS) // SAMPLE_NS + 1, len(samples.times_s))
+        last = min(due, self._next_sample + BURST)
+        for k in range(self._next_sample, last):
+            self._announce(k * SAMPLE_NS)
+            if samples.visible[k]:
+                self._publish(first_ns, k)
+            else:
+                self._diagnostics.count("occluded")
+        self._next_sample = max(self._next_sample, last)
+        return self._next_sample < len(samples.times_s)
+
+    def end(self) -> None:
+        """Say that the session is over."""
+        self._tasks.publish(String(data=""))
+
+    def _announce(self, elapsed_ns: int) -> None:
+        """Publish the labels of reaches that have begun or ended."""
+        while self._next_label < len(self._labels):
+            at_ns, label, number = self._labels[self._next_label]
+            if at_ns > elapsed_ns:
+                return
+            self._tasks.publish(String(data=label))
+            self._next_label += 1
+            self._diagnostics.value(self._said, f"{number} of {len(self.plan.interactions)}")
+
+    def _publish(self, first_ns: int, k: int) -> None:
+        message, samples = self._message, self.plan.samples
+        message.header.stamp = Time(nanoseconds=first_ns + k * SAMPLE_NS).to_msg()
+        position, turn = message.pose.position, message.pose.orientation
+        position.x, position.y, position.z = samples.positions_m[k].tolist()
+        turn.x, turn.y, turn.z, turn.w = samples.orientations[k].tolist()
+        self.poses.publish(message)
+        self._diagnostics.tick(self._topic)
+
+
 class CoworkerSim(Node):
-    """Publishes what `plan_session` says, sample by sample, at the time it happens.
+    """Publishes what `plan_people` says, sample by sample, at the time it happens.
 
     Out: `mocap/wrist/pose`, whose sample k is stamped exactly 10 k ms after the first one, in this
     node's ROS time; `coworker/task`, the label when a reach begins and an empty string when it
     ends, and the new label when the worker changes his mind (ground truth, for scoring only);
-    `/diagnostics`.
+    `/diagnostics`. With `persons` each has such topics: `mocap/<person>/wrist/pose`,
+    `coworker/<person>/task`.
 
     The session begins when the clock runs, the nodes in `wait_for_nodes` are ready and
     `wait_for_subscribers` subscribe to the poses. With `exit_at_end` the node ends with the
@@ -48,27 +112,29 @@ class CoworkerSim(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("coworker_sim", **kwargs)
         values = declare(self, "coworker_sim")
-        self.plan = _make_plan(values)
+        people = named_people(self) or [""]
+        plans = _make_plans(values, len(people))
         self._wait_for = values["wait_for_subscribers"]
         nodes = values["wait_for_nodes"]
         self._exit_at_end = values["exit_at_end"]
-        self._frame = values["frame_id"]
         self.done = False
         self.diagnostics = Diagnostics(self)
         self._readiness = Readiness(self, nodes)
         self._waits_for = ""
-        self._poses = self.create_publisher(PoseStamped, "mocap/wrist/pose", SENSOR)
-        self._tasks = self.create_publisher(String, "coworker/task", STATE)
-        self._next_sample = 0
-        self._labels = _label_schedule(self.plan)
-        self._next_label = 0
+        self.workers = [
+            _Worker(self, plan, person, self.diagnostics, values["frame_id"])
+            for plan, person in zip(plans, people, strict=True)
+        ]
         self.first_stamp_ns = 0
         self._timer: Timer | None = None
-        self._message = PoseStamped()
-        self._message.header.frame_id = self._frame
         if self.get_parameter("use_sim_time").value:
             self.create_subscription(Clock, "/clock", self._on_clock, STATE)
         self._start_timer = steady_timer(self, POLL_S, self._start)
+
+    @property
+    def plan(self) -> SessionPlan:
+        """Of the first one."""
+        return self.workers[0].plan
 
     def _start(self) -> None:
         """Begin the session when its clock runs, the graph is ready and listens."""
@@ -91,7 +157,8 @@ class CoworkerSim(Node):
             return "/clock"
         if nodes := self._readiness.missing():
             return f"{', '.join(nodes)} (wait_for_nodes)"
-        n_missing = self._wait_for - self._poses.get_subscription_count()
+        there = min(worker.poses.get_subscription_count() for worker in self.workers)
+        n_missing = self._wait_for - there
         return f"{n_missing} subscribers of the poses" if n_missing > 0 else ""
 
     def _on_timer(self) -> None:
@@ -106,50 +173,22 @@ class CoworkerSim(Node):
     def _tick(self, now_ns: int) -> None:
         """Publish the samples whose time has come."""
         self.first_stamp_ns = self.first_stamp_ns or now_ns
-        elapsed_ns = now_ns - self.first_stamp_ns
-        samples = self.plan.samples
-        due = min((elapsed_ns + EARLY_NS) // SAMPLE_NS + 1, len(samples.times_s))
-        last = min(due, self._next_sample + BURST)
-        for k in range(self._next_sample, last):
-            self._announce(k * SAMPLE_NS)
-            if samples.visible[k]:
-                self._publish(k)
-            else:
-                self.diagnostics.count("occluded")
-        self._next_sample = max(self._next_sample, last)
-        if self._next_sample == len(samples.times_s):
+        go_on = [worker.tick(self.first_stamp_ns, now_ns) for worker in self.workers]
+        if not any(go_on):
             self._finish()
-
-    def _announce(self, elapsed_ns: int) -> None:
-        """Publish the labels of reaches that have begun or ended."""
-        while self._next_label < len(self._labels):
-            at_ns, label, number = self._labels[self._next_label]
-            if at_ns > elapsed_ns:
-                return
-            self._tasks.publish(String(data=label))
-            self._next_label += 1
-            self.diagnostics.value("interaction", f"{number} of {len(self.plan.interactions)}")
-
-    def _publish(self, k: int) -> None:
-        message, samples = self._message, self.plan.samples
-        message.header.stamp = Time(nanoseconds=self.first_stamp_ns + k * SAMPLE_NS).to_msg()
-        position, turn = message.pose.position, message.pose.orientation
-        position.x, position.y, position.z = samples.positions_m[k].tolist()
-        turn.x, turn.y, turn.z, turn.w = samples.orientations[k].tolist()
-        self._poses.publish(message)
-        self.diagnostics.tick("mocap/wrist/pose")
 
     def _finish(self) -> None:
         """Say that the session is over."""
         if self._timer is not None:
             self._timer.cancel()
-        self._tasks.publish(String(data=""))
+        for worker in self.workers:
+            worker.end()
         self.diagnostics.end("session over")
         self.done = self._exit_at_end
 
 
-def _make_plan(values: Mapping[str, Any]) -> SessionPlan:
-    """The session that the parameters describe."""
+def _make_plans(values: Mapping[str, Any], n_people: int) -> tuple[SessionPlan, ...]:
+    """The sessions that the parameters describe, one for each person."""
     seed, task_list, count = values["seed"], values["task_list"], values["interactions"]
     timing = SessionTiming(
         first_idle_s=values["first_idle"],
@@ -163,8 +202,13 @@ def _make_plan(values: Mapping[str, Any]) -> SessionPlan:
         expected = " or ".join(SCENARIOS)
         raise ArgumentError.about("scenario", expected, scenario, "Choose one.")
     if scenario == ASSEMBLY:
-        return of_worker(plan_live(seed, task_list, count, timing))
-    return plan_session(seed, parse_task_list(task_list, seed, count), timing)
+        return (of_worker(plan_live(seed, task_list, count, timing)),)
+    lists = task_list.split(";")
+    if len(lists) not in (1, n_people):
+        cure = "Give one for all, or one for each."
+        raise ArgumentError.about("task_list", f"{n_people} lists", len(lists), cure)
+    each = [lists[k % len(lists)] for k in range(n_people)]
+    return plan_people(seed, [parse_task_list(one, seed, count) for one in each], timing)
 
 
 def _shortest_and_longest(values: Mapping[str, Any], name: str) -> tuple[float, float]:

@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene "transfers" of a simulated arm: objects that are handed over by force, and its topics.
 
-In: `intent/transfer`, which the fingers follow, and `mocap/wrist/pose`, where the worker's hand is.
+In: `intent/transfer`, which the fingers follow, and `mocap/wrist/pose`, where the worker's hand is;
+with `persons` that of each, and `intent/active_person`, whose hand takes and gives.
 Out: `intent/holding`, what the fingers took from a stand, and `coworker/hand`, the ground truth.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 
 from intent_recognition.nodes.conversions import position_array
-from intent_recognition.nodes.qos import SENSOR, STATE
+from intent_recognition.nodes.people import named_people
+from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
 from intent_recognition.transfer import Holding
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox import ToolboxTransfers
@@ -59,7 +62,12 @@ class TransferScene:
         self._hand = node.create_publisher(JointState, HAND, STATE)
         self._world = ToolboxTransfers(arm, seed, lever_m, self._tell)
         node.create_subscription(JointState, TAKES[0], self._on_transfer, STATE)
-        node.create_subscription(PoseStamped, TAKES[1], self._on_pose, SENSOR)
+        for person in (people := named_people(node)) or [""]:
+            topic = f"mocap/{person}/wrist/pose" if person else TAKES[1]
+            take = partial(self._on_pose, person)
+            node.create_subscription(PoseStamped, topic, take, SENSOR)
+        if people:
+            node.create_subscription(String, "intent/active_person", self._on_person, LATCHED)
 
     @property
     def held(self) -> str:
@@ -91,10 +99,13 @@ class TransferScene:
         self._world.follow(Holding(message.header.frame_id), *numbers)
         self._note(TAKES[0])
 
-    def _on_pose(self, message: PoseStamped) -> None:
+    def _on_person(self, message: String) -> None:
+        self._world.attend(message.data)
+
+    def _on_pose(self, person: str, message: PoseStamped) -> None:
         position = position_array(message.pose)
         if np.all(np.isfinite(position)):
-            self._world.move_wrist(position)
+            self._world.move_wrist(position, person)
             if self._first_step is None:
                 self._first_step = self._arm.n_steps
         self._note(TAKES[1])

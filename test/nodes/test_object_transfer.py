@@ -127,7 +127,7 @@ def test_nothing_is_released_while_the_tracked_hand_is_elsewhere(harness):
         cell.tell(
             "human/wrist",
             hand,
-            lambda now=now: cell.node._person and cell.node._person[-1][0] == now,
+            lambda now=now: cell.node._people[""] and cell.node._people[""][-1][0] == now,
         )
         told = cell.feel([0.0, 0.0, 0.0])
     assert cell.state() == "offering"

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.filtering import TaskPosterior
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, to_pose, to_stamp
@@ -191,8 +192,26 @@ def test_names_that_cannot_be_told_apart_or_be_topics_are_refused(harness, names
         MocapIngest(parameter_overrides=overrides(persons=names))
 
 
-def test_a_plan_is_of_one_person(harness, model, tmp_path):
+PLAN = "steps: [{step: task_0}, {step: task_1}]\nby_hand: {task_0 < task_1: 1}\n"
+
+
+def test_what_one_has_done_of_a_plan_counts_for_all_and_stays_done_when_one_is_lost(
+    harness, model, tmp_path
+):
     save_model(tmp_path / "model.npz", replace(model))
-    named = overrides(persons=["anna"], model=str(tmp_path / "model.npz"), plan="steps: []\n")
-    with pytest.raises(ArgumentError, match="plan"):
-        IntentEstimatorNode(parameter_overrides=named)
+    named = {"persons": ["anna", "ben"], "model": str(tmp_path / "model.npz"), "plan": PLAN}
+    node = harness.node(IntentEstimatorNode, **named)
+    anna, ben = (node.people[who] for who in ("anna", "ben"))
+    n = len(model.labels)
+    first, second = (model.labels.index(label) for label in ("task_0", "task_1"))
+    assert ben.estimator.expectation.prior[first] > 0.7
+    ones = np.ones(n + 1)
+    done = TaskPosterior(np.eye(n + 1)[first], 0.0 * ones, ones, ones, ones[:, None])
+    anna.estimator.expectation.remember(T0, done)
+    node._tell(anna)
+    assert ben.estimator.expectation.prior[second] > 0.7
+    ben.forget()  # not seen for a while
+    assert ben.estimator.expectation.prior[second] > 0.7
+    node._forget()
+    for belief in (anna, ben):
+        assert belief.estimator.expectation.prior[first] > 0.7

@@ -3,6 +3,7 @@
 
 import numpy as np
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.session_observer import SessionObserver
@@ -19,7 +20,7 @@ def test_a_task_taught_meanwhile_is_left_out(harness):
     publisher.publish(told(["plate", "none"], [0.25, 0.75]))
     publisher.publish(told(["plate", "wave", "none"], [0.25, 0.5, 0.25]))
     publisher.publish(told(["none"], [1.0]))
-    harness.spin_until(lambda: len(observer._tasks) == 3)
+    harness.spin_until(lambda: len(observer.log().probabilities) == 3)
     log = observer.log()
     assert log.labels == ("plate", "none")
     np.testing.assert_array_equal(log.probabilities, [[0.25, 0.75], [0.25, 0.25], [0.0, 1.0]])
@@ -32,3 +33,30 @@ def test_closed_it_hears_no_more(harness):
     observer.close()
     harness.spin_until(lambda: publisher.get_subscription_count() == 0)
     assert observer.log().probabilities.size == 0
+
+
+def test_of_several_people_each_log_holds_what_was_done_for_that_one(harness):
+    observer = harness.add(SessionObserver(print, print, ("anna", "ben"), namespace="several"))
+    person, task = (
+        harness.publisher(String, f"several/intent/active_{what}", qos.LATCHED)
+        for what in ("person", "task")
+    )
+    truth = harness.publisher(JointState, "several/coworker/hand", qos.STATE)
+    for publisher in (person, task, truth):
+        harness.connect(publisher)
+    said = [(person, "anna"), (task, "plate"), (person, "ben"), (person, ""), (task, "")]
+    heard = {person: observer._helped, task: observer._active}
+    for publisher, text in said:
+        n = len(heard[publisher])
+        publisher.publish(String(data=text))
+        harness.spin_until(lambda p=publisher, n=n: len(heard[p]) > n, what=text)
+        message = JointState(position=[0.0, 0.0, 1.0])
+        message.header.stamp = observer.get_clock().now().to_msg()
+        message.header.frame_id = text
+        n = len(observer._contacts)
+        truth.publish(message)
+        harness.spin_until(lambda n=n: len(observer._contacts) > n, what="the hand")
+    anna, ben = observer.log("anna"), observer.log("ben")
+    assert anna.active == ben.active == ("plate", "")
+    assert anna.active_ns[-1] == ben.active_ns[0]
+    assert anna.contacts.holders == ("plate",) and ben.contacts.holders == ("ben",)

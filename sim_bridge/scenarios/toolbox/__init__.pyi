@@ -20,6 +20,7 @@ from .session_scoring import (
     EARLIEST_DECISION_S,
     Scoring,
     first_sample_ns,
+    score_people,
     score_session,
     toolbox_places,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "home_pose",
     "make_gripper",
     "pose",
+    "score_people",
     "score_session",
     "stand_pose",
     "toolbox_places",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scoring of a toolbox session: what was on the topics against what the coworker did."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +16,8 @@ from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, handover_point
 from sim_bridge.scenarios.toolbox.transfer_scoring import score_transfer, transfer_trace
 
 SCORED_AFTER_S = 1.0
-"""The hand is scored so long after the end of the human's movement [s]."""
+"""The hand is scored so long after the end of the human's movement, or, where objects are handed
+over by force, when it has come, if that is later [s]."""
 DECIDED_WITHIN_S = 0.3
 """A change of mind must have been followed so long after the movement's end [s]."""
 EARLIEST_DECISION_S = 0.1
@@ -58,12 +59,14 @@ class Scoring(NamedTuple):
         hand_of: forward kinematics of the arm.
         home_m: where its hand waits (3,).
         n_joints: of the arm, without fingers.
+        by_force: whether objects are handed over by force.
     """
 
     places_m: NDArray[np.float64]
     hand_of: HandOf = lwr_hand
     home_m: NDArray[np.float64] = HOME_HAND_M
     n_joints: int = len(JOINT_NAMES)
+    by_force: bool = False
 
 
 def toolbox_places(plan: SessionPlan) -> NDArray[np.float64]:
@@ -118,8 +121,12 @@ def score_interaction(
         share = decision_s / movement_s
     error = arrival = None
     if decided_ns is not None and recognised == interaction.task:
-        error = _hand_error(log, scoring.places_m[number - 1], end, scoring)
         arrival = _arrival(log, decided_ns, end, until_ns, scoring)
+        late_s = SCORED_AFTER_S
+        if scoring.by_force and arrival is not None:  # it may have helped somebody else first
+            late_s = max(late_s, arrival)
+        scored_ns = end + round(late_s * 1e9)
+        error = _hand_error(log, scoring.places_m[number - 1], scored_ns, scoring)
     record = InteractionRecord(
         index=number,
         task=interaction.task,
@@ -132,6 +139,8 @@ def score_interaction(
         movement_s=movement_s,
         note=note,
         changed_from=interaction.changed_from,
+        handed_over=False if scoring.by_force else None,
+        believed=_believed(log, end),
     )
     trace = _trace(log, number, onset, end, decided_ns, scoring.n_joints)
     transfer = score_transfer(log.contacts, onset, until_ns)
@@ -145,6 +154,47 @@ def score_interaction(
         )
         trace |= transfer_trace(log, onset, end, transfer)
     return record, trace
+
+
+def score_people(
+    logs: Mapping[str, SessionLog],
+    plans: Mapping[str, SessionPlan],
+    first_ns: int,
+    scorings: Mapping[str, Scoring],
+) -> tuple[list[InteractionRecord], list[Trace]]:
+    """Records and traces of all people, by name, in order of time; arguments as of `score_session`.
+
+    Help is wrong for somebody who neither moves nor waits for the robot.
+    """
+    rows = []
+    for person, plan in plans.items():
+        records, traces = score_session(logs[person], plan, first_ns, scorings[person])
+        wrong = _wrong_helps(logs[person], plan, first_ns) if person else [0] * len(records)
+        for one, record, trace, n in zip(plan.interactions, records, traces, wrong, strict=True):
+            rows.append((one.onset_s, replace(record, person=person, wrong_helps=n), trace))
+    rows.sort(key=lambda row: row[0])
+    for index, (_, _, trace) in enumerate(rows, 1):
+        trace["index"] = index
+    records = [replace(record, index=k) for k, (_, record, _) in enumerate(rows, 1)]
+    return records, [trace for *_, trace in rows]
+
+
+def _wrong_helps(log: SessionLog, plan: SessionPlan, first_ns: int) -> list[int]:
+    """How often help began wrongly, from each interaction until the next one."""
+    wrong = [0] * len(plan.interactions)
+    onsets = np.array([one.onset_s for one in plan.interactions]) - EARLIEST_DECISION_S
+    for at_ns, task in zip(log.active_ns.tolist(), log.active, strict=True):
+        at_s = (at_ns - first_ns) * 1e-9
+        k = int(np.searchsorted(onsets, at_s, side="right")) - 1
+        if task and (k < 0 or at_s >= plan.interactions[k].leaves_s):
+            wrong[max(k, 0)] += 1
+    return wrong
+
+
+def _believed(log: SessionLog, end_ns: int) -> str:
+    """The most probable label at the end of a movement; empty before the first estimate."""
+    k = int(np.searchsorted(log.tasks_ns, end_ns, side="right")) - 1
+    return "" if k < 0 else log.labels[int(np.argmax(log.probabilities[k]))]
 
 
 def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, str, str]:
@@ -169,10 +219,10 @@ def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | N
 
 
 def _hand_error(
-    log: SessionLog, place_m: NDArray[np.float64], end_ns: int, scoring: Scoring
+    log: SessionLog, place_m: NDArray[np.float64], at_ns: int, scoring: Scoring
 ) -> float | None:
-    """Distance from the measured hand to its right place, `SCORED_AFTER_S` after the end [m]."""
-    index = np.searchsorted(log.joint_ns, end_ns + round(SCORED_AFTER_S * 1e9)) - 1
+    """Distance from the measured hand to its right place at a time [m]."""
+    index = np.searchsorted(log.joint_ns, at_ns) - 1
     if index < 0:
         return None
     return float(np.linalg.norm(scoring.hand_of(log.joint_rad[index]) - place_m))
@@ -181,7 +231,10 @@ def _hand_error(
 def _arrival(
     log: SessionLog, decided_ns: int, end_ns: int, until_ns: int, scoring: Scoring
 ) -> float | None:
-    """When the arm first rested away from home after the decision, since the human's end [s]."""
+    """When the arm first rested away from home after the decision, since the human's end [s].
+
+    Where it did something else until then, it has moved first.
+    """
     first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
     stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]
     if len(stamps) < 20:
@@ -191,7 +244,9 @@ def _arrival(
     speed /= (stamps[step:] - stamps[:-step]) * 1e-9
     away = np.linalg.norm(scoring.hand_of(joints[step:]) - scoring.home_m, axis=1)
     late = stamps[step:] > end_ns - 5e8
-    rested = np.flatnonzero((speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late)
+    moved = np.logical_or.accumulate(speed > REST_SPEED_RAD_S)
+    rests = (speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late & moved
+    rested = np.flatnonzero(rests)
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
 
 

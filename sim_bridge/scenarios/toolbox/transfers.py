@@ -51,8 +51,11 @@ SLOW_M_S, REST_M_S = 0.15, 0.03
 """Speed of the robot's hand from which on a person brings an object, or takes one [m/s].
 Convention."""
 ASIDE_M = np.array([0.16, 0.0, 0.0])
-"""From the wrist to where the person holds an object until the robot is there [m]. Convention: out
-of the way of its fingers."""
+"""From the wrist to where the person holds an object until the robot is near, and from the fingers
+then [m]. Convention: out of their way."""
+ALIGNED_M = 0.02
+"""Distance from the line on which the fingers point, from which on an object is brought between
+them [m]. Convention: their opening leaves 2.4 cm to each side of the screwdriver."""
 BROUGHT_M, FOLLOW_S = 0.1, 0.5
 """How far the person pulls an object toward the own wrist [m], and time constant in which the hand
 is where the wrist is again [s]. Convention."""
@@ -90,11 +93,11 @@ class ToolboxTransfers:
         self, arm: SimulatedArm, seed: int, lever_m: float, tell: Callable[[bool], None]
     ) -> None:
         self._arm, self._lever_m, self._tell = arm, lever_m, tell
-        self._seed, self._n_tasks = [seed, 17], 0
+        self._seed, self._n_tasks, self._attended = [seed, 17], 0, ""
         self._fingers = Fingers(arm)
         self._grip = GripFollower(arm, self._fingers)
-        self._wrist_m = np.zeros(3)
-        self._hand: CompliantHand | None = None
+        self._wrists_m: dict[str, NDArray[np.float64]] = {}
+        self._hands: dict[str, CompliantHand] = {}
         self._thing: HandedThing | None = None
         self._person: Taker | Giver | None = None
         self._manner: Manner | None = None
@@ -122,12 +125,30 @@ class ToolboxTransfers:
             holder = Holder.PERSON if hand.holds else Holder.NOBODY
         return HandContact(holder, hand.force_n.copy())
 
-    def move_wrist(self, position_m: NDArray[np.float64]) -> None:
-        """The tracker sees the wrist there (3,)."""
-        self._wrist_m = np.array(position_m)
-        if self._hand is None:
-            rng = np.random.default_rng(self._seed)
-            self._hand = CompliantHand(self._wrist_m, Strength.draw(rng), rng)
+    @property
+    def _hand(self) -> CompliantHand | None:
+        """Of the person for whom the task is."""
+        return self._hands.get(self._attended)
+
+    @property
+    def _wrist_m(self) -> NDArray[np.float64]:
+        return self._wrists_m[self._attended]
+
+    def move_wrist(self, position_m: NDArray[np.float64], person: str = "") -> None:
+        """The tracker sees a person's wrist there (3,); the only one has no name."""
+        self._wrists_m[person] = np.array(position_m)
+        if person not in self._hands:
+            rng = np.random.default_rng([*self._seed, *person.encode()])
+            hand = CompliantHand(self._wrists_m[person], Strength.draw(rng), rng)
+            self._hands[person] = hand
+
+    def attend(self, person: str) -> None:
+        """Take note of the person for whom the task is; what is left of another's is put away."""
+        if person and person != self._attended:
+            task = self.task
+            self.set_task("")
+            self._attended = person
+            self.set_task(task)
 
     def set_task(self, task: str) -> None:
         """Take note of the task being executed, "" when idle; what is left of one is put away."""
@@ -208,12 +229,15 @@ class ToolboxTransfers:
             self._tell(False)
 
     def _act(self, arm: SimulatedArm) -> None:
-        """Let the person act in the coming step."""
+        """Let people act in the coming step."""
         hand, thing = self._hand, self._thing
+        for person, other in self._hands.items():
+            if other is not hand:
+                other.target_m = self._wrists_m[person]
+                _let_rest(other)
         if hand is None:
             return
-        gives = hand.holds and not self._served
-        self._offset_m += TIME_STEP_S / FOLLOW_S * (ASIDE_M * gives - self._offset_m)
+        self._offset_m += TIME_STEP_S / FOLLOW_S * (self._aside_m(hand, thing) - self._offset_m)
         if self._person is None:
             hand.target_m = self._wrist_m + self._offset_m
             if thing is not None and not self._served:
@@ -223,8 +247,7 @@ class ToolboxTransfers:
         if thing is not None:
             thing.act(hand)
         else:
-            none = np.zeros(3)
-            hand.step(TIME_STEP_S, hand.position_m, none, np.array([0.0, 0.0, 0.0, 1.0]), none, 1.0)
+            _let_rest(hand)
 
     def _begin(self, hand: CompliantHand, thing: HandedThing) -> None:
         """Begin to take or to give where the robot has come near."""
@@ -234,9 +257,9 @@ class ToolboxTransfers:
         near = np.linalg.norm(grip_m - self._wrist_m) < NEAR_M
         if self._manner is None or not (near and slow):
             return
-        if gives:
+        if gives and self._off_line_m(hand, thing) < ALIGNED_M:
             self._person = Giver(hand, self._manner, self._place(thing))
-        elif self._fingers.touching(thing.body) == 2:
+        elif not gives and self._fingers.touching(thing.body) == 2:
             self._person = Taker(hand, self._manner)
         self._since_m, self._since_s = self._wrist_m.copy(), self._arm.time_s
 
@@ -264,6 +287,22 @@ class ToolboxTransfers:
         reach_m = what.grasp_m + HELD_SHARE * what.half_edges_m[2]
         return pose.position + reach_m * _outward(pose.orientation) + self._miss_m
 
+    def _aside_m(self, hand: CompliantHand, thing: HandedThing | None) -> NDArray[np.float64]:
+        """From the wrist to where the hand waits (3,): with an object, before the fingers."""
+        if thing is None or self._served or not hand.holds:
+            return np.zeros(3)
+        pose = self._arm.hand_pose()
+        if np.linalg.norm(pose.position - self._wrist_m) >= NEAR_M:
+            return ASIDE_M
+        before = np.linalg.norm(ASIDE_M) * _outward(pose.orientation)
+        return self._place(thing) + before - self._wrist_m
+
+    def _off_line_m(self, hand: CompliantHand, thing: HandedThing) -> float:
+        """How far the hand is from the line on which it is to bring the object [m]."""
+        off = hand.position_m - self._place(thing)
+        out = _outward(self._arm.hand_pose().orientation)
+        return float(np.linalg.norm(off - (off @ out) * out))
+
     @property
     def _miss_m(self) -> NDArray[np.float64]:
         return np.zeros(3) if self._manner is None else self._manner.miss_m
@@ -275,3 +314,9 @@ class ToolboxTransfers:
 def _outward(turn: NDArray[np.float64]) -> NDArray[np.float64]:
     """The direction in which a hand points (3,)."""
     return Rotation.from_quat(turn).as_matrix()[:, 2]
+
+
+def _let_rest(hand: CompliantHand) -> None:
+    """Let an empty hand follow its target for a step."""
+    none = np.zeros(3)
+    hand.step(TIME_STEP_S, hand.position_m, none, np.array([0.0, 0.0, 0.0, 1.0]), none, 1.0)

@@ -106,3 +106,15 @@ def test_a_node_that_is_gone_is_not_waited_for(how):
     else:
         hear(lock, "primitive_activation", joint_states=0)
     assert lock.missing() is None
+
+
+def test_what_several_people_have_of_a_topic_is_added_up():
+    lock = LockStep(ANSWERING)
+    for node in ("coworker_sim", "mocap_ingest"):
+        hear(lock, node)
+    assert lock.missing() is None
+    hear(lock, "coworker_sim", mocap__anna__wrist__pose=2, mocap__ben__wrist__pose=1)
+    hear(lock, "mocap_ingest", mocap__anna__wrist__pose=2)
+    assert lock.missing() == EDGES[2]
+    hear(lock, "mocap_ingest", mocap__anna__wrist__pose=2, mocap__ben__wrist__pose=1)
+    assert lock.missing() is None

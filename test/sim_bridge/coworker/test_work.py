@@ -7,7 +7,7 @@ import pytest
 
 from intent_recognition.plans import WorkProgress, read_plan
 from intent_recognition.share import share_path
-from sim_bridge.coworker import work_order
+from sim_bridge.coworker import work_order, work_shares
 
 
 @pytest.fixture(scope="module")
@@ -33,3 +33,15 @@ def test_the_plan_has_twenty_steps_and_begins_with_a_plate(plan):
     labels = ("plate_handover", "screw_handover", "hold_screwdriver")
     expected = WorkProgress(plan, labels).next_tasks()
     assert expected.argmax() == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_people_do_at_any_time_what_may_be_next(plan, seed):
+    shares = work_shares(plan, seed, 2)
+    assert sorted(map(len, shares)) == [10, 10]
+    together = Counter(task for share in shares for task in share)
+    assert together == Counter(step.task for step in plan.steps)
+    assert work_shares(plan, seed, 1) == (work_order(plan, seed),)
+    few = work_shares(plan, seed, 2, 3)
+    assert [share[: len(own)] for share, own in zip(shares, few, strict=True)] == list(few)
+    assert sum(map(len, few)) == 3

@@ -13,7 +13,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.diagnostics import ENDED, values_of
 from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from intent_recognition.registry import ANSWERS
-from sim_bridge.coworker.session import SessionTiming, plan_session
+from sim_bridge.coworker.session import SessionTiming, plan_people, plan_session
 from sim_bridge.nodes.coworker_sim import SAMPLE_NS, CoworkerSim
 from sim_bridge.scenarios.assembly import session as assembly
 
@@ -79,6 +79,31 @@ def test_publishes_what_the_plan_says_bit_for_bit(played):
     np.testing.assert_array_equal(sent, expected.samples.positions_m[seen])
     assert {m.header.frame_id for m in poses} == {"world"}
     assert node.diagnostics.rejected("occluded") == np.sum(~expected.samples.visible)
+
+
+def test_each_of_several_people_has_a_session_and_topics_of_their_own(harness):
+    people = ("anna", "ben")
+    labels = {p: harness.collect(String, f"coworker/{p}/task", STATE) for p in people}
+    poses = {p: harness.collect(PoseStamped, f"mocap/{p}/wrist/pose", LISTENER) for p in people}
+    lists = "plate_handover;screw_handover,screw_handover"
+    node = harness.add(make(use_sim_time=True, persons=list(people), task_list=lists))
+    play(harness, node, harness.publisher(Clock, "/clock", 10))
+    tasks = [("plate_handover",), ("screw_handover", "screw_handover")]
+    expected = dict(zip(people, plan_people(5, tasks, TIMING), strict=True))
+    for person, plan in expected.items():
+        seen = plan.samples.positions_m[plan.samples.visible]
+        n = len(seen)
+        harness.spin_until(lambda p=person, n=n: len(poses[p]) >= n, what="all samples")
+        sent = [m.pose.position for m in poses[person]]
+        np.testing.assert_array_equal([[p.x, p.y, p.z] for p in sent], seen)
+        assert [m.data for m in labels[person] if m.data] == [i.task for i in plan.interactions]
+    rests = [plan.samples.positions_m[0, 1] for plan in expected.values()]
+    assert rests[0] - rests[1] > 0.1  # side by side
+
+
+def test_lists_and_people_must_be_as_many(harness):
+    with pytest.raises(ArgumentError, match="task_list"):
+        make(persons=["anna", "ben"], task_list="plate_handover;plate_handover;plate_handover")
 
 
 def test_the_end_is_reported_before_the_node_leaves(harness):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from intent_recognition.evaluation import summarise
 from intent_recognition.evaluation.session_log import SessionLog
 from intent_recognition.kinematics.inverse import inverse_kinematics
 from sim_bridge.coworker.session import plan_session
@@ -13,6 +14,7 @@ from sim_bridge.scenarios.toolbox.scene import HOME, handover_point, handover_ro
 from sim_bridge.scenarios.toolbox.session_scoring import (
     Scoring,
     first_sample_ns,
+    score_people,
     score_session,
     toolbox_places,
 )
@@ -88,6 +90,26 @@ def test_the_wrong_task_is_a_miss_without_a_hand_error():
     assert record.recognised == "screw_handover"
     assert not record.right
     assert record.hand_error_m is None
+
+
+@pytest.mark.parametrize(("late_s", "wrong"), [(0.5, 0), (20.0, 1)])
+def test_people_are_scored_in_order_of_time_and_help_to_who_has_left_is_wrong(late_s, wrong):
+    plan, log = session()
+    first = plan.interactions[0]
+    helped_s = min(first.end_s + late_s, plan.interactions[1].onset_s - 0.2)
+    helped_ns = FIRST_NS + round(helped_s * 1e9)
+    busy = replace(log, active_ns=np.array([helped_ns]), active=(TASK,))
+    plans, logs = {"anna": plan, "ben": plan}, {"anna": log, "ben": busy}
+    scoring = Scoring(toolbox_places(plan), by_force=True)
+    records, traces = score_people(logs, plans, FIRST_NS, dict.fromkeys(plans, scoring))
+    assert [r.index for r in records] == [t["index"] for t in traces] == [1, 2, 3, 4]
+    assert [r.person for r in records] == ["anna", "ben"] * 2
+    assert [r.wrong_helps for r in records] == [0, wrong, 0, 0]
+    assert {r.believed for r in records} == {TASK}
+    assert {r.handed_over for r in records} == {False}
+    anna, ben = summarise(records).people
+    assert (anna.recognised, anna.helped, anna.wrong_helps) == (2, 1, 0)
+    assert (ben.recognised, ben.wrong_helps) == (2, wrong)
 
 
 @pytest.mark.parametrize("late_s", [0.2, 0.4])

@@ -26,10 +26,11 @@ WRIST_M = np.array([0.80, 0.0, 0.32])
 class Cell:
     """The LWR at a handover, before a worker whose wrist rests."""
 
-    def __init__(self, task: str, seed: int, worker: bool = True) -> None:
+    def __init__(self, task: str, seed: int, worker: bool = True, off_m=(0.0, 0.0, 0.0)) -> None:
         self.task, self.told = task, []
         robot = with_fingers(find_robot("lwr"))
-        there = arm_posture(pose(handover_point(task, WRIST_M), handover_rotation(task)))
+        hand_m = handover_point(task, WRIST_M) + off_m
+        there = arm_posture(pose(hand_m, handover_rotation(task)))
         begin = arm_posture(stand_pose(task)) if task in STANDS_M else there
         rng = np.random.default_rng(seed)
         self.arm = SimulatedArm(begin, robot=robot, noise=SensorNoise(), rng=rng)
@@ -105,6 +106,15 @@ def test_the_robot_closes_on_what_the_worker_brings_and_has_it(cell, seed):
     assert Holder.NOBODY not in one.holders
     one.world.set_task("")
     assert one.told == [False]
+
+
+@pytest.mark.slow
+def test_the_worker_brings_it_between_fingers_that_are_not_where_they_were_expected(cell):
+    one = cell(HOLD, 20, off_m=(0.0, -0.04, 0.0))  # more than their opening
+    one.world.set_task(HOLD)
+    one.run(lambda: one.holders[-1:] == [Holder.ROBOT])
+    assert one.holders[-1] is Holder.ROBOT
+    assert Holder.NOBODY not in one.holders
 
 
 @pytest.mark.slow
