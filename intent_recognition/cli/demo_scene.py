@@ -139,7 +139,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         of_arm |= {"tip": tip, "base_position": list(arm.robot.base_position_m)}
     own = {"primitive_activation": {"home": home}, "arm_sim": of_arm}
     if args.scenario == CELL:
-        named["plan"] = str(share_path(CELL_PLAN))
+        named |= {"plan": str(share_path(CELL_PLAN)), "scene": CELL}
         things = {"boxes": list(CELL_BOXES)}
         for arm_node in ARMS:
             own[arm_node] = {**own.get(arm_node, {}), **things}

@@ -16,7 +16,7 @@ from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.page import DashboardPage
 from intent_recognition.dashboard.scene_file import load_scene
-from intent_recognition.dashboard.subscriptions import MOST_PEOPLE, CellSubscriptions
+from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.welcome import ALWAYS, AUTO, NEVER
@@ -58,7 +58,7 @@ class Dashboard(Node):
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
         subscriptions = CellSubscriptions(self, self.state, body, self._diagnostics.reject)
-        meet_all(self, f"human/{{}}/{body}", subscriptions.meet, set(), MOST_PEOPLE)
+        meet_all(self, f"human/{{}}/{body}", subscriptions.meet, set())
         self._commands = Commands(self, lambda ok, text: self.page.show_message(ok, text))
         teleoperation = Teleoperation(self, self.state, body, hand_link=hand_link)
         session = TeachingSession(

@@ -69,6 +69,7 @@ class PersonMarks:
         self._lines = Lines(server, self._root)
         self._tube: viser.MeshHandle | None = None
         scene, root = self._scene, self._root
+        self._frame = scene.add_frame(root, show_axes=False) if name else None
         self._wrist = scene.add_icosphere(f"{root}/wrist", 0.022, colour, visible=False)
         if name:
             above = (0.0, 0.0, NAME_M)
@@ -94,6 +95,11 @@ class PersonMarks:
         if self._label.visible:
             self._label.position = path[-1] + np.array([0.0, 0.0, TASK_M])
             self._label.text = readable(best)
+
+    def remove(self) -> None:
+        """Draw nothing of somebody with a name any more."""
+        if self._frame is not None:
+            self._frame.remove()
 
     def _draw_tube(self, corners: NDArray[np.float64], colour: Colour) -> None:
         if len(corners) < 3:

@@ -28,6 +28,11 @@ class PersonPanel:
         title = f"Probability over time{f': {name}' if name else ''}"
         self._plot = TimePlot(server, title, 1.0, order)
 
+    def remove(self) -> None:
+        """Show nothing any more."""
+        self.bars.remove()
+        self._plot.remove()
+
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         """Show the newest."""
         person = state.people[self._name]

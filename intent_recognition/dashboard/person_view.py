@@ -57,14 +57,14 @@ HAND: tuple[Ball, ...] = (
 
 
 class PersonView:
-    """Draws the figure; without a wrist there is none.
+    """Draws the figure of a person, below a node of the scene; without a wrist there is none.
 
     The frames of the bones hang on one another, so that a posture is sent as two rotations, and
     one more where the figure leans.
     """
 
-    def __init__(self, server: viser.ViserServer, stance: Stance):
-        self._server, self._stance = server, stance
+    def __init__(self, server: viser.ViserServer, stance: Stance, root: str = ROOT):
+        self._server, self._stance, self._path = server, stance, root
         self._root = self._frame("", wxyz=quaternions(stance.rotation), visible=False)
         self._upper_body = self._frame("/upper_body")
         self._upper_arm = self._frame(UPPER_ARM_FRAME, position=stance.rotation.T @ stance.arm)
@@ -90,8 +90,12 @@ class PersonView:
             set_turn(handle, wxyz)
         self._root.visible = True
 
+    def remove(self) -> None:
+        """Draw it no longer."""
+        self._root.remove()
+
     def _frame(self, name: str, **options: Any) -> viser.FrameHandle:
-        return self._server.scene.add_frame(f"{ROOT}{name}", show_axes=False, **options)
+        return self._server.scene.add_frame(f"{self._path}{name}", show_axes=False, **options)
 
     def _build(self) -> None:
         stance = self._stance
@@ -116,7 +120,7 @@ class PersonView:
         """A smooth shape around balls."""
         shape = around(self._stance.height_m * np.array(balls))
         self._server.scene.add_mesh_simple(
-            f"{ROOT}{name}", shape.vertices, shape.faces, color=(158, 160, 163)
+            f"{self._path}{name}", shape.vertices, shape.faces, color=(158, 160, 163)
         )
 
 

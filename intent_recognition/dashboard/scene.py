@@ -50,7 +50,11 @@ class PageScene:
         self._prepare()
         self.set_shadows(shadows)
         self._things = ThingsView(server, cell)
-        self._person = PersonView(server, cell.person) if cell.person is not None else None
+        stances = {"": cell.person, **cell.people}
+        self._stances = {name: one for name, one in stances.items() if one is not None}
+        self._figures: dict[str, PersonView] = {}
+        if "" in self._stances:
+            self._figures[""] = PersonView(server, self._stances[""])
 
     def set_shadows(self, shadows: bool) -> None:
         """Draw shadows from now on, or none."""
@@ -77,15 +81,32 @@ class PageScene:
         bare = self._robot is None and not self._problem
         self._base.visible = bare
         self._lines.draw("arm", _skeleton(state.joints) if bare else NOTHING, GREY, 0.045)
-        for name in state.people:
-            if name not in self._people:
-                self._people[name] = PersonMarks(self._server, name, rgb(people[name]))
-            self._people[name].update(state, colours, now_s)
-        if self._person is not None and state.people[""].wrist is not None:
-            self._person.update(state.people[""].wrist)
+        self._update_people(state, colours, people, now_s)
         self._guard(lambda: self._update_things(state, colours, now_s))
         self._guard(lambda: self._update_hand_path(state, colours, now_s))
         return self._problem
+
+    def _update_people(
+        self,
+        state: CellState,
+        colours: Mapping[str, str],
+        people: Mapping[str, str],
+        now_s: float,
+    ) -> None:
+        for name in self._people.keys() - state.people.keys():
+            self._people.pop(name).remove()
+            if name in self._figures:
+                self._figures.pop(name).remove()
+        for name, person in state.people.items():
+            if name not in self._people:
+                self._people[name] = PersonMarks(self._server, name, rgb(people[name]))
+            self._people[name].update(state, colours, now_s)
+            if person.wrist is None or name not in self._stances:
+                continue
+            if name not in self._figures:
+                stance = self._stances[name]
+                self._figures[name] = PersonView(self._server, stance, f"/figures/{name}")
+            self._figures[name].update(person.wrist)
 
     def _guard(self, update: Callable[[], None]) -> None:
         """Update what depends on the robot's description; one that cannot be drawn is dropped."""

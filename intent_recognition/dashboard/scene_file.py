@@ -5,7 +5,7 @@ A page knows no more of a cell than this file and the topics say. docs/dashboard
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +88,8 @@ class CellScene:
 
     Attributes:
         floor_m: height of the floor in the world.
-        person: where the person stands; None: no figure is drawn.
+        person: where the only person stands; None: no figure is drawn.
+        people: where others stand, by name.
         furniture: what never moves.
         bodies: what is taken and given.
         view: where the camera is at first, and what it looks at, (3,) [m] each.
@@ -99,6 +100,7 @@ class CellScene:
     furniture: tuple[Thing, ...] = ()
     bodies: tuple[Body, ...] = ()
     view: Sequence[Sequence[float]] = VIEW
+    people: Mapping[str, Stance] = field(default_factory=dict)
 
 
 def load_scene(path: str | Path) -> CellScene:
@@ -110,6 +112,12 @@ def load_scene(path: str | Path) -> CellScene:
     Raises:
         ArgumentError: it is missing, no YAML or malformed; names the place in the file.
     """
+    source = _source(path)
+    return _scene(_content(source), str(source))
+
+
+def _source(path: str | Path) -> Path:
+    """The file of a path, or of a shipped scene's name."""
     source = Path(path)
     if source.name == str(path) and not source.suffix and not source.exists():
         names = [found.stem for found in sorted(share_path(SHIPPED).glob("*.yaml"))]
@@ -117,15 +125,36 @@ def load_scene(path: str | Path) -> CellScene:
             expected = f"a YAML file, or one of {', '.join(names)}"
             raise ArgumentError.about("scene", expected, path, "Name one.")
         source = share_path(f"{SHIPPED}/{source.name}.yaml")
+    return source
+
+
+def _content(source: Path) -> object:
+    """What a file holds; with `like`, beside what that scene, which is like no other, has."""
     try:
         content = load_yaml(read_text(source))
     except (OSError, UntrustedError) as error:
         raise _wrong(str(source), "a scene in YAML", error) from error
-    return _scene(content, str(source))
+    if not isinstance(content, dict) or "like" not in content:
+        return content
+    like = content.pop("like")
+    if not isinstance(like, str):
+        raise _wrong(f"{source}: like", "a scene", like)
+    before = _source(like)
+    try:
+        base = load_yaml(read_text(before))
+    except (OSError, UntrustedError) as error:
+        raise _wrong(str(before), "a scene in YAML", error) from error
+    base = _mapping(base, str(before))
+    for key in ("furniture", "bodies"):
+        both = base.get(key, []), content.get(key, [])
+        if all(isinstance(things, list) for things in both):
+            content[key] = [*both[0], *both[1]]
+    return {**base, **content}
 
 
 def _scene(content: object, file: str) -> CellScene:
-    found = _mapping(content, file, ("floor", "person", "furniture", "bodies", "view"))
+    keys = ("floor", "person", "people", "furniture", "bodies", "view")
+    found = _mapping(content, file, keys)
     furniture = [
         Thing(**_thing(item, place, ())) for item, place in _items(found, "furniture", file)
     ]
@@ -136,7 +165,11 @@ def _scene(content: object, file: str) -> CellScene:
     floor = _number(found.get("floor", 0.0), f"{file}: floor")
     person = _person(found["person"], floor, f"{file}: person") if "person" in found else None
     view = _numbers(found.get("view", VIEW), (2, 3), f"{file}: view (camera and what it looks at)")
-    return CellScene(floor, person, tuple(furniture), tuple(bodies), view.tolist())
+    people = {
+        name: _person(stance, floor, f"{file}: people.{name}")
+        for name, stance in _mapping(found.get("people", {}), f"{file}: people").items()
+    }
+    return CellScene(floor, person, tuple(furniture), tuple(bodies), view.tolist(), people)
 
 
 def _person(content: object, floor: float, place: str) -> Stance:

@@ -12,6 +12,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -20,6 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from intent_recognition.composing import HAND, read_via_points
 from intent_recognition.dashboard.cell import (
     FORCES,
+    PLOTTED_S,
     SHARE,
     SLIP,
     CellState,
@@ -48,7 +50,7 @@ MOST_VALUES = 200
 MOST_CHANGES = 2000
 """Changes of all tasks that are shown. Convention: twenty of each of a hundred."""
 MOST_PEOPLE = 8
-"""People with names who are shown. Convention."""
+"""People with names who are shown at a time; who is seen no more makes room. Convention."""
 LONGEST_SENTENCE = 2000
 """Characters of a message that is shown. Convention."""
 LONGEST_PLAN = 100_000
@@ -95,18 +97,34 @@ class CellSubscriptions:
             (String, "intent/via_points", self._on_via_points, qos.LATCHED),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         )
+        self._beliefs: dict[str, list[Subscription]] = {}
         self._hear_estimator("")
 
     def meet(self, name: str) -> None:
-        """Show a person with a name, too."""
-        self._state.people[name] = PersonState()
+        """Show a person with a name, too, as soon as somebody sees that one."""
         wrist = partial(self._on_wrist, name)
         self._subscribe((Odometry, f"human/{name}/{self._body}", wrist, qos.SENSOR))
+
+    def _is_shown(self, name: str) -> bool:
+        """Whether there is a place for a person who is seen: a free one, or of who is not."""
+        people, now_s = self._state.people, self._clock()
+        if name in people:
+            return True
+        named = [person for person in people if person]
+        if len(named) >= MOST_PEOPLE:
+            gone = min(named, key=lambda person: people[person].wrist_at_s)
+            if now_s - people[gone].wrist_at_s <= PLOTTED_S:
+                return False
+            del people[gone]
+            for subscription in self._beliefs.pop(gone):
+                self._node.destroy_subscription(subscription)
+        people[name] = PersonState()
         self._hear_estimator(name)
+        return True
 
     def _hear_estimator(self, name: str) -> None:
         of = f"intent/{name}/" if name else "intent/"
-        self._subscribe(
+        self._beliefs[name] = self._subscribe(
             (JointState, f"{of}tasks", partial(self._on_tasks, name), qos.STATE),
             (
                 JointTrajectory,
@@ -117,10 +135,11 @@ class CellSubscriptions:
             (MarkerArray, f"{of}markers", partial(self._on_markers, name), qos.COMMAND),
         )
 
-    def _subscribe(self, *inputs: tuple) -> None:
-        for kind, topic, handle, profile in inputs:
-            take = partial(self._take, topic, handle)
-            self._node.create_subscription(kind, topic, take, profile)
+    def _subscribe(self, *inputs: tuple) -> list[Subscription]:
+        return [
+            self._node.create_subscription(kind, topic, partial(self._take, topic, handle), profile)
+            for kind, topic, handle, profile in inputs
+        ]
 
     def _take(self, topic: str, take: Callable, message: Any) -> None:
         """Take a message, or count one that cannot be shown."""
@@ -137,7 +156,8 @@ class CellSubscriptions:
     def _on_wrist(self, person: str, message: PoseStamped | Odometry) -> None:
         pose = message.pose if isinstance(message, PoseStamped) else message.pose.pose
         position = checked_numbers("position", position_array(pose), (3,))
-        self._state.people[person].take_wrist(position, self._clock())
+        if self._is_shown(person):
+            self._state.people[person].take_wrist(position, self._clock())
 
     def _on_tasks(self, person: str, message: JointState) -> None:
         names = checked_names("name", message.name, MOST_NAMES)

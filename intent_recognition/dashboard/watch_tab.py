@@ -45,7 +45,7 @@ class WatchTab:
         gui = server.gui
         self._server, self._gui, self._tab = server, gui, tab
         self._empty = gui.add_html(markup.ways(NO_INPUT, NEXT_STEPS))
-        self._people = {"": PersonPanel(server, "")}
+        self._people, self._n_met = {"": PersonPanel(server, "")}, 0
         self._question = gui.add_folder("Which task is it?", visible=False)
         self._choices: dict[str, viser.GuiButtonHandle] = {}
         self._do = do
@@ -72,10 +72,13 @@ class WatchTab:
     ) -> None:
         """Show the newest, in the colours of tasks and people."""
         self._empty.visible = not state.joints and not state.believes
+        for name in self._people.keys() - state.people.keys():
+            self._people.pop(name).remove()
         for name in state.people:
             if name not in self._people:
                 with self._tab:  # above what follows the first one
-                    order = self._people[""].bars.order + 1e-3 * len(self._people)
+                    self._n_met += 1
+                    order = self._people[""].bars.order + 1e-6 * self._n_met
                     self._people[name] = PersonPanel(self._server, name, people[name], order)
             self._people[name].update(state, colours, now_s)
         only = state.people[""]

@@ -63,6 +63,10 @@ class TimePlot:
         self._plot: viser.GuiUplotHandle | None = None
         self._drawn_at_s = -np.inf
 
+    def remove(self) -> None:
+        """Take it off the page."""
+        self._folder.remove()
+
     def due(self, visible: bool, now_s: float) -> bool:
         """Show or hide it; whether it is time to draw."""
         self._folder.visible = visible

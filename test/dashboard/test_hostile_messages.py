@@ -16,7 +16,11 @@ from std_msgs.msg import String
 
 from intent_recognition.dashboard.robot_view import MOST_JOINTS
 from intent_recognition.dashboard.scene import DARK
-from intent_recognition.dashboard.subscriptions import CellSubscriptions
+from intent_recognition.dashboard.subscriptions import (
+    MOST_PEOPLE,
+    PLOTTED_S,
+    CellSubscriptions,
+)
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.arm.urdf import lwr_urdf
 
@@ -184,8 +188,8 @@ def test_each_person_has_a_belief_a_hand_and_a_colour_and_the_helped_one_is_name
         odometry = Odometry()
         odometry.pose.pose.position.x = x
         for _ in range(3):
-            fed.hear(f"/intent/{name}/tasks", message)
             fed.hear(f"/human/{name}/wrist", odometry)
+            fed.hear(f"/intent/{name}/tasks", message)
     fed.hear("/intent/active_task", String(data="a"))
     fed.hear("/intent/active_person", String(data="ben"))
     bars = {name: panel.bars.content for name, panel in fed.page._watch._people.items()}
@@ -198,6 +202,25 @@ def test_each_person_has_a_belief_a_hand_and_a_colour_and_the_helped_one_is_name
     fed.hear("/intent/active_person", String(data="nobody known"))
     fed.hear("/intent/active_person", String(data="x" * 300))
     assert [reason for reason, _ in fed.rejected] == ["malformed intent/active_person"]
+
+
+def test_who_is_seen_no_more_makes_room_for_somebody_new(fed):
+    names = [f"p{k}" for k in range(MOST_PEOPLE + 1)]
+    for name in names:
+        fed.meet(name)
+    for name in names:
+        fed.hear(f"/human/{name}/wrist", Odometry())
+    shown = lambda: [name for name in fed.state.people if name]  # noqa: E731
+    assert shown() == names[:-1]  # all of them were seen within the plotted time
+    fed.now_s += PLOTTED_S
+    for name in names[1:]:
+        fed.hear(f"/human/{name}/wrist", Odometry())
+    assert shown() == names[1:] and set(fed.page._watch._people) == {"", *names[1:]}
+    handles = fed.page._server.scene._handle_from_node_name
+    assert "/people/p0/wrist" not in handles and f"/people/{names[-1]}/wrist" in handles
+    assert "/intent/p0/tasks" not in fed.topics
+    fed.hear("/human/p0/wrist", Odometry())  # comes back: there is no room
+    assert shown() == names[1:]
 
 
 def test_health_that_is_no_number_is_shown_as_it_is(fed):

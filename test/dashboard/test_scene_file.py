@@ -7,9 +7,11 @@ import yaml
 from dashboard.browser import free_port
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.cli.demo_scene import CELL_BOXES, CELL_PEOPLE
 from intent_recognition.dashboard.node import main
 from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import parse_boxes
 from sim_bridge.scenarios.toolbox.scene import STANDS_M, stand_pose
 
 BOX = {"box": [0.1, 0.2, 0.3]}
@@ -75,6 +77,8 @@ def test_poses_are_as_in_a_urdf_and_what_is_left_out_is_nothing(scene_of):
         ({"bodies": [PLATE | {"brought_by": "person"}]}, "bodies[0].in_hand"),
         ({"bodies": [PLATE | {"laid": [1]}]}, "bodies[0].laid"),
         ({"person": {}}, "person.stands"),
+        ({"people": {"anna": {}}}, "people.anna.stands"),
+        ({"like": 3}, "like"),
         ({"person": PERSON | {"height": 175}}, "person.height"),
         ({"person": PERSON | {"hand": "both"}}, "left or right"),
     ],
@@ -96,7 +100,21 @@ def test_the_page_does_not_start_with_a_mistake_and_says_it_in_one_line(tmp_path
 
 
 def test_a_name_that_is_not_shipped_says_which_are():
-    with pytest.raises(ArgumentError, match="one of toolbox, got kitchen"):
+    with pytest.raises(ArgumentError, match="one of cell, toolbox, got kitchen"):
         load_scene("kitchen")
     with pytest.raises(ArgumentError, match="no such file"):
         load_scene("no/such.yaml")
+
+
+def test_the_cell_is_the_toolbox_with_its_boxes_and_two_people():
+    toolbox, cell = load_scene("toolbox"), load_scene("cell")
+    assert [body.name for body in cell.bodies] == [body.name for body in toolbox.bodies]
+    n = len(toolbox.furniture)
+    assert [one.name for one in cell.furniture[:n]] == [one.name for one in toolbox.furniture]
+    assert tuple(cell.people) == CELL_PEOPLE and not toolbox.people
+    boxes = {box.name: box for box in parse_boxes(list(CELL_BOXES))}
+    drawn = {thing.name: thing.parts[0] for thing in cell.furniture[n:]}
+    assert drawn.keys() == boxes.keys()
+    for name, part in drawn.items():
+        assert part.size == boxes[name].size
+        np.testing.assert_allclose(part.pose[:3, 3], boxes[name].center)
