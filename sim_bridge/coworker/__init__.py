@@ -22,4 +22,4 @@ from sim_bridge.coworker.session import (
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.coworker.task_list import change_some, parse_task_list
 from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
-from sim_bridge.coworker.work import work_order, work_shares
+from sim_bridge.coworker.work import work_shares

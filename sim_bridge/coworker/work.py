@@ -9,21 +9,13 @@ REQUIRED = 0.5
 """Probability from which on a relation of the plan is kept. Convention."""
 
 
-def work_order(plan: WorkPlan, seed: int) -> tuple[str, ...]:
-    """The tasks of one assembly, each step once, in an order that the plan allows.
-
-    Of the steps that may be next each is as probable as the others.
-    """
-    return work_shares(plan, seed, 1)[0]
-
-
 def work_shares(
     plan: WorkPlan, seed: int, n_people: int, n_steps: int = 0
 ) -> tuple[tuple[str, ...], ...]:
-    """The tasks of each of several people who share such an order, or its first steps.
+    """The tasks of each of several people who share an assembly, or its first steps.
 
     At any time each of them does a step that may be next, as long as there are so many; who has
-    done the fewest is the first to take one.
+    done the fewest is the first to take one. Each such step is as probable as the others.
 
     Args:
         plan: of the assembly.

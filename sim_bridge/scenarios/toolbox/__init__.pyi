@@ -21,7 +21,6 @@ from .session_scoring import (
     Scoring,
     first_sample_ns,
     score_people,
-    score_session,
     toolbox_places,
 )
 from .transfers import ToolboxTransfers
@@ -48,7 +47,6 @@ __all__ = [
     "make_gripper",
     "pose",
     "score_people",
-    "score_session",
     "stand_pose",
     "toolbox_places",
 ]

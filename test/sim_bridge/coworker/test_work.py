@@ -7,7 +7,7 @@ import pytest
 
 from intent_recognition.plans import WorkProgress, read_plan
 from intent_recognition.share import share_path
-from sim_bridge.coworker import work_order, work_shares
+from sim_bridge.coworker import work_shares
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def plan():
 
 @pytest.mark.parametrize("seed", range(20))
 def test_every_order_is_allowed_and_does_all(plan, seed):
-    tasks = work_order(plan, seed)
+    (tasks,) = work_shares(plan, seed, 1)
     assert Counter(tasks) == Counter(step.task for step in plan.steps)
     done, times = set(), Counter()
     for task in tasks:
@@ -41,7 +41,6 @@ def test_two_people_do_at_any_time_what_may_be_next(plan, seed):
     assert sorted(map(len, shares)) == [10, 10]
     together = Counter(task for share in shares for task in share)
     assert together == Counter(step.task for step in plan.steps)
-    assert work_shares(plan, seed, 1) == (work_order(plan, seed),)
     few = work_shares(plan, seed, 2, 3)
     assert [share[: len(own)] for share, own in zip(shares, few, strict=True)] == list(few)
     assert sum(map(len, few)) == 3
