@@ -2,6 +2,7 @@
 """From messages to arrays and back, with exact types, which ROS does not check by default."""
 
 import importlib
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -145,7 +146,7 @@ def joint_values(
 class TrajectoryBuilder:
     """JointTrajectory messages of a fixed number of joints, built by overwriting one message.
 
-    Building 50 points of 7 joints afresh costs about 20 times as much. The message returned is
+    Building 50 points of 7 joints afresh costs 0.2 ms, three times as much. The message returned is
     the same object each time: publish it before the next call, and copy it to keep it.
     """
 
@@ -154,7 +155,6 @@ class TrajectoryBuilder:
         self._joints = len(self._message.joint_names)
         self._points: list[JointTrajectoryPoint] = []
         self._times_ns = np.empty(0, dtype=np.int64)
-        self._views: dict[str, list[NDArray[np.float64]]] = {}
 
     def build(
         self,
@@ -186,8 +186,6 @@ class TrajectoryBuilder:
         count = times_ns.size
         for _ in range(count - len(self._points)):
             self._points.append(JointTrajectoryPoint())
-        for views in self._views.values():
-            del views[count:]
         columns = {"positions": positions, "velocities": velocities, "effort": efforts}
         for field, values in columns.items():
             self._fill(field, values, count)
@@ -207,22 +205,13 @@ class TrajectoryBuilder:
         self._times_ns = times_ns
 
     def _fill(self, field: str, values: ArrayLike | None, count: int) -> None:
-        if values is None:
-            for point in self._points if field in self._views else ():
-                setattr(point, field, [])
-            self._views.pop(field, None)
-            return
-        rows = np.ascontiguousarray(values, dtype=np.float64)
-        if rows.shape != (count, self._joints):
-            raise ShapeError.about(
-                field, f"shape {(count, self._joints)}", rows.shape, "One row a time."
-            )
-        views = self._views.setdefault(field, [])
-        for view, row in zip(views, rows, strict=False):
-            view[:] = row
-        for point, row in zip(self._points[len(views) : count], rows[len(views) :], strict=True):
-            setattr(point, field, row.tolist())
-            views.append(np.frombuffer(getattr(point, field), dtype=np.float64))
+        width = 0 if values is None else self._joints
+        rows = np.zeros((count, 0)) if values is None else np.asarray(values, dtype=np.float64)
+        if rows.shape != (count, width):
+            expected = f"shape {(count, width)}"
+            raise ShapeError.about(field, expected, rows.shape, "One row a time.")
+        for point, row in zip(self._points, rows, strict=False):
+            setattr(point, field, array("d", row.tobytes()))
 
 
 def trajectory_arrays(
