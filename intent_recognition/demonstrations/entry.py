@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """One entry of a DOF file: the degrees of freedom in the messages of one topic."""
 
-from dataclasses import dataclass
+import dataclasses
 
 from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS, element_of
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class DofEntry:
     """The degrees of freedom (DOFs) in the messages of one topic.
 
@@ -77,22 +77,8 @@ class DofEntry:
     def to_dict(self) -> dict[str, object]:
         """The entry as written in a DOF file."""
         content: dict[str, object] = {"topic": f"/{self.topic}", "type": self.type}
-        if self.joints:
-            content["joints"] = list(self.joints)
-        else:
-            content["fields"] = list(self.fields)
-        if self.quantity != "position":
-            content["quantity"] = self.quantity
-        if self.orientation:
-            content["orientation"] = self.orientation
-        if self.reference:
-            content["reference"] = list(self.reference)
-        if self.of:
-            content["of"] = list(self.of)
-        if self.std is not None:
-            content["std"] = self.std
-        content |= {key: getattr(self, key) for key in ("link", "robot") if getattr(self, key)}
-        if self.context:
-            content["context"] = True
-        content["unit"] = self.unit
-        return content
+        for key in dataclasses.fields(self):
+            value = getattr(self, key.name)
+            if key.name not in ("topic", "type", "unit") and value != key.default:
+                content[key.name] = list(value) if isinstance(value, tuple) else value
+        return content | {"unit": self.unit}

@@ -21,6 +21,9 @@ _MAX_RATE_RATIO = 6.0
 Convention."""
 _RATE_RATIO_PER_S = 15.0
 """That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
+_CATCH_UP_GAIN = 6.0
+"""Phase rate per lag [1/s] when the lag is small. Convention."""
+_MAX_STEPS = 1500  # of a run that gets nowhere
 
 
 class NominalTiming(NamedTuple):
@@ -132,8 +135,6 @@ def run(
     *,
     step_s: float,
     hold_s: float = 0.0,
-    max_steps: int = 1500,
-    catch_up_gain: float = 6.0,
 ) -> PathProgress | None:
     """Run along the path: behind the nominal timing as fast as allowed, then along with it.
 
@@ -148,22 +149,20 @@ def run(
         nominal: the timing to follow; None brakes to a stand as fast as allowed.
         step_s: time step.
         hold_s: stand this long before moving on (only from a stand).
-        max_steps: give up after so many steps.
-        catch_up_gain: rate per lag [1/s] when the lag is small.
 
     Returns:
         The progress until it stands (at phase 1 unless braking), or None if it took too long.
     """
     times, phases, rates = [0.0], [phase], [rate]
     t, s, v = 0.0, phase, rate
-    for _ in range(max_steps):
+    for _ in range(_MAX_STEPS):
         left = 1.0 - s
         if left <= 1e-9 or (nominal is None and v <= 0.0):
             break
         if v > 0.0 and left <= v * step_s:  # brake evenly to the end
             t, s, v = t + 2.0 * left / v, 1.0, 0.0
         else:
-            v_next = _next_rate(limits, s, v, t, nominal, step_s, catch_up_gain)
+            v_next = _next_rate(limits, s, v, t, nominal, step_s)
             if t < hold_s and v <= 0.0:
                 v_next = 0.0
             t, s, v = t + step_s, s + step_s * (v + v_next) / 2.0, v_next
@@ -183,7 +182,6 @@ def _next_rate(
     t: float,
     nominal: NominalTiming | None,
     step_s: float,
-    gain: float,
 ) -> float:
     """The phase rate one step later."""
     low, high = _phase_acceleration(limits, s, v, step_s)
@@ -191,7 +189,7 @@ def _next_rate(
     if nominal is not None and t >= nominal.onset_s:
         own = 1.0 / nominal.duration_s
         lag = (t + step_s - nominal.onset_s) * own - s - v * step_s / 2.0
-        wanted = max(own + _approach(lag, gain, 0.5 * max(-low, 0.1 * own)), 0.0)
+        wanted = max(own + _approach(lag, 0.5 * max(-low, 0.1 * own)), 0.0)
     v_next = max(v + min(max((wanted - v) / step_s, low), high) * step_s, 0.0)
     if v_next > v:
         _, high = _phase_acceleration(limits, s, v_next, step_s)
@@ -226,10 +224,10 @@ def _phase_acceleration(
     return low, high
 
 
-def _approach(lag: float, gain: float, deceleration: float) -> float:
+def _approach(lag: float, deceleration: float) -> float:
     """Rate warranted by a lag: linear when small, such that braking keeps to deceleration."""
-    linear = deceleration / gain**2
+    linear = deceleration / _CATCH_UP_GAIN**2
     size = abs(lag)
     if size <= linear:
-        return gain * lag
+        return _CATCH_UP_GAIN * lag
     return (2.0 * deceleration * (size - linear / 2.0)) ** 0.5 * (1.0 if lag > 0.0 else -1.0)
