@@ -145,18 +145,11 @@ def _tasks(arrow: Any, tasks: Sequence[str]) -> Any:
 def _statistics(values: NDArray) -> dict[str, list]:
     """Of each column, without what was not measured."""
     table = values.reshape(len(values), -1).astype(np.float64)
-    seen = np.isfinite(table)
-    columns = [
-        column[here] if here.any() else np.zeros(1)
-        for column, here in zip(table.T, seen.T, strict=True)
-    ]
-    return {
-        "min": [float(c.min()) for c in columns],
-        "max": [float(c.max()) for c in columns],
-        "mean": [float(c.mean()) for c in columns],
-        "std": [float(c.std()) for c in columns],
-        "count": [len(table)],
-    }
+    table[~np.isfinite(table)] = np.nan
+    table[:, np.isnan(table).all(axis=0)] = 0.0
+    kinds = ("min", "max", "mean", "std")
+    found = {kind: getattr(np, f"nan{kind}")(table, axis=0).tolist() for kind in kinds}
+    return found | {"count": [len(table)]}
 
 
 def _map(dofs: DofSpec, columns: Columns, groups: Mapping[str, Sequence[str]]) -> dict[str, object]:

@@ -5,6 +5,7 @@ A reader of headers (`headers.py`) says what the columns of a known exporter are
 else is a CSV with a line of names, or without one.
 """
 
+import codecs
 import csv
 import re
 from collections.abc import Iterator, Sequence
@@ -191,16 +192,11 @@ def _encoding(path: Path) -> str:
         if b"\0" in start:
             raise unusable(path, "a table of text", "bytes that are no text", "Save it as CSV.")
         stream.seek(0)
+        decoder = codecs.getincrementaldecoder("utf-8")()
         try:
-            for piece in iter(lambda: stream.read(2**20 + 1), b""):
-                piece.decode("ascii")
+            for piece in iter(lambda: stream.read(2**20), b""):
+                decoder.decode(piece)
+            decoder.decode(b"", final=True)
             return "utf-8-sig"
         except UnicodeDecodeError:
-            stream.seek(0)
-    try:
-        with path.open(encoding="utf-8-sig") as text:
-            while text.read(2**20):
-                pass
-        return "utf-8-sig"
-    except UnicodeDecodeError:
-        return "latin-1"
+            return "latin-1"
