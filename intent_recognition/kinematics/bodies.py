@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from heapq import heappop, heapreplace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -203,7 +203,8 @@ class Bodies:
         first, second = self._ends(pair)
         objects, transform = self._geometry.geometryObjects, self._coal.Transform3s
         result = self._coal.DistanceResult()
-        poses = [transform(p.rotation, p.translation) for p in map(self._pose, (first, second))]
+        placed = [self._work.oMg[first], self._work.oMg[second]]
+        poses = [transform(one.rotation, one.translation) for one in placed]
         one, other = objects[first].geometry, objects[second].geometry
         distance = self._coal.distance(one, poses[0], other, poses[1], self._request, result)
         self._pin.computeJointJacobians(self._model.model, self._data)
@@ -217,11 +218,10 @@ class Bodies:
         model, joint = self._model.model, self._geometry.geometryObjects[body].parentJoint
         if joint == 0:
             return np.zeros(model.nv)
-        J = self._pin.getJointJacobian(model, self._data, joint, self._pin.LOCAL_WORLD_ALIGNED)
-        x, y, z = point - self._data.oMi[joint].translation
-        u, v, w = direction
-        turned = np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-        return np.asarray(direction @ J[:3] + turned @ J[3:], dtype=np.float64)
+        at = self._pin.SE3(np.eye(3), self._data.oMi[joint].actInv(point))
+        frame = self._pin.LOCAL_WORLD_ALIGNED
+        J = self._pin.getFrameJacobian(model, self._data, joint, at, frame)
+        return np.asarray(direction @ J[:3], dtype=np.float64)
 
     # Set-up
 
@@ -324,9 +324,6 @@ class Bodies:
     def _ends(self, pair: int) -> tuple[int, int]:
         ends = self._geometry.collisionPairs[pair]
         return ends.first, ends.second
-
-    def _pose(self, body: int) -> Any:
-        return self._work.oMg[body]
 
     def _place(self, q: Floats) -> None:
         model = self._model
