@@ -11,12 +11,10 @@ INTRODUCTION = """\
 
 <!-- Written by docs/tools/write_reference.py from the parsers; do not edit. -->
 
-`intent COMMAND --help` says the same in the terminal, with examples. Every command ends with 0 \
-when all went well, with 1 and one line on stderr when something of yours cannot be used, and with \
-2 when it was called wrongly. `--json OUT` writes what a command finds as JSON to OUT; without OUT \
-it prints that, and nothing else. Wherever `BAG` stands, a folder of bags may stand, unless the \
-command says otherwise ([bags.md](../bags.md#folders)). [Completion](../shell.md#completion) and \
-[output for scripts](../shell.md#for-scripts) have a page of their own.
+`intent COMMAND --help` says the same in the terminal, with examples. Wherever `BAG` stands, \
+[a folder of bags](../bags.md#folders) may stand, unless the command says otherwise. \
+[Completion](../shell.md#completion), and [exit codes and `--json`](../shell.md#for-scripts), have \
+a page of their own.
 """
 
 MANY = {None: "{}", "+": "{} ...", "*": "[{} ...]"}
