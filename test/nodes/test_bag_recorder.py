@@ -96,6 +96,19 @@ def wire_bytes(harness, message) -> bytes:
     return seen[0]
 
 
+def test_a_burst_of_a_thousand_is_written_without_loss(harness, tmp_path):
+    publisher = harness.publisher(PoseStamped, "mocap/wrist/pose", 2000)
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["mocap/wrist/pose"]))
+    record_between(
+        harness,
+        node,
+        {"mocap/wrist/pose": publisher},
+        {"mocap/wrist/pose": [pose(i) for i in range(1000)]},
+    )
+    stamps = [m.stamp_ns for m in BagReader(tmp_path / "bag").messages()]
+    assert stamps == [7_000_000_000 + i for i in range(1000)]
+
+
 def test_what_was_received_before_the_stop_is_in_the_bag(harness, tmp_path):
     publisher = harness.publisher(PoseStamped, "mocap/wrist/pose", 2000)
     node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["mocap/wrist/pose"]))
