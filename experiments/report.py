@@ -73,7 +73,7 @@ def findings_table(result: ExperimentResult) -> TableBlock:
         (f.quantity, f.paper or None, f.ours, VERDICTS[f.holds], f.remark or None)
         for f in result.findings
     )
-    missed = (k for k, f in enumerate(result.findings) if f.holds is False)
+    missed = [k for k, f in enumerate(result.findings) if f.holds is False]
     return TableBlock(columns, rows, marked=missed)
 
 
