@@ -245,3 +245,12 @@ def test_thinning_keeps_both_ends():
     assert len(thin(values, 100)) == 100
     assert thin(values[:7], 100) is not None
     assert len(thin(values[:7], 100)) == 7
+
+
+@pytest.mark.slow
+def test_any_number_of_joints(trace):
+    for count in (1, 3, 4, 8):
+        trace["joint_rad"] = np.zeros((900, count))
+        trace["predicted_rad"] = trace["predicted_std_rad"] = np.ones((50, count))
+        trace["joint_names"] = None
+        assert to_svg(joint_figure(trace))
