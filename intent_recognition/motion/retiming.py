@@ -23,7 +23,8 @@ _RATE_RATIO_PER_S = 15.0
 """That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
 _CATCH_UP_GAIN = 6.0
 """Phase rate per lag [1/s] when the lag is small. Convention."""
-_MAX_STEPS = 1500  # of a run that gets nowhere
+_MAX_STEPS = 1500
+"""Of a run that gets nowhere. Safeguard."""
 
 
 class NominalTiming(NamedTuple):

@@ -55,14 +55,3 @@ def test_an_example_of_the_gallery_runs(example, monkeypatch):
         assert pyplot.get_fignums() or example.stem == "10_a_real_recording"
     finally:
         pyplot.close("all")
-
-
-def test_reading_columns_works_as_shown(tmp_path, monkeypatch):
-    (block,) = BLOCK.findall((ROOT / "docs" / "bags.md").read_text(encoding="utf-8"))
-    bag = ROOT / "bags" / "toolbox" / "test" / "plate_handover_03"
-    (tmp_path / bag.name).symlink_to(bag)
-    monkeypatch.chdir(tmp_path)
-    names: dict = {}
-    exec(block, names)
-    assert names["found"]["mocap/wrist/pose"].positions.shape[1] == 3
-    assert names["found"]["joint_states"].parts[0].position.shape[1] == 7
