@@ -96,6 +96,7 @@ class MocapIngest(Node):
         template = f"mocap/{{}}/{bodies[0]}/pose"
         meet(self, template, partial(self._meet, bodies))
         keep_live(self, LIVE, self._changed, self._change)
+        self._last_ns: dict[str, int] = {}  # by the tracker's label and body
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
 
@@ -119,9 +120,7 @@ class MocapIngest(Node):
         """Forget the tracks: what comes next is earlier."""
         if self._identity is not None:
             self._identity.forget()
-        self._left_overs = LeftOvers(
-            {body: s.recent[-1][0] for body, s in self._states.items() if s.recent}
-        )
+        self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
         self._states = dict.fromkeys(self._states, IngestState())
         for waiting in self._waiting.values():
             waiting.clear()
@@ -145,6 +144,7 @@ class MocapIngest(Node):
         if self._left_overs.include(body, measured.stamp_ns):
             self._diagnostics.count("left_over")
             return
+        self._last_ns[body] = measured.stamp_ns
         waiting = self._waiting[body]
         if waiting or (self._hears and frame_name(measured.frame_id) not in self._settings.frames):
             if len(waiting) >= MAX_WAITING:

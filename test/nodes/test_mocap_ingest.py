@@ -124,6 +124,34 @@ def test_when_the_clock_goes_back_the_first_pose_counts(harness):
     assert [stamp_ns(message) for message in received] == expected
 
 
+def test_what_is_left_over_is_known_by_the_trackers_label(harness):
+    node = start(harness, use_sim_time=True, persons=["*"])
+    clock = harness.publisher(Clock, "/clock", 10)
+    poses = {k: harness.publisher(PoseStamped, f"mocap/{k}/wrist/pose", 10) for k in ("a", "b")}
+    harness.connect(clock)
+    harness.spin_until(lambda: {"a/wrist", "b/wrist"} <= node._waiting.keys(), what="both met")
+    harness.connect(*poses.values())
+    totals, sent = node._diagnostics._totals, {"a": 0, "b": 0}
+
+    def show(label, index):
+        sent[label] += 1
+        poses[label].publish(pose(index, (0.001 * (index % 1000), 0.5, 1.0)))
+        topic = f"mocap/{label}/wrist/pose"
+        harness.spin_until(lambda: totals[topic] == sent[label], what="the pose taken")
+
+    for first in (1000, 0):
+        stamp = T0 + first * STEP
+        clock.publish(Clock(clock=to_stamp(stamp)))
+        harness.spin_until(lambda at=stamp: node.get_clock().now().nanoseconds == at, what="clock")
+        if first:
+            for label, index in (("a", 1000), ("a", 1001), ("b", 1010)):  # one person, two labels
+                show(label, index)
+    assert list(node._outputs) == ["a/wrist"]
+    show("b", 1011)
+    assert node._diagnostics._counts["left_over"] == 1
+    assert list(node._outputs) == ["a/wrist"]
+
+
 def test_a_body_in_millimetres_is_named_once_and_sent_on(harness):
     node = start(harness)
     exchange(harness, [pose(i, (800.0 + i * 0.001, -400.0, 300.0)) for i in range(4)], 4)
