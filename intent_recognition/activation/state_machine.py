@@ -29,6 +29,7 @@ from intent_recognition.activation.states import (
     UNDER_WAY,
     Arrived,
     Command,
+    Executing,
     Homing,
     Idle,
     Mode,
@@ -77,7 +78,7 @@ class Activation:
         self.counts, self.pretrigger = parts.counts, parts.pretrigger
         self._correcting, self._waiting = Correcting(parts), Waiting(parts)
         self._transitions = Transitions(parts, self._waiting, self._correcting)
-        self._now_ns = 0
+        self._now_ns, self._helped = 0, ""
         self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
         self.state: State = Idle()
 
@@ -97,7 +98,7 @@ class Activation:
     @property
     def attended(self) -> str:
         """Whom the arm helps while a task is active; empty where people have no names."""
-        return self._people.attended if self.active_task else ""
+        return self._helped if self.active_task else ""
 
     @property
     def reasons(self) -> str:
@@ -329,4 +330,6 @@ class Activation:
         if outcome is not None:
             self.outcomes.append(outcome)
         self.state = transition.state
+        if isinstance(self.state, Executing):  # until then it is chosen whom the arm will help
+            self._helped = self._people.attended
         return transition.command

@@ -132,6 +132,18 @@ def test_the_one_who_needs_it_first_is_helped_and_the_other_one_after():
     world.check_continuous()
 
 
+def test_who_comes_next_is_not_told_before_the_arm_begins(monkeypatch):
+    world = both_ask()
+    world.until(lambda: world.helps("anna"))
+    world.run(1.2)
+    interacting = world.activation._transitions.interacting
+    monkeypatch.setattr(interacting, "begin", lambda now_ns: None)  # no way is clear
+    world.ask("anna", "idle")
+    world.ask("ben", "idle")
+    world.until(lambda: not world.activation.active_task)
+    assert {pair for pair in world.helped if pair[1]} == {("anna", "plate")}
+
+
 def test_who_needs_it_first_does_not_depend_on_the_names():
     world = both_ask(0.4, 0.8)
     world.until(lambda: world.activation.attended)

@@ -7,6 +7,7 @@ from activation_graph import GOALS, HOME, START_NS
 from activation_graph import Graph as ActivationGraph
 from clearance_world import ROBOT
 from joint_trajectories import build_joint_trajectory
+from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -16,6 +17,7 @@ from intent_recognition.kinematics import hand_position, parse_boxes
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_pose, trajectory_arrays
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.registry import ANSWERS
 from intent_recognition.share import share_path
 
 GOAL = HOME + GOALS["plate"]
@@ -180,3 +182,11 @@ def test_a_path_into_a_box_is_planned_anew(harness):
     np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
     assert np.abs(q - HOME - (GOAL - HOME) * (q[:, :1] - HOME[0]) / 0.4).max() > 0.02
     assert graph.node.activation.counts["replanned"] >= 1
+
+
+def test_where_time_waits_for_the_node_a_search_takes_none(harness):
+    graph = Graph(harness)
+    assert graph.node._things._spent_s() > 0.0
+    harness.collect(JointState, ANSWERS, qos.FEEDBACK)
+    harness.spin_until(lambda: graph.node.diagnostics.answers, what="somebody waits")
+    assert graph.node._things._spent_s() == 0.0

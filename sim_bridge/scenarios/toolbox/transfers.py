@@ -47,9 +47,9 @@ GRASP_RADIUS_M, GRASP_SPEED_M_S = 0.03, 0.12
 NEAR_M, AWAY_M = 0.3, 0.12
 """Distance from the grip to the wrist below which the person acts, and way of the wrist after which
 the person goes on with something else [m]. Convention."""
-SLOW_M_S, REST_M_S = 0.15, 0.03
-"""Speed of the robot's hand from which on a person brings an object, or takes one [m/s].
-Convention."""
+REST_M_S = 0.03
+"""Speed of the robot's hand below which it rests: a person then takes an object, or brings one
+[m/s]. Convention."""
 ASIDE_M = np.array([0.16, 0.0, 0.0])
 """From the wrist to where the person holds an object until the robot is near, and from the fingers
 then [m]. Convention: out of their way."""
@@ -251,11 +251,9 @@ class ToolboxTransfers:
 
     def _begin(self, hand: CompliantHand, thing: HandedThing) -> None:
         """Begin to take or to give where the robot has come near."""
-        grip_m, speed = self._arm.hand_pose().position, self._speed()
-        gives = hand.holds
-        slow = speed < (SLOW_M_S if gives else REST_M_S)
+        gives, grip_m = hand.holds, self._arm.hand_pose().position
         near = np.linalg.norm(grip_m - self._wrist_m) < NEAR_M
-        if self._manner is None or not (near and slow):
+        if self._manner is None or not near or self._speed() >= REST_M_S:
             return
         if gives and self._off_line_m(hand, thing) < ALIGNED_M:
             self._person = Giver(hand, self._manner, self._place(thing))
