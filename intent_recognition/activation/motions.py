@@ -40,6 +40,9 @@ _HEADROOM = 0.93
 """Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
 Convention: the first or second further plan mostly keeps it."""
 
+_MAX_REPLANS = 6
+"""Further plans, in each of which the start's offset decays in twice the time. Convention."""
+
 _Planner = Callable[[Floats | None, float], JointPlan | None]
 """From ceilings of the phase rate (G + 1,) [1/s], or none, and how many times longer an offset
 takes than it must, to a plan; None where there is none."""
@@ -144,10 +147,12 @@ class Motions:
         separation, people, ceiling = self._common.settings.separation, self.people, None
         if separation is None or not people:
             return plan
-        for k in range(7):
+        for k in range(_MAX_REPLANS + 1):
             if plan is None or separation.worst_excess(plan, start_ns, people) <= 1.0:
                 self._counts["slowed by person"] += k > 0 and plan is not None
                 return plan
+            if k == _MAX_REPLANS:
+                break
             times_ns = phase_times_ns(plan, start_ns)
             ceilings = [separation.rate_ceiling(path, times_ns, person) for person in people]
             newer = _HEADROOM * np.min(ceilings, axis=0)

@@ -103,6 +103,10 @@ NEGLIGIBLE_SHARE = 1e-4
 a prediction. Convention."""
 
 
+TURN, AFRESH, DELAY = range(3)
+"""Kinds of birth: into a course of the movement so far, into one that begins now, a delayed copy."""
+
+
 class Births:
     """The born hypotheses of one movement after the other, in memory that is used again.
 
@@ -156,11 +160,6 @@ class Births:
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
 
     @property
-    def n_hypotheses(self) -> int:
-        """How many there are."""
-        return self._table.n
-
-    @property
     def log_joint(self) -> NDArray[np.float64]:
         """Log of prior and density of all observations, of the K tasks and none, (K + 1,)."""
         total = np.full(self._library.n_tasks + 1, -np.inf)
@@ -168,14 +167,14 @@ class Births:
         return total
 
     @property
-    def staying(self) -> float:
+    def log_stay(self) -> float:
         """Log probability with which a task of the onset passed nothing on to tasks."""
         passed = self._last_s / self.usual_s
         turned = SWITCH_RATE * passed + REACH_RATE * min(passed, REACH_UNTIL)
         turned *= float(np.exp(-self._library.switch_margin))
         return -turned - (DETOUR_RATE + DELAY_RATE) * passed
 
-    def left(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    def onset_log_joint(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
 
         What was none of the tasks from the onset stays so.
@@ -185,7 +184,7 @@ class Births:
         """
         joint = (self._grid.log_prior + log_evidence).reshape(-1, self._grid.n_scales)
         left = np.logaddexp.reduce(joint, axis=1)
-        left[:-1] += self.staying
+        left[:-1] += self.log_stay
         return left
 
     def observe(
@@ -199,7 +198,7 @@ class Births:
         Args:
             measurement: as the hypotheses of the onset took it.
             onset: the hypotheses of the onset.
-            log_evidence: see `left`; this measurement is among the observations.
+            log_evidence: see `onset_log_joint`; this measurement is among the observations.
         """
         self._remember_start(measurement)
         self._last_s = max(measurement.elapsed_s, self._last_s)
@@ -207,7 +206,7 @@ class Births:
         table = self._table
         if table.n:
             table.condition(measurement)
-        total, rows = np.logaddexp(self.log_joint, self.left(log_evidence)), table.rows
+        total, rows = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence)), table.rows
         settled = rows["seen"] == self._settling
         if settled.any():
             shares = birth_shares(
@@ -217,7 +216,8 @@ class Births:
                 none_margin=self._grid.none_margin,
                 switch_margin=self._library.switch_margin,
             )
-            of_kind = shares[rows["kind"]] + rows["log_share"] - self._log_weight[rows["task"]]
+            of_kind = shares[rows["kind"], rows["task"]] + rows["log_share"]
+            of_kind -= self._log_weight[rows["task"]]
             rows["log_prior"] = np.where(settled, of_kind, rows["log_prior"])
         table.drop(self._hopeless(float(np.logaddexp.reduce(total))))
         if self._n_used % self._every == 0:
@@ -237,7 +237,7 @@ class Births:
         weight = np.exp(joint - total[task])
         expected_s = np.zeros(len(total))
         np.add.at(expected_s, task, weight * (onset_s + duration_s))
-        return BornBelief(total, self.staying, expected_s, task, weight, onset_s, duration_s)
+        return BornBelief(total, self.log_stay, expected_s, task, weight, onset_s, duration_s)
 
     def of_task(self, task: int) -> tuple[GaussianBatch, NDArray[np.float64], NDArray[np.float64]]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
@@ -268,7 +268,7 @@ class Births:
         n_tasks, n_rates, n_durations = self._library.n_tasks, len(FADINGS), len(self._offsets)
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
-            known = np.logaddexp(self.log_joint, self.left(log_evidence))[:-1]
+            known = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence))[:-1]
             tasks = np.sort(np.argpartition(known, -MAX_TASKS)[-MAX_TASKS:])
         tasks = np.r_[tasks, n_tasks]
         which, duration = np.divmod(np.arange(len(tasks) * n_rates * n_durations), n_durations)
@@ -279,7 +279,7 @@ class Births:
         self._table.add(
             states[which],
             task=task,
-            kind=task,
+            kind=TURN,
             settling=self._settling,
             onset_s=np.where(is_none, birth_s, 0.0),
             duration_s=np.exp(self._log_mean[task] + self._log_std[task] * offset),
@@ -298,7 +298,7 @@ class Births:
         self._table.add(
             reaching[which],
             task=task,
-            kind=2 * n_tasks + 1 + task,
+            kind=AFRESH,
             settling=self._settling,
             onset_s=birth_s,
             duration_s=duration_s,
@@ -314,7 +314,7 @@ class Births:
     ) -> None:
         """Add copies of the most probable hypothesis of a known task, set back in time."""
         n_tasks = self._library.n_tasks
-        joint = self._grid.log_prior + log_evidence + self.staying
+        joint = self._grid.log_prior + log_evidence + self.log_stay
         joint = np.where(onset.rows["task"] < n_tasks, joint, -np.inf)
         of_born = np.where(self._table.rows["task"] < n_tasks, self._table.log_joint, -np.inf)
         table, best = onset, int(np.argmax(joint))
@@ -325,7 +325,7 @@ class Births:
         self._table.add(
             with_offsets(*course.moments(), DELAY_OFFSET**2 * self._offset_variance)[rate],
             task=row["task"],
-            kind=n_tasks + 1 + row["task"],
+            kind=DELAY,
             settling=self._settling,
             onset_s=row["onset_s"] + np.array(DELAYS)[delay] * self.usual_s,
             duration_s=row["duration_s"],
@@ -373,9 +373,9 @@ def birth_shares(
     none_margin: float = 0.0,
     switch_margin: float = 0.0,
 ) -> NDArray[np.float64]:
-    """Log of what passes to newborn hypotheses in a time, (3 K + 1,).
+    """Log of what passes in a time to the newborn hypotheses of each task and of none, (3, K + 1).
 
-    First what passes to each task and to none, then to each task after a delay and begun anew.
+    By kind: `TURN` (for the old task a detour), `AFRESH`, and `DELAY`.
 
     Args:
         total: log joint of the tasks and none, everything together, (K + 1,).
@@ -392,4 +392,7 @@ def birth_shares(
         own = np.logaddexp(known + np.log(DETOUR_RATE), turning - switch_margin)
         none, delayed = everything + np.log(NONE_RATE) - none_margin, known + np.log(DELAY_RATE)
         afresh = turning - switch_margin + np.log(REACH_RATE / SWITCH_RATE)
-        return np.r_[own, none, delayed, afresh] + np.log(passed)
+        shares = np.array(
+            [np.append(own, none), np.append(afresh, -np.inf), np.append(delayed, -np.inf)]
+        )
+        return shares + np.log(passed)

@@ -241,7 +241,10 @@ class MovementFilter:
             return self._predictions[task]
         births, n_scales, seen = self.births, self.grid.n_scales, self._measurements
         elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
-        if births is not None and births.log_joint[task] > births.left(self.log_evidence)[task]:
+        if (
+            births is not None
+            and births.log_joint[task] > births.onset_log_joint(self.log_evidence)[task]
+        ):
             hypotheses = births.of_task(task)
             deviations, seen = self.table.deviations(0, 0), []
         else:

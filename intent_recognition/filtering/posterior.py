@@ -32,7 +32,7 @@ class BornBelief(NamedTuple):
 
     Attributes:
         log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
-        staying: log probability with which a task of the onset passed nothing on.
+        log_stay: log probability with which a task of the onset passed nothing on.
         duration_s: expected duration given the task, (K + 1,).
         task: number of the task of each hypothesis, (n,).
         weight: their probabilities given the task, (n,).
@@ -41,7 +41,7 @@ class BornBelief(NamedTuple):
     """
 
     log_joint: NDArray[np.float64]
-    staying: float
+    log_stay: float
     duration_s: NDArray[np.float64]
     task: NDArray[np.int64]
     weight: NDArray[np.float64]
@@ -129,7 +129,7 @@ def task_belief(
     possible = np.isfinite(log_task)
     share = np.zeros_like(log_task)
     if born is not None:
-        log_task[:-1] += born.staying
+        log_task[:-1] += born.log_stay
         total = np.logaddexp(log_task, born.log_joint)
         share[possible] = np.exp(born.log_joint[possible] - total[possible])
         log_task = np.where(possible, total, log_task)

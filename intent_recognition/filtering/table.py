@@ -28,16 +28,16 @@ from intent_recognition.promp import (
 
 OFFSET_BASIS = 3
 """Weights of an offset: position and velocity at birth, and a push."""
-ROW = np.dtype(
+COLUMNS = np.dtype(
     [
         ("task", np.int64),  # K is none
-        ("kind", np.int64),  # what its prior is a share of (`births`)
+        ("kind", np.int64),  # of birth (`births`)
         ("seen", np.int64),  # measurements it was conditioned on
         ("settling", np.int64),  # of these, the first ones, which it is not judged by
         ("onset_s", np.float64),  # where its phase begins, after the movement's onset
         ("duration_s", np.float64),
         ("birth_s", np.float64),
-        ("rate", np.float64),  # at which its offset fades [1/s]
+        ("rate", np.float64),  # of the spring of its offset, or 1 / T of a reach [1/s]
         ("form", np.int64),  # one of the three below
         ("log_share", np.float64),  # of what passes to its kind
         ("log_prior", np.float64),
@@ -85,7 +85,7 @@ class HypothesisTable:
         self._shape = n_dofs, n_basis + OFFSET_BASIS * offsets
         # The system hands out memory when it is touched: now, not later.
         self._state = np.full((room, state_width(n_dofs * self._shape[1])), 0.0)
-        self._columns = np.zeros(room, dtype=ROW)
+        self._columns = np.zeros(room, dtype=COLUMNS)
         self._prior = deviation_prior(self._model)
         self.deviation = np.ones((room, len(self._prior)))
         own = self._shape[1] * np.arange(n_dofs)[:, None] + np.arange(n_basis)
@@ -113,7 +113,7 @@ class HypothesisTable:
         Args:
             state: of their weights, (k, ...), as in `GaussianBatch`.
             times: rows of each state, one after the other.
-            columns: of `ROW`, a number or (k times,) each; what is left out is zero.
+            columns: of `COLUMNS`, a number or (k times,) each; what is left out is zero.
         """
         new = slice(self.n, self.n + len(state) * times)
         self.n = new.stop
@@ -245,7 +245,7 @@ def fading(
     Args:
         since_s: time since birth, (n,); less than zero counts as zero.
         rate: of the spring [1/s], (n,).
-        derivative: that by the time instead [1/s].
+        derivative: give the derivative by time [1/s] instead.
     """
     s = np.maximum(since_s, 0.0)
     if derivative:
@@ -265,7 +265,7 @@ def ending(
     Args:
         since_s: time since birth, (n,); less than zero counts as zero.
         rate: of the reach [1/s], (n,).
-        derivative: that by the time instead [1/s].
+        derivative: give the derivative by time [1/s] instead.
     """
     powers = np.clip(since_s * rate, 0.0, 1.0)[:, None] ** np.arange(6)
     if derivative:

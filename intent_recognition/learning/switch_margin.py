@@ -88,7 +88,7 @@ def follow(
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
         run.observe(observation)
-        yield run.births.log_joint[:-1], run.births.left(run.log_evidence)[:-1]
+        yield run.births.log_joint[:-1], run.births.onset_log_joint(run.log_evidence)[:-1]
 
 
 def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:

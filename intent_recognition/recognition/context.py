@@ -76,7 +76,7 @@ class KnownContext:
         least_ns = max(CONTEXT_PERIOD_S * 1e9, CONTEXT_SHARE * (stamp_ns - onset_ns))
         return waited_ns >= least_ns and self.changed()
 
-    def library(self, stamp_ns: int = 0) -> TaskLibrary:
-        """The library in this context, as used from a stamp on."""
+    def apply(self, stamp_ns: int = 0) -> TaskLibrary:
+        """Use what is known from a stamp on: the library in this context."""
         self._used, self._used_at_ns = self.values.copy(), stamp_ns
         return self.learned if self.learned.context is None else self.learned.given(self.values)

@@ -54,6 +54,9 @@ USUAL_THRESHOLD = 0.9
 MAX_WRONG = 0.05
 """Share of interactions that may be acted on wrongly. Convention."""
 
+_SENDER = "Check the sender and its settings."
+"""Cure of numbers that came from elsewhere."""
+
 
 @dataclass(frozen=True)
 class DecisionSettings:
@@ -73,6 +76,8 @@ class DecisionSettings:
         min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
             probability would be if all tasks were equally probable beforehand.
         idle_margin: idle means probability of `none` >= 1 - idle_margin.
+        risk: from which probability on a task may be acted on, learned from demonstrations that
+            were left out; None for `threshold`.
     """
 
     threshold: float = USUAL_THRESHOLD
@@ -300,10 +305,10 @@ def uncertain_end(
     if end_std is None:
         return f"recognised {state.candidate}, but its end was not predicted"
     unit = least_certain_unit(settings, end_std, state.candidate)
-    limit = "max_end_std" if unit == "rad" else f"max_end_std_{unit}"
+    limit = settings.max_end_std(unit, state.candidate)
     return (
         f"recognised {state.candidate}, but the predicted end is uncertain: "
-        f"{end_std[unit]:.2f} {unit} > {limit} {settings.max_end_std(unit, state.candidate):.2g}"
+        f"{end_std[unit]:.2f} {unit}, at most {limit:.2g} is wanted"
     )
 
 
@@ -331,11 +336,13 @@ def _checked(labels: Sequence[str], probabilities: NDArray[np.float64]) -> NDArr
         cure = "Give one probability per label."
         raise ShapeError.about("probabilities", f"shape ({len(labels)},)", p.shape, cure)
     if NONE not in labels:
-        _refuse("labels", f"'{NONE}' among the labels", list(labels))
+        _refuse("labels", f"'{NONE}' among the labels", list(labels), _SENDER)
     if not np.all((p >= -1e-9) & (p <= 1.0 + 1e-9)) or abs(float(p.sum()) - 1.0) > 1e-6:
-        _refuse("probabilities", "numbers in [0, 1] that sum to 1", p)
+        _refuse("probabilities", "numbers in [0, 1] that sum to 1", p, _SENDER)
     return p
 
 
-def _refuse(argument: str, expected: str, got: object) -> None:
-    raise ArgumentError.about(argument, expected, got, "Check the sender and its settings.")
+def _refuse(
+    argument: str, expected: str, got: object, cure: str = "Change it, or leave it out."
+) -> None:
+    raise ArgumentError.about(argument, expected, got, cure)

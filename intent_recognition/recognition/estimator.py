@@ -52,7 +52,7 @@ class IntentEstimator:
         library: the learned tasks.
         task_prior: p(s), (K,), always, sums to one; when None, the library's transition prior after
             the task before (`transitions`).
-        n_scales: durations per task in the phase bank.
+        n_scales: durations of each task that are filtered.
         transitions: use the transition prior; else p(s) is the library's task prior.
         forget_after_s: time after a movement from which the task before tells nothing any more.
         start_posture: condition trajectories on the controlled agent's posture at onset, where
@@ -167,18 +167,18 @@ class IntentEstimator:
         detector.add(observation)
         if self._run is None:
             self.expectation.forget_if_long_ago(now_ns)
-            onset_ns = detector.onset_ns()
+            onset_ns = detector.find_onset_ns()
             if onset_ns is not None:
                 if self._context.changed():
-                    self._use(self._context.library(now_ns))
+                    self._use(self._context.apply(now_ns))
                 self._begin(onset_ns, detector.since(onset_ns))
         elif now_ns >= self._run.onset_ns:
             if self._context.due(now_ns, self._run.onset_ns):
-                self._use(self._context.library(now_ns))
+                self._use(self._context.apply(now_ns))
             self._run.observe(observation)
         elapsed_s = 0.0 if self._run is None else (now_ns - self._run.onset_ns) * 1e-9
         posterior = self._believe(now_ns)
-        if posterior is not None and detector.is_over(elapsed_s, posterior):
+        if posterior is not None and detector.ends(elapsed_s, posterior):
             self._end(now_ns)
         elif posterior is not None or detector.waits_for_rest:
             expected = self.expectation.ratio
@@ -253,7 +253,7 @@ class IntentEstimator:
         """
         self._context.values = as_context(values, self._context.learned.context_names)
         if self._context.changed():
-            self._use(self._context.library())
+            self._use(self._context.apply())
 
     def update_context(self, observation: Observation) -> str | None:
         """Take a sample of the scene; returns why it was not taken, as a diagnostics key, or None.
@@ -381,7 +381,7 @@ class IntentEstimator:
         check_same_dofs(self._context.learned, library)
         self._task_prior = task_prior
         self._context.use(library)
-        self._use(self._context.library())
+        self._use(self._context.apply())
 
     def _use(self, library: TaskLibrary) -> None:
         """Go on with a library of the same DOFs."""

@@ -170,10 +170,10 @@ class MotionDetector:
                     return SparseSignal(group, float(1.0 / np.median(steps_s)), least_hz)
         return None
 
-    def onset_ns(self) -> int | None:
+    def find_onset_ns(self) -> int | None:
         """Stamp at which the movement under way began; None at rest.
 
-        After a movement that was overdue, all signals must have rested first.
+        After a movement that was overdue, all signals must have rested first: this is noticed here.
         """
         if self.waits_for_rest:
             self.waits_for_rest = not self._at_rest()
@@ -203,8 +203,11 @@ class MotionDetector:
         found = [o for past in self.pasts for o in past.observations() if o.stamp_ns >= stamp_ns]
         return sorted(found, key=lambda o: (o.stamp_ns, o.group, o.derivative))
 
-    def is_over(self, elapsed_s: float, posterior: TaskPosterior) -> bool:
-        """Whether the movement is over: done and at rest, stopped half-way, or overdue."""
+    def ends(self, elapsed_s: float, posterior: TaskPosterior) -> bool:
+        """Whether the movement is over: done and at rest, stopped half-way, or overdue.
+
+        After an overdue one the detector waits for rest.
+        """
         best = int(np.argmax(posterior.probabilities))
         duration_s, phase = float(posterior.duration_s[best]), float(posterior.phase[best])
         if elapsed_s > duration_s + OVERTIME_S and phase >= FINISHED_PHASE:

@@ -86,18 +86,22 @@ def test_what_passes_on_is_what_the_rates_say(rng):
     passed = np.exp(birth_shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
     known = np.exp(total[:-1]).sum()
     rate = births.SWITCH_RATE + births.DETOUR_RATE
-    turning = passed[:4] - 0.02 * births.DETOUR_RATE * np.exp(total[:-1])
-    assert np.isclose(passed[:4].sum(), 0.02 * rate * known)
-    assert np.isclose(passed[4], 0.02 * births.NONE_RATE * np.exp(-1.5) * known)
-    np.testing.assert_allclose(passed[5:9], 0.02 * births.DELAY_RATE * np.exp(total[:-1]))
-    np.testing.assert_allclose(passed[9:], births.REACH_RATE / births.SWITCH_RATE * turning)
+    turning = passed[births.TURN, :4] - 0.02 * births.DETOUR_RATE * np.exp(total[:-1])
+    assert np.isclose(passed[births.TURN, :4].sum(), 0.02 * rate * known)
+    assert np.isclose(passed[births.TURN, 4], 0.02 * births.NONE_RATE * np.exp(-1.5) * known)
+    delayed, afresh = passed[births.DELAY], passed[births.AFRESH]
+    np.testing.assert_allclose(delayed[:4], 0.02 * births.DELAY_RATE * np.exp(total[:-1]))
+    np.testing.assert_allclose(afresh[:4], births.REACH_RATE / births.SWITCH_RATE * turning)
+    assert delayed[4] == afresh[4] == 0.0
 
 
 def test_a_margin_makes_turning_to_another_task_rarer(rng):
     total, log_prior = rng.normal(size=4), np.log([0.2, 0.3, 0.5])
     detours = np.exp(total[:-1]) * births.DETOUR_RATE * 0.02
-    turning = np.exp(birth_shares(total, log_prior, 0.02))[:3] - detours
-    rarer = np.exp(birth_shares(total, log_prior, 0.02, switch_margin=2.0))[:3] - detours
+    turning = np.exp(birth_shares(total, log_prior, 0.02))[births.TURN, :3] - detours
+    rarer = (
+        np.exp(birth_shares(total, log_prior, 0.02, switch_margin=2.0))[births.TURN, :3] - detours
+    )
     np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
 
 
@@ -118,9 +122,9 @@ def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_on
     with np.errstate(divide="ignore"):
         log_prior = np.log([0.5, 0.5, 0.0])
     passed = np.exp(birth_shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))
-    assert passed[2] == 0.0 and passed[0] > 0.0
+    assert passed[births.TURN, 2] == 0.0 and passed[births.TURN, 0] > 0.0
     alone = np.exp(birth_shares(np.zeros(2), np.zeros(1), 0.1))
-    assert np.isclose(alone[0], 0.1 * births.DETOUR_RATE)
+    assert np.isclose(alone[births.TURN, 0], 0.1 * births.DETOUR_RATE)
 
 
 def evidence_of(run, task):
@@ -339,7 +343,7 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     times_s = np.arange(0.0, 2.0, 0.05)
     run = filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s))
     born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(births.FADINGS)
-    assert run.births.n_hypotheses <= births.MAX_HYPOTHESES + births.SETTLING * born
+    assert run.births._table.n <= births.MAX_HYPOTHESES + births.SETTLING * born
 
 
 def test_velocities_are_those_of_the_positions(library, rng):

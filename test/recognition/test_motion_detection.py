@@ -44,9 +44,9 @@ def test_a_movement_begins_once_and_is_over_where_it_stops(rate, duration_s, rng
         detector.add(Observation(int(stamp_ns), 0, values))
         now_s = (stamp_ns - START_NS) * 1e-9
         if onset_s is None:
-            onset_ns = detector.onset_ns()
+            onset_ns = detector.find_onset_ns()
             onset_s = None if onset_ns is None else (onset_ns - START_NS) * 1e-9
-        elif over_s is None and detector.is_over(now_s - onset_s, half_way(duration_s)):
+        elif over_s is None and detector.ends(now_s - onset_s, half_way(duration_s)):
             over_s = now_s
     assert onset_s == pytest.approx(begin_s, abs=0.3 + 0.15 * duration_s)
     assert over_s == pytest.approx(end_s + 1.5, abs=0.8 + 0.15 * duration_s)
@@ -66,7 +66,7 @@ def test_a_signal_that_has_an_onset_is_not_called_sparse(trained_hz, rng):
         signal = reach(rate, 5.0, 7.0, 8.0, rng)
         for stamp_ns, values in zip(signal.stamps_ns, signal.values, strict=True):
             detector.add(Observation(int(stamp_ns), 0, values))
-            found = found or detector.onset_ns() is not None
+            found = found or detector.find_onset_ns() is not None
         sparse = detector.too_sparse()
         assert sparse is None or not found
         if rate < LEAST_RATE_HZ or (rate < 10.0 and trained_hz == 100.0):
