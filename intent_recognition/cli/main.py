@@ -91,9 +91,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_output()
         return 0
     except ImportError as error:
-        if (told := missing_package(error)) is None:
+        if (missing := missing_package(error)) is None:
             raise
-        sys.stderr.write(f"intent {args.command}: {one_line(told)}\n")
+        sys.stderr.write(f"intent {args.command}: {one_line(missing)}\n")
         return 1
     except (IntentError, OSError, MemoryError, RecursionError) as error:
         cure = next((f". {cure}" for kind, cure in CURES.items() if isinstance(error, kind)), "")

@@ -102,14 +102,14 @@ def _show(args: argparse.Namespace) -> int:
 
 def print_plan(console: Console, plan: WorkPlan) -> None:
     """A table of the steps and what must come before each."""
-    told = {**plan.order, **plan.by_hand}
+    relations = {**plan.order, **plan.by_hand}
     hand = {pair for pair, p in plan.by_hand.items() if p > 0.0}
     title = f"{len(plan.steps)} steps, from {plan.n_assemblies} assemblies"
     table = boxed_table(title, "step", ">done in", ">time [s]", "after", "who", "takes")
     for step in plan.steps:
         before = [
             f"{first} (by hand)" if (first, then) in hand else f"{first} {p:.2f}"
-            for (first, then), p in told.items()
+            for (first, then), p in relations.items()
             if then == step.name and p > 0.0
         ]
         table.add_row(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ScoreTable: recognition, prediction, calibration, unknown movements, sessions."""
+"""Scores of recognition and prediction, calibration, unknown movements, sessions."""
 
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import reliability_bins

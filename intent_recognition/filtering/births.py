@@ -104,7 +104,7 @@ a prediction. Convention."""
 
 
 TURN, AFRESH, DELAY = range(3)
-"""Kinds of birth: into a course of the movement so far, into one that begins now, a delayed copy."""
+"""Kinds of birth: into the course so far of a task, into one that begins now, a delayed copy."""
 
 
 class Births:

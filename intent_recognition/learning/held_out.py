@@ -111,7 +111,7 @@ def filter_samples(
     between = deviation_transition(model, different / len(phases))[place]  # they are evenly spaced
     for k, phase in enumerate(phases):
         rows = basis.design_matrix(reference_phase(model, phase * different))[place]
-        freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.linear`
+        freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.measurement`
         moved = between if k else None
         one = LinearMeasurement(dofs, rows, values[k], noise, moved, model.evidence, freedom)
         density, likelihood = weights.condition(one, deviation)

@@ -226,15 +226,15 @@ class BagPlayer(Node):
             self._clock_publisher.publish(Clock(clock=to_stamp(max(time_ns, 0))))
 
     def _wait_for_nodes(self) -> None:
-        told: list[str] = []
+        reported: list[str] = []
         while not self._stopping.is_set() and (missing := self._readiness.missing()):
-            if missing != told:
-                told = missing
+            if missing != reported:
+                reported = missing
                 text = f"waiting for {', '.join(missing)} (wait_for_nodes)"
                 self.get_logger().info(text)
                 self._diagnostics.status(Level.OK, text)
             self._stopping.wait(POLL_PERIOD_S)
-        if told:
+        if reported:
             self._diagnostics.status(Level.OK, "running")
 
     def _wait_for_subscribers(self) -> None:

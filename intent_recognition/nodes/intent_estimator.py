@@ -125,7 +125,7 @@ class IntentEstimatorNode(ManagedNode):
             self._configure(belief)
         self._configured = True
         self._diagnostics.value(MODEL, self.get_parameter("model").value)
-        self.get_logger().info(self._told_tasks())
+        self.get_logger().info(self._tasks_by_name())
 
     def _topic_of(self, person: str) -> str:
         """Where the first tracked body of a person is heard."""
@@ -233,10 +233,10 @@ class IntentEstimatorNode(ManagedNode):
         for belief in self.people.values():
             self._tell(belief)
         self._diagnostics.value(MODEL, self.get_parameter("model").value)
-        self.get_logger().info(f"model changed; {self._told_tasks()}")
-        return self._told_tasks()
+        self.get_logger().info(f"model changed; {self._tasks_by_name()}")
+        return self._tasks_by_name()
 
-    def _told_tasks(self) -> str:
+    def _tasks_by_name(self) -> str:
         path = pathlib.Path(str(self.get_parameter("model").value)).absolute()
         return f"tasks: {', '.join(self._model.labels)} ({path})"
 

@@ -101,14 +101,14 @@ class IntentOutput:
         return self._frames.heard or any(one.get_subscription_count() for one in outputs)
 
     @property
-    def human_told(self) -> bool:
+    def human_wanted(self) -> bool:
         """Whether anybody takes all its numbers."""
         return bool(self.human_trajectory.get_subscription_count())
 
     def publish_human(self, estimate: Estimate, human: Prediction, frame: str) -> None:
         """Publish a prediction of the human to who listens."""
         along = human.trajectory
-        if self.human_told:
+        if self.human_wanted:
             build = self._human_builder.build
             self.human_trajectory.publish(build(human.onset_ns, *along, frame_id=human.task))
         if self._shown is None or not self.human_shown:

@@ -32,12 +32,12 @@ class PersonBelief:
 
     Somebody with a name who was not seen for `tracking.LOST_S` is forgotten.
 
-    The only one has no name. `told` is called when status or next task may be other ones.
+    The only one has no name. `on_change` is called when status or next task may have changed.
 
     Attributes:
         estimator: of the person, from `configure` on.
         inputs: what is observed of the person.
-        output: what is told of the person.
+        output: what is published about the person.
         status: level and text.
         publish_rate: of predictions [Hz].
     """
@@ -50,11 +50,16 @@ class PersonBelief:
         diagnostics: Diagnostics,
         frames: FrameOutput,
         postures: PostureInput,
-        told: Callable[["PersonBelief"], None],
+        on_change: Callable[["PersonBelief"], None],
         person: str = "",
     ) -> None:
         self._node, self._diagnostics, self._postures = node, diagnostics, postures
-        self._told, self.person, self.status, self.publish_rate = told, person, WAITING, 25.0
+        self._on_change, self.person, self.status, self.publish_rate = (
+            on_change,
+            person,
+            WAITING,
+            25.0,
+        )
         self._newest_ns = 0
         topic = f"intent/{person}/" if person else "intent/"
         self._next_task = NextTaskOutput(node, f"{topic}next_task")
@@ -97,7 +102,7 @@ class PersonBelief:
         self._moving = self._silent = False
         self._last_publication_ns = 0
         self.status = WAITING
-        self._told(self)
+        self._on_change(self)
 
     def start_over(self) -> None:
         """The clock went back: what comes next is earlier."""
@@ -105,7 +110,7 @@ class PersonBelief:
 
     def _say(self, level: Level, text: str) -> None:
         self.status = level, text
-        self._told(self)
+        self._on_change(self)
 
     def _take_answer(self, message: String) -> None:
         """Count what a person says the movement is as evidence, from the next observation on."""
@@ -165,7 +170,7 @@ class PersonBelief:
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False
             self._say(Level.OK, "moving" if self._moving else WAITING[1])
-        self._told(self)
+        self._on_change(self)
 
     def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
         self.output.observe(observation)
@@ -177,7 +182,7 @@ class PersonBelief:
         if robot is not None:
             self._postures.note(robot, self.person)
             self.output.publish_robot(robot)
-        if self.output.human_shown or self.output.human_told:
+        if self.output.human_shown or self.output.human_wanted:
             human = self.estimator.predict_observed()
             if human is not None:
                 self.output.publish_human(estimate, human, self.inputs.frame)

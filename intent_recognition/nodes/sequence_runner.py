@@ -65,7 +65,7 @@ class SequenceRunner:
         self._places: dict[str, tuple[float, NDArray[np.float64]]] = {}
         self._rest_since_s: float | None = None
         self._tried_s = -math.inf
-        self._told: tuple | None = None
+        self._published: tuple | None = None
         if self._path:
             self._publisher = node.create_publisher(
                 DiagnosticStatus, "intent/sequence", qos.LATCHED
@@ -153,10 +153,10 @@ class SequenceRunner:
 
     def _tell(self) -> None:
         progress, step = self._progress, awaited(self._sequences, self._progress)
-        told = (progress.name, progress.step, progress.running)
-        if told == self._told:
+        shown = (progress.name, progress.step, progress.running)
+        if shown == self._published:
             return
-        self._told = told
+        self._published = shown
         message = DiagnosticStatus(name=progress.name, message="no sequence")
         if step is not None:
             count = f"{progress.step + 1} of {len(self._sequences[progress.name])}"

@@ -53,6 +53,6 @@ def tell_missing(name: str, error: ImportError) -> None:
     Raises:
         ImportError: something else is.
     """
-    if (told := missing_package(error)) is None:
+    if (missing := missing_package(error)) is None:
         raise error
-    sys.stderr.write(f"{name}: {one_line(told)}\n")
+    sys.stderr.write(f"{name}: {one_line(missing)}\n")

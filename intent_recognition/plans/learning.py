@@ -7,7 +7,7 @@ queue-jumping error of Nicholls and Muir Watt 2011, Jiang, Nicholls and Lee 2023
 have forbidden nothing that was possible earns nothing; one that was kept while it forbade several
 steps earns their number. Beforehand, each further relation makes an order a little less probable.
 The posterior is sampled by Metropolis and Hastings, one relation being added or removed at a time,
-and told as the probability of each relation: "i must be done before j" (Mannila and Meek 2000 learn
+and kept as the probability of each relation: "i must be done before j" (Mannila and Meek 2000 learn
 one such order; Beerenwinkel, Eriksson and Sturmfels 2007 learn them with errors).
 """
 
@@ -36,7 +36,7 @@ DONE_COUNT, LEFT_COUNT = 1.0, 0.1
 """Beta prior of the share of assemblies in which a step is done. Convention: one in ten leaves it
 out."""
 LEAST_ORDER = 0.05
-"""Probability below which a relation is not told. Convention: what two digits show."""
+"""Probability below which a relation is not kept. Convention: what two digits show."""
 
 Occurrence = tuple[str, int]
 """A task, and how many times it has been done by then."""
@@ -71,8 +71,10 @@ def learn_plan(
     sequences = [[number[step] for step in one if step is not None] for one in found]
     before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES), SURE)
     names = [task if k == 1 else f"{task} {k}" for task, k in steps]
-    told = np.round(covering(np.where(before < LEAST_ORDER, 0.0, before)), 3)
-    order = {(names[i], names[j]): float(told[i, j]) for i, j in np.argwhere(told > 0.0).tolist()}
+    rounded = np.round(covering(np.where(before < LEAST_ORDER, 0.0, before)), 3)
+    order = {
+        (names[i], names[j]): float(rounded[i, j]) for i, j in np.argwhere(rounded > 0.0).tolist()
+    }
     total = sum(map(len, found))
     slips = sum(step is None for one in found for step in one) / 2.0
     rate = round((slips + USUAL_SLIP * SLIP_WEIGHT) / (total + SLIP_WEIGHT), 4)

@@ -67,7 +67,7 @@ def suggest_map(source: Path) -> str:
         raise BagError.about(place, "columns that move", "none", "Check the file.")
     others = [line for entry in entries[1:] for line in entry]
     lines = [
-        *(f"# Suggested from {line}" for part in parts for line in part.told),
+        *(f"# Suggested from {line}" for part in parts for line in part.sources),
         "# Delete what is not needed, name the topics, move what the robot does to `controlled`.",
         *(f"# Note: {note}" for part in parts for note in part.notes),
         *_files(kinds),
@@ -96,7 +96,7 @@ def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
 class _Part(NamedTuple):
     """What a kind of file contributes to a map: lines."""
 
-    told: list[str]
+    sources: list[str]
     notes: Sequence[str]
     bodies: list[list[str]]
     others: list[list[str]]
