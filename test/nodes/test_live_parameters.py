@@ -120,9 +120,9 @@ def test_estimator_takes_rate_and_expectation(harness, model):
 def test_activation_takes_the_decision_at_once(harness, model):
     node = harness.node(PrimitiveActivation, model=model)
     assert change(harness, node, threshold=0.8, n_observations=2, timeout=0.2) == ""
-    decision = node.activation._inbox.settings.decision
-    assert (decision.threshold, decision.n_observations) == (0.8, 2)
-    assert node.activation._inbox.settings.timeout_s == 0.2
+    settings = node.activation._parts.common.settings
+    assert (settings.decision.threshold, settings.decision.n_observations) == (0.8, 2)
+    assert settings.timeout_s == 0.2
 
 
 def test_activation_tells_what_does_not_fit(harness, model):
@@ -143,7 +143,8 @@ def test_limits_change_only_while_the_arm_rests(harness, model):
     node.activation.state = Idle()
     assert change(harness, node, velocity_scale=0.45, home=[0.1] * 7) == ""
     np.testing.assert_allclose(node._limits.velocity, before / 2.0)
-    np.testing.assert_allclose(node.activation._motions.settings.limits.velocity, before / 2.0)
+    limits = node.activation._parts.common.settings.limits
+    np.testing.assert_allclose(limits.velocity, before / 2.0)
     np.testing.assert_allclose(node.activation.home, 0.1)
 
 
