@@ -12,12 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import deviations_at, duration_offsets
+from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
 from intent_recognition.learning.examples import scored_phases
-from intent_recognition.learning.held_out import FilteredSamples, LeftOutExample, filter_samples
-from intent_recognition.promp import ResidualCoupling, TaskLibrary, reference_phase
+from intent_recognition.learning.held_out import (
+    LeftOutExample,
+    filter_samples,
+    predict_agents,
+    samples_at,
+)
+from intent_recognition.promp import ResidualCoupling, TaskLibrary
 
 EXPONENTS = (0.2, 0.5, 1.0)
 """Exponents of the evidence that are tried, the default first (docs/decisions/one_filter.md)."""
@@ -44,52 +49,30 @@ def follow(
 ) -> Followed:
     """Filter left-out demonstrations under their own task, their durations unknown."""
     offsets, _ = duration_offsets(N_DURATIONS)
-    size, n = library.n_observed_weights, len(left_out)
-    std = library.log_duration_std[[one.task for one in left_out]]
-    usual = np.array([one.log_duration for one in left_out])[:, None] + std[:, None] * offsets
-    pace = (np.array([one.duration_s for one in left_out])[:, None] / np.exp(usual)).ravel()
-    mean = np.array([one.mean for one in left_out])
-    n_others = np.maximum(library.n_demonstrations[[one.task for one in left_out]] - 1, 1)
+    size, task = library.n_observed_weights, [one.task for one in left_out]
+    log_usual = np.array([one.log_duration for one in left_out])[:, None]
+    log_usual = log_usual + library.log_duration_std[task][:, None] * offsets
+    pace = np.array([one.duration_s for one in left_out])[:, None] / np.exp(log_usual)
+    own = np.arange(pace.size).reshape(pace.shape)
+    n_others = np.maximum(library.n_demonstrations[task] - 1, 1)
+    mean = np.array([one.mean[:size] for one in left_out])
     covariance = np.array([one.covariance for one in left_out])
     covariance = covariance * (1.0 + 1.0 / n_others)[:, None, None]
-    prior = Gaussian(
-        np.repeat(mean[:, :size], N_DURATIONS, axis=0), np.repeat(covariance, N_DURATIONS, axis=0)
+    observed = np.array([one.observed for one in left_out])
+    mean, covariance, observed = (
+        np.repeat(part, N_DURATIONS, axis=0) for part in (mean, covariance, observed)
     )
-    samples = np.repeat(np.array([one.observed for one in left_out]), N_DURATIONS, axis=0)
-    samples, remaining, found = np.swapaxes(samples, 0, 1), list(shares), []
-    gain = np.array([one.gain for one in left_out])
-    for progress in filter_samples(library, prior, pace, samples):
-        seen = (progress.n_samples + 0.5) / len(samples)
-        while remaining and (seen > remaining[0] or progress.n_samples == len(samples)):
-            remaining.pop(0)
-            filtered = progress.weights.mean.reshape(n, N_DURATIONS, size)
-            change = (filtered - mean[:, None, :size]) @ np.swapaxes(gain, 1, 2)
-            weights = np.concatenate([filtered, mean[:, None, size:] + change], axis=2)
-            paths = _paths(library, progress, pace, weights.reshape(len(pace), -1))
-            shape = (n, N_DURATIONS, len(scored_phases()), -1)
-            found.append(
-                (progress.log_evidence.reshape(n, -1), *(path.reshape(shape) for path in paths))
-            )
+    samples, prior = np.swapaxes(observed, 0, 1), Gaussian(mean, covariance)
+    # log_evidence is the array that the filter goes on adding to: after every share that of all.
+    found = [
+        (
+            progress.log_evidence.reshape(own.shape),
+            *predict_agents(library, left_out, progress, own, pace),
+        )
+        for progress in filter_samples(library, prior, pace.ravel(), samples)
+        if progress.n_samples in samples_at(shares)
+    ]
     return Followed(*(np.array(part) for part in zip(*found, strict=True)))
-
-
-def _paths(
-    library: TaskLibrary,
-    progress: FilteredSamples,
-    pace: NDArray[np.float64],
-    weights: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Means of both agents at the scored phases of n hypotheses, (n, s, P) and (n, s, Q)."""
-    model, basis = library.phase_deviation, library.basis
-    everything = np.arange(len(pace))
-    share = deviations_at(model, 1.0 / pace, progress.deviations(everything), scored_phases())
-    phase = pace[:, None] * scored_phases()
-    rows = np.einsum("nse,nsek->nsk", share, basis.design_matrix(reference_phase(model, phase)))
-    of_dofs = np.swapaxes(weights.reshape(len(pace), -1, basis.n_basis), 1, 2)
-    observed = rows @ of_dofs[..., : library.n_observed]
-    if not model.controlled_follows:
-        rows = basis.design_matrix(np.minimum(phase, 1.0))
-    return observed, rows @ of_dofs[..., library.n_observed :]
 
 
 def choose_duration_evidence(

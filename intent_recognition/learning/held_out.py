@@ -8,13 +8,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import Deviations
+from intent_recognition.filtering import Deviations, deviations_at
 from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement
 from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,
     SAMPLES_USED,
     TrainingExample,
     sample_phases,
+    scored_phases,
 )
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import (
@@ -118,6 +119,46 @@ def filter_samples(
         evidence += density
         believed.append((deviation.copy(), likelihood))
         yield FilteredSamples(k + 1, evidence, weights, believed)
+
+
+def samples_at(shares: Sequence[float]) -> list[int]:
+    """After how many samples these shares of a movement were seen."""
+    return [round(share * SAMPLES_USED) for share in shares]
+
+
+def predict_agents(
+    library: TaskLibrary,
+    left_out: Sequence[LeftOutExample],
+    progress: FilteredSamples,
+    own: NDArray[np.int64],
+    pace: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
+
+    Args:
+        library: whose basis and phase deviation are used.
+        left_out: n demonstrations.
+        progress: the filter after some of their samples.
+        own: its hypotheses of each demonstration's own task, (n, S).
+        pace: of these, as in `filter_samples`, (n, S).
+    """
+    model, basis, size = library.phase_deviation, library.basis, library.n_observed_weights
+    mean = np.array([one.mean for one in left_out])[:, None]
+    gain = np.array([one.gain for one in left_out])
+    filtered = progress.weights.mean[own]
+    change = (filtered - mean[..., :size]) @ np.swapaxes(gain, 1, 2)
+    weights = np.concatenate([filtered, mean[..., size:] + change], axis=2)
+    deviations, pace = progress.deviations(own.ravel()), pace.reshape(-1, 1)
+    share = deviations_at(model, 1.0 / pace[:, 0], deviations, scored_phases())
+    phase = pace * scored_phases()
+    rows = np.einsum("nse,nsek->nsk", share, basis.design_matrix(reference_phase(model, phase)))
+    of_dofs = np.swapaxes(weights.reshape(len(pace), -1, basis.n_basis), 1, 2)
+    observed = rows @ of_dofs[..., : library.n_observed]
+    if not model.controlled_follows:
+        rows = basis.design_matrix(np.minimum(phase, 1.0))
+    controlled = rows @ of_dofs[..., library.n_observed :]
+    shape = (*own.shape, phase.shape[1], -1)
+    return observed.reshape(shape), controlled.reshape(shape)
 
 
 def evenly(items: Sequence[T], most: int) -> list[T]:

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import deviations_at
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
 from intent_recognition.learning.duration_evidence import (
@@ -27,11 +26,12 @@ from intent_recognition.learning.duration_evidence import (
 from intent_recognition.learning.examples import TrainingExample, scored_phases
 from intent_recognition.learning.held_out import (
     MAX_FLOATS,
-    FilteredSamples,
     LeftOutExample,
     filter_samples,
     nearest_tasks,
     paired_examples,
+    predict_agents,
+    samples_at,
 )
 from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
@@ -42,7 +42,6 @@ from intent_recognition.promp import (
     Scatter,
     TaskLibrary,
     observed_block,
-    reference_phase,
     shared_covariance,
     shrunk_covariance,
     structured_target,
@@ -199,15 +198,13 @@ def _follow(
     samples = np.swapaxes(samples, 0, 1)
     truth = np.array([one.truth for one in left_out])
     seen = np.array([one.seen for one in left_out])
-    losses, observed, controlled, shares = [], [], [], list(FRACTIONS)
-    for progress in filter_samples(library, prior, np.ones(len(prior.mean)), samples):
+    losses, observed, controlled, pace = [], [], [], np.ones(len(prior.mean))
+    for progress in filter_samples(library, prior, pace, samples):
         losses.append(log_losses(progress.log_evidence, own))
-        share = (progress.n_samples + 0.5) / len(samples)
-        while shares and (share > shares[0] or progress.n_samples == len(samples)):
-            human, robot = _predict(library, left_out, progress, own)
-            observed.append(seen - human)
-            controlled.append(truth - robot)
-            shares.pop(0)
+        if progress.n_samples in samples_at(FRACTIONS):
+            both = predict_agents(library, left_out, progress, own[:, None], pace[own, None])
+            observed.append(seen - both[0][:, 0])
+            controlled.append(truth - both[1][:, 0])
     return np.mean(losses, axis=0), np.array(observed), np.array(controlled)
 
 
@@ -230,31 +227,6 @@ def _priors(
         covariance.append(one.covariance * (1.0 + 1.0 / n)[:, None, None])
     own = np.cumsum([0, *(len(part) for part in mean[:-1])])
     return Gaussian(np.concatenate(mean), np.concatenate(covariance)), own
-
-
-def _predict(
-    library: TaskLibrary,
-    left_out: Sequence[LeftOutExample],
-    progress: FilteredSamples,
-    own: NDArray[np.int64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Means of both agents at the scored phases, under the own task: (n, s, P) and (n, s, Q)."""
-    model, size = library.phase_deviation, library.n_observed_weights
-    filtered = progress.weights.mean[own]
-    mean = np.array([one.mean for one in left_out])
-    change = np.matmul(
-        np.array([one.gain for one in left_out]), (filtered - mean[:, :size])[..., None]
-    )[..., 0]
-    observed = filtered.reshape(len(own), library.n_observed, -1)
-    controlled = (mean[:, size:] + change).reshape(len(own), library.n_controlled, -1)
-    phases = scored_phases()
-    share = deviations_at(model, np.ones(len(own)), progress.deviations(own), phases)
-    design = library.basis.design_matrix(reference_phase(model, phases))
-    rows = np.einsum("nse,sek->nsk", share, design, optimize=True)
-    human = rows @ np.swapaxes(observed, 1, 2)
-    if not model.controlled_follows:
-        rows = library.basis.design_matrix(phases)
-    return human, rows @ np.swapaxes(controlled, 1, 2)
 
 
 def _leave_out(
