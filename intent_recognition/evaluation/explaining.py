@@ -113,7 +113,7 @@ def explain(
     for k, estimate in enumerate(follow(estimator, samples, Counter())):
         if k not in moments:
             continue
-        task = run[k].state.active if _acts(run[k]) else ""
+        task = run[k].state.active if run[k].state.acts else ""
         evidence = estimator.explain(task or None, against)
         assert evidence is not None  # a movement is under way
         movement = [run[one] for one in moments[k]]
@@ -169,19 +169,14 @@ def _drop(samples: Sequence[Sample], library: TaskLibrary, dropped: frozenset[in
 
 def _moments(run: Sequence[Decided], movement: Sequence[int]) -> list[int]:
     """What to explain of a movement: its decisions, or without any its best moment."""
-    acted = [k for k in movement if _acts(run[k])]
+    acted = [k for k in movement if run[k].state.acts]
     return acted or [max(movement, key=lambda k: run[k].estimate.probabilities[:-1].max())]
-
-
-def _acts(one: Decided) -> bool:
-    """Whether a task has just become active."""
-    return one.state.event in ("activated", "switched")
 
 
 def _first(run: Sequence[Decided], movement: Sequence[Decided]) -> Without:
     """The first decision during a movement of another run."""
     first_ns, last_ns = movement[0].estimate.onset_ns, movement[-1].estimate.stamp_ns
     for one in run:
-        if _acts(one) and first_ns <= one.estimate.stamp_ns <= last_ns:
+        if one.state.acts and first_ns <= one.estimate.stamp_ns <= last_ns:
             return Without(one.state.active, (one.estimate.stamp_ns - first_ns) * 1e-9)
     return Without("", None)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the nodes would have done during a recording: onset, filter and decision."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -63,18 +63,23 @@ def run_online(
         settings: of the decision; the node's defaults when None.
         phase_known: give the movement's start and duration instead.
     """
-    recognised, activated, decided_share = "", list[str](), np.nan
-    for estimate, state, found in follow_online(
-        library, recorded, settings, phase_known=phase_known
-    ):
-        recognised = recognised or found
-        active = state.active
-        if state.event in ("activated", "switched") and active:
-            activated.append(active)
-            if active == recorded.task and np.isnan(decided_share):
-                passed_ns = estimate.stamp_ns - recorded.start_ns
-                decided_share = passed_ns / (recorded.end_ns - recorded.start_ns)
-    return OnlineOutcome(str(recorded.task), recognised, tuple(activated), decided_share)
+    followed = [*follow_online(library, recorded, settings, phase_known=phase_known)]
+    recognised = next((found for _, _, found in followed if found), "")
+    activated, decided_s = actions(recorded, [(one, state) for one, state, _ in followed])
+    return OnlineOutcome(str(recorded.task), recognised, activated, decided_s / recorded.duration_s)
+
+
+def actions(
+    recorded: Demonstration, followed: Iterable[tuple[Estimate, DecisionState]]
+) -> tuple[tuple[str, ...], float]:
+    """All tasks that became active, in order; when the true one did.
+
+    The time is that after the movement's start [s]; NaN if it never did.
+    """
+    began = [(state.active, one.stamp_ns) for one, state in followed if state.acts]
+    decided_ns = (stamp_ns for task, stamp_ns in began if task == recorded.task)
+    decided_s = (next(decided_ns, np.nan) - recorded.start_ns) * 1e-9
+    return tuple(task for task, _ in began), decided_s
 
 
 def follow_online(

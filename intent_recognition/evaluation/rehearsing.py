@@ -14,9 +14,14 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.evaluation.online import follow_online
+from intent_recognition.evaluation.online import actions, follow_online
 from intent_recognition.promp import NONE, TaskLibrary
-from intent_recognition.recognition import DecisionSettings, decision_settings
+from intent_recognition.recognition import (
+    DecisionSettings,
+    DecisionState,
+    Estimate,
+    decision_settings,
+)
 from intent_recognition.signals import Demonstration
 
 SMALLEST_P = 1e-12
@@ -130,32 +135,21 @@ def rehearse(
 def _follow(library: TaskLibrary, recorded: Demonstration, settings: DecisionSettings) -> Rehearsed:
     """One recording."""
     true = library.labels.index(str(recorded.task))
-    activated, decided_s, computed_s = list[str](), np.nan, list[float]()
-    times_s, probabilities = list[float](), list[NDArray[np.float64]]()
-    active = list[str]()
+    followed, computed_s = list[tuple[Estimate, DecisionState]](), list[float]()
     began_s = perf_counter()
     for estimate, state, _ in follow_online(library, recorded, settings):
         computed_s.append(perf_counter() - began_s)
-        since_s = (estimate.stamp_ns - recorded.start_ns) * 1e-9
-        if estimate.moving:
-            times_s.append(since_s)
-            probabilities.append(estimate.probabilities)
-            active.append(state.active)
-        if state.event in ("activated", "switched") and state.active:
-            activated.append(state.active)
-            if state.active == recorded.task and np.isnan(decided_s):
-                decided_s = since_s
+        followed.append((estimate, state))
         began_s = perf_counter()
-    p = np.array(probabilities).reshape(-1, library.n_tasks + 1)
-    odds = np.log((1.0 - p[:, true] + SMALLEST_P) / (p[:, true] + SMALLEST_P))
+    moving = [(one, state.active) for one, state in followed if one.moving]
+    p = np.array([one.probabilities for one, _ in moving]).reshape(-1, library.n_tasks + 1)
     return Rehearsed(
         recorded,
-        tuple(activated),
-        decided_s,
+        *actions(recorded, followed),
         (*library.labels, NONE),
-        np.array(times_s),
+        np.array([(one.stamp_ns - recorded.start_ns) * 1e-9 for one, _ in moving]),
         p,
-        tuple(active),
-        odds,
+        tuple(active for _, active in moving),
+        np.log((1.0 - p[:, true] + SMALLEST_P) / (p[:, true] + SMALLEST_P)),
         np.array(computed_s),
     )

@@ -194,6 +194,11 @@ class DecisionState(NamedTuple):
     event: str = ""
     idle: bool = True
 
+    @property
+    def acts(self) -> bool:
+        """Whether a task became active with the last observation."""
+        return self.event in ("activated", "switched")
+
 
 def decide(
     settings: DecisionSettings,
