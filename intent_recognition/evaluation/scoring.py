@@ -120,60 +120,75 @@ def score_demonstration(
             if reacting is not None and fraction * duration in moments(test):
                 reacting.score(collected.reactive, run, probabilities, fraction * duration)
             if fraction in RECOGNITION_FRACTIONS:
-                collected.scores.add(
-                    phase,
-                    fraction,
-                    accuracy=float(np.argmax(probabilities) == label),
-                    log_loss=-np.log(max(probabilities[label], SMALLEST_PROBABILITY)),
-                )
-                none = posterior.probabilities[-1] > posterior.probabilities[:-1].max()
-                collected.recognitions.add(
-                    phase,
-                    fraction,
-                    str(test.task),
-                    library.labels,
-                    probabilities,
-                    bool(none),
-                    test.name,
+                _score_recognition(
+                    collected, phase, fraction, test, library, posterior, probabilities
                 )
             if fraction in PREDICTION_FRACTIONS:
-                case = _PredictionCase(library, run, posterior, label, times, truth)
+                case = _PredictionCase(run, label, probabilities, fraction, times, truth)
                 baselines = _baseline_scores(library, training, test, fraction, truth, known)
-                mean, std = case.given_task(posture if start_posture else None)
-                own = _prediction_scores(
-                    case, mean, std, probabilities, fraction, posture if start_posture else None
-                )
+                own, errors = case.scores(posture if start_posture else None)
                 collected.scores.add(phase, fraction, **own, **baselines)
-                collected.normalised_errors.add(phase, (mean - truth) / std)
+                collected.normalised_errors.add(phase, errors)
                 if collected.with_start is not None:
-                    mean, std = case.given_task(posture)
-                    own = _prediction_scores(case, mean, std, probabilities, fraction, posture)
+                    own, _ = case.scores(posture)
                     collected.with_start.add(phase, fraction, **own, **baselines)
         if monitor is not None:
             collected.outcomes.append(monitor.outcome(str(test.task)))
 
 
-class _PredictionCase(NamedTuple):
-    """One recording at one share observed: the posterior, and the truth."""
+def _score_recognition(
+    collected: EvaluationRecords,
+    phase: str,
+    fraction: float,
+    test: Demonstration,
+    library: TaskLibrary,
+    posterior: TaskPosterior,
+    probabilities: NDArray[np.float64],
+) -> None:
+    """Add what is believed of the task; the probabilities (K,) are those without none."""
+    task = str(test.task)
+    own = probabilities[library.labels.index(task)]
+    collected.scores.add(
+        phase,
+        fraction,
+        accuracy=float(library.labels[np.argmax(probabilities)] == task),
+        log_loss=-np.log(max(own, SMALLEST_PROBABILITY)),
+    )
+    none = bool(posterior.probabilities[-1] > posterior.probabilities[:-1].max())
+    collected.recognitions.add(
+        phase, fraction, task, library.labels, probabilities, none, test.name
+    )
 
-    library: TaskLibrary
+
+class _PredictionCase(NamedTuple):
+    """One recording at one share observed: the filter, and the truth (T, Q) at times (T,)."""
+
     run: MovementFilter
-    posterior: TaskPosterior
     label: int
+    probabilities: NDArray[np.float64]
+    fraction: float
     times: NDArray[np.float64]
     truth: NDArray[np.float64]
 
-    def predict(
-        self, task_weights: NDArray[np.float64], start: StartPosture | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean and standard deviation (T, Q) of the mixture over tasks (K,) and durations."""
-        return self.run.mixture_at(self.times, task_weights, start)
-
-    def given_task(
+    def scores(
         self, start: StartPosture | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The same given the true task."""
-        return self.predict(np.eye(self.library.n_tasks)[self.label], start)
+    ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
+        """Scores given the true task, and errors in predicted standard deviations (T, Q)."""
+        library = self.run.library
+        given = np.eye(library.n_tasks)[self.label]
+        mean, std = self.run.mixture_at(self.times, given, start)
+        inferred, _ = self.run.mixture_at(self.times, self.probabilities, start)
+        error = mean - self.truth
+        density = 0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi)
+        squared, future = error**2, TRUTH_PHASES > self.fraction
+        return {
+            "rmse": np.sqrt(per_unit(library, squared)),
+            "rmse_inferred_task": np.sqrt(per_unit(library, (inferred - self.truth) ** 2)),
+            "rmse_future": np.sqrt(per_unit(library, squared[future])),
+            "end_rmse": np.sqrt(per_unit(library, squared[-1:])),
+            "coverage_2_sigma": per_unit(library, (np.abs(error) < 2 * std).astype(float)),
+            "nll": per_unit(library, density),
+        }, error / std
 
 
 def _without_none(posterior: TaskPosterior, hypotheses: PriorGrid) -> NDArray[np.float64]:
@@ -202,29 +217,6 @@ def _snapshots(
             monitor.observe(run, elapsed)
     for fraction in fractions:
         yield fraction, run
-
-
-def _prediction_scores(
-    case: _PredictionCase,
-    mean: NDArray[np.float64],
-    std: NDArray[np.float64],
-    probabilities: NDArray[np.float64],
-    fraction: float,
-    start: StartPosture | None,
-) -> dict[str, NDArray[np.float64]]:
-    library, truth = case.library, case.truth
-    inferred, _ = case.predict(probabilities, start)
-    error = mean - truth
-    density = 0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi)
-    squared, future = error**2, TRUTH_PHASES > fraction
-    return {
-        "rmse": np.sqrt(per_unit(library, squared)),
-        "rmse_inferred_task": np.sqrt(per_unit(library, (inferred - truth) ** 2)),
-        "rmse_future": np.sqrt(per_unit(library, squared[future])),
-        "end_rmse": np.sqrt(per_unit(library, squared[-1:])),
-        "coverage_2_sigma": per_unit(library, (np.abs(error) < 2 * std).astype(float)),
-        "nll": per_unit(library, density),
-    }
 
 
 def _baseline_scores(
