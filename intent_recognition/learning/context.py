@@ -2,7 +2,6 @@
 """How the weights of each task depend on the context, from statistics (`promp.context`)."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,27 +25,13 @@ ANY = 1e6
 """Standard deviation that it is given then, so that no value of it counts. Convention."""
 
 
-class InContext(NamedTuple):
-    """What the context explains, and the marginals of the weights with it.
-
-    Attributes:
-        model: the context.
-        weight_covariance: (K, D N, D N).
-        observed_weight_covariance: (K, P N, P N).
-    """
-
-    model: ContextModel
-    weight_covariance: NDArray[np.float64]
-    observed_weight_covariance: NDArray[np.float64]
-
-
 def fit_context(
     tasks: Mapping[str, TaskStatistics],
     signals: Sequence[SignalNames],
     n_observed: int,
     floor: NDArray[np.float64],
     borrowed: float,
-) -> InContext:
+) -> tuple[ContextModel, NDArray[np.float64], NDArray[np.float64]]:
     """Regress the weights on the context; what that leaves is shrunk as without a context.
 
     The regression is Bayesian with a prior of CONTEXT_STRENGTH demonstrations, so that it exists
@@ -58,6 +43,10 @@ def fit_context(
         n_observed: number of observed DOFs.
         floor: variance floor per DOF, (D,).
         borrowed: equivalent sample size of the other tasks in the target of each.
+
+    Returns:
+        The context, and the covariances of all weights (K, D N, D N) and of the observed ones
+        (K, P N, P N) in an unknown context.
     """
     statistics = list(tasks.values())
     spread = np.diag(CONTEXT_STRENGTH * _typical_variance(statistics))
@@ -87,7 +76,7 @@ def fit_context(
         np.array([task.n - 1 + CONTEXT_STRENGTH for task in statistics]),
         tuple(len(signal.names) for signal in signals),
     )
-    return InContext(model, np.array(whole), np.array(of_observed))
+    return model, np.array(whole), np.array(of_observed)
 
 
 def _typical_variance(tasks: Iterable[TaskStatistics]) -> NDArray[np.float64]:

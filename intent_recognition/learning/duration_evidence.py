@@ -7,7 +7,6 @@ controlled agent is predicted best at true times.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,24 +29,15 @@ N_DURATIONS = 7
 """Durations under which a demonstration is filtered. Convention: it bounds the time."""
 
 
-class Followed(NamedTuple):
-    """n left-out demonstrations under S durations, after each of f shares.
-
-    Attributes:
-        log_evidence: (f, n, S).
-        observed: means at the scored phases, (f, n, S, s, P).
-        controlled: (f, n, S, s, Q).
-    """
-
-    log_evidence: NDArray[np.float64]
-    observed: NDArray[np.float64]
-    controlled: NDArray[np.float64]
-
-
 def follow(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], shares: Sequence[float]
-) -> Followed:
-    """Filter left-out demonstrations under their own task, their durations unknown."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Filter n left-out demonstrations under S durations of their own task, after each of f shares.
+
+    Returns:
+        Log evidence (f, n, S), that of all samples after every share; means of both agents at the
+        scored phases, (f, n, S, s, P) and (f, n, S, s, Q).
+    """
     offsets, _ = duration_offsets(N_DURATIONS)
     size, task = library.n_observed_weights, [one.task for one in left_out]
     log_usual = np.array([one.log_duration for one in left_out])[:, None]
@@ -58,21 +48,19 @@ def follow(
     mean = np.array([one.mean[:size] for one in left_out])
     covariance = np.array([one.covariance for one in left_out])
     covariance = covariance * (1.0 + 1.0 / n_others)[:, None, None]
-    observed = np.array([one.observed for one in left_out])
-    mean, covariance, observed = (
-        np.repeat(part, N_DURATIONS, axis=0) for part in (mean, covariance, observed)
+    values = np.array([one.observed for one in left_out])
+    mean, covariance, values = (
+        np.repeat(part, N_DURATIONS, axis=0) for part in (mean, covariance, values)
     )
-    samples, prior = np.swapaxes(observed, 0, 1), Gaussian(mean, covariance)
-    # log_evidence is the array that the filter goes on adding to: after every share that of all.
-    found = [
-        (
-            progress.log_evidence.reshape(own.shape),
-            *predict_agents(library, left_out, progress, own, pace),
-        )
-        for progress in filter_samples(library, prior, pace.ravel(), samples)
-        if progress.n_samples in samples_at(shares)
-    ]
-    return Followed(*(np.array(part) for part in zip(*found, strict=True)))
+    samples, prior = np.swapaxes(values, 0, 1), Gaussian(mean, covariance)
+    evidence, observed, controlled = [], [], []
+    for progress in filter_samples(library, prior, pace.ravel(), samples):
+        if progress.n_samples in samples_at(shares):
+            evidence.append(progress.log_evidence.reshape(own.shape))  # the filter adds to it still
+            human, robot = predict_agents(library, left_out, progress, own, pace)
+            observed.append(human)
+            controlled.append(robot)
+    return np.array(evidence), np.array(observed), np.array(controlled)
 
 
 def choose_duration_evidence(

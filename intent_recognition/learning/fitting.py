@@ -113,8 +113,9 @@ def learned_from(
     context = None
     weight_covariance = predictive_covariances(over, REGRESSION_STRENGTH, floor, chosen.borrowed)
     if preprocessing.context:
-        found = fit_context(over, preprocessing.context, n_observed, floor, chosen.borrowed)
-        context, weight_covariance, covariance = found
+        context, weight_covariance, covariance = fit_context(
+            over, preprocessing.context, n_observed, floor, chosen.borrowed
+        )
     return {
         "weight_mean": np.array([task.mean.ravel() for task in over.values()]),
         "weight_covariance": weight_covariance,
