@@ -17,9 +17,6 @@ the slowest of four people is at 3 of the others' (docs/decisions/new_people.md)
 SCALE_GROWTH = 1.5
 """The durations at the ends are cosh(1.5) = 2.4 times as far apart as in the middle, where 15 of
 them are as close as if they were even over a span of 2.5. Convention."""
-DURATION_FREEDOM = 4.0
-"""Degrees of freedom of the log duration's Student prior: new people are often slower or faster
-than any demonstration (docs/decisions/one_filter.md)."""
 
 
 class PriorGrid(NamedTuple):
@@ -114,15 +111,17 @@ def log_durations(library: TaskLibrary) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Durations of a task, in standard deviations of their logarithm, and log probabilities, (S,).
+    """Durations of a task and their log probabilities, (S,) each: the logarithm is normal.
 
     Args:
         n_scales: S.
+
+    Returns:
+        Logarithms less their mean, in standard deviations; and log probabilities.
     """
     even = np.linspace(-SCALE_GROWTH, SCALE_GROWTH, n_scales) if n_scales > 1 else np.zeros(1)
     offsets = SCALE_SPAN * np.sinh(even) / np.sinh(SCALE_GROWTH)
-    log_density = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
-    log_weight = log_density + _log_gap(offsets)
+    log_weight = _log_gap(offsets) - 0.5 * offsets**2
     return offsets, log_weight - np.logaddexp.reduce(log_weight)
 
 

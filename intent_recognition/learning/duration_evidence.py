@@ -35,8 +35,8 @@ def follow(
     """Filter n left-out demonstrations under S durations of their own task, after each of f shares.
 
     Returns:
-        Log evidence (f, n, S), that of all samples after every share; means of both agents at the
-        scored phases, (f, n, S, s, P) and (f, n, S, s, Q).
+        Log evidence (f, n, S); means of both agents at the scored phases, (f, n, S, s, P) and
+        (f, n, S, s, Q).
     """
     offsets, _ = duration_offsets(N_DURATIONS)
     size, task = library.n_observed_weights, [one.task for one in left_out]
@@ -56,7 +56,7 @@ def follow(
     evidence, observed, controlled = [], [], []
     for progress in filter_samples(library, prior, pace.ravel(), samples):
         if progress.n_samples in samples_at(shares):
-            evidence.append(progress.log_evidence.reshape(own.shape))  # the filter adds to it still
+            evidence.append(progress.log_evidence.reshape(own.shape))
             human, robot = predict_agents(library, left_out, progress, own, pace)
             observed.append(human)
             controlled.append(robot)

@@ -116,7 +116,7 @@ def filter_samples(
         moved = between if k else None
         one = LinearMeasurement(dofs, rows, values[k], noise, moved, model.evidence, freedom)
         density, likelihood = weights.condition(one, deviation)
-        evidence += density
+        evidence = evidence + density  # what was yielded stays
         believed.append((deviation.copy(), likelihood))
         yield FilteredSamples(k + 1, evidence, weights, believed)
 
