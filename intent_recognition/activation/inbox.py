@@ -181,7 +181,7 @@ class EstimatorInbox:
         self._note_held_back(uncertain_end(settings, state, end_std))
         if state.idle:
             self.prediction = self._served_ns = None
-            self.refused = False
+            self.refused = self.refused and self.ordered is not None
 
     def _note_held_back(self, reason: str) -> None:
         """Keep why nothing is executed; rejected once, if the movement ends without."""

@@ -16,7 +16,7 @@ from intent_recognition.activation.states import (
 from intent_recognition.activation.waiting import Waiting
 
 _RETRY_NS = 250_000_000
-"""Time between two tries of the same prediction while no way is clear [ns]. Convention: a search
+"""Time between two tries of the same prediction while no way is found [ns]. Convention: a search
 takes less than half of it."""
 
 
@@ -45,13 +45,15 @@ class Interacting:
     """Begins an interaction, and plans it anew while it runs.
 
     Where no way is clear it waits for one: it tries again with each new prediction, and for a while
-    after the movement, since things and people move.
+    after the movement, since things and people move. Where people have names it tries as long as
+    somebody waits, also where their hands permit no speed at which the arm would come.
     """
 
     def __init__(self, parts: Parts, waiting: Waiting) -> None:
         self._parts, self._waiting, self._counts = parts, waiting, parts.counts
         self._arm, self._motions, self._pretrigger = parts.arm, parts.motions, parts.pretrigger
         self._blocked: _Blocked | None = None
+        self._tried_ns = 0
 
     @property
     def waits_for(self) -> str:
@@ -67,15 +69,20 @@ class Interacting:
 
     def begin(self, now_ns: int) -> Transition | None:
         """Start the active task, if there is one to start and it can be started."""
-        prediction = self._parts.inbox.startable(now_ns) or self._waited_for(now_ns)
+        inbox = self._parts.inbox
+        waits = self._parts.people.named and not inbox.decision.active
+        if waits and inbox.refused and now_ns - self._tried_ns < _RETRY_NS:
+            return None
+        prediction = inbox.startable(now_ns) or self._waited_for(now_ns)
         if prediction is None:
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.start_reference(now_ns, start_ns)
-        self._parts.inbox.unused, self._parts.inbox.refused = False, True
+        inbox.unused, inbox.refused, self._tried_ns = False, True, now_ns
         if start is None:
             return None
-        self._parts.inbox.ordered = None
+        if not waits:
+            inbox.ordered = None
         if self._waiting.home is None:
             self._waiting.home = start.position
         command = self._motions.interact(now_ns, prediction, start_ns, start)
@@ -86,11 +93,11 @@ class Interacting:
         if self._pretrigger.label:
             right = self._pretrigger.label == prediction.label
             self._counts["pretrigger right" if right else "pretrigger wrong"] += 1
-        self._parts.inbox.refused = False
+        inbox.refused, inbox.ordered = False, None
         self._pretrigger.interaction_began()
-        self._parts.inbox.mark_served(None)
+        inbox.mark_served(None)
         self._counts["started"] += 1
-        ordered = not self._parts.inbox.decision.active
+        ordered = not inbox.decision.active
         interaction = ActiveInteraction(prediction, now_ns, ordered=ordered)
         return Transition(Executing(interaction), command)
 

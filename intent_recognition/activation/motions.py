@@ -41,7 +41,12 @@ _HEADROOM = 0.93
 Convention: the first or second further plan mostly keeps it."""
 
 _MAX_REPLANS = 6
-"""Further plans, in each of which the start's offset decays in twice the time. Convention."""
+"""Further plans. Convention."""
+
+_STRETCHES = (1.0, 2.0, 4.0)
+"""How many times longer the start's offset takes in the first ones, and the last of them in all
+others. Convention: four times slower is no faster than people permit nearby; slower than that,
+it would still be there when the arm comes near somebody else."""
 
 _Planner = Callable[[Floats | None, float], JointPlan | None]
 """From ceilings of the phase rate (G + 1,) [1/s], or none, and how many times longer an offset
@@ -154,10 +159,11 @@ class Motions:
             if k == _MAX_REPLANS:
                 break
             times_ns = phase_times_ns(plan, start_ns)
-            ceilings = [separation.rate_ceiling(path, times_ns, person) for person in people]
+            there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
+            ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
             newer = _HEADROOM * np.min(ceilings, axis=0)
             ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
-            plan = again(ceiling, 2.0**k)
+            plan = again(ceiling, _STRETCHES[min(k, len(_STRETCHES) - 1)])
         return None
 
     def _clear_of_things(

@@ -92,11 +92,11 @@ class People:
             inbox.forget_interaction()
 
     def take_tasks(
-        self, person: str, helps: bool, now_ns: int, stamp_ns: int, *numbers: Any
+        self, person: str, helped: bool, now_ns: int, stamp_ns: int, *numbers: Any
     ) -> DecisionState | None:
         """What is decided by an observation; None where it is ruled out (`EstimatorInbox`).
 
-        `helps` says whether the arm does something for whom it attends to.
+        `helped` says whether the arm does something for this person.
         """
         inbox = self.of(person)
         if self.named and inbox.silent(now_ns):  # it may be somebody else by now
@@ -105,7 +105,6 @@ class People:
         request = self._request(person, needed) if self.named and needed else None
         if not inbox.take_tasks(now_ns, stamp_ns, *numbers):
             return None
-        helped = helps and person == self.attended
         if self.named and not inbox.decision.idle:
             inbox.order(None)
         elif request is not None and inbox.decision.event == "over" and not helped:

@@ -190,8 +190,8 @@ class Activation:
             ArgumentError: what `decide` cannot take.
         """
         numbers = labels, probabilities, log_evidence
-        helps = isinstance(self.state, UNDER_WAY)
-        decision = self._people.take_tasks(person, helps, now_ns, stamp_ns, *numbers)
+        helped = isinstance(self.state, UNDER_WAY) and person == self._helped
+        decision = self._people.take_tasks(person, helped, now_ns, stamp_ns, *numbers)
         if decision is None:
             return
         if decision.event:

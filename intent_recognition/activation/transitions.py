@@ -88,7 +88,7 @@ class Transitions:
         return self.interacting.follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
-        if self._arm.under_way(now_ns):
+        if self._arm.under_way(now_ns) or now_ns < self.exchanging_until_ns:
             return Transition(state)
         interaction, decision = state.interaction, self._parts.inbox.decision
         silent = self._parts.inbox.silent(now_ns)

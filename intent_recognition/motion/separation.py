@@ -97,18 +97,30 @@ class Separation:
         self.arm = arm
         self.settings = SeparationSettings() if settings is None else settings
 
-    def rate_ceiling(self, path: JointPath, times_ns: NDArray, person: PredictedPerson) -> Floats:
+    def rate_ceiling(
+        self,
+        path: JointPath,
+        times_ns: NDArray,
+        person: PredictedPerson,
+        positions: Floats | None = None,
+    ) -> Floats:
         """Largest phase rate (G + 1,) [1/s] on the grid of a path.
 
         Args:
             path: of the arm.
             times_ns: when it will be at each point of the grid (G + 1,).
             person: predicted.
+            positions: where it will be then, off the path where it has not joined it yet
+                (G + 1, n) [rad]; None: on the path. The shorter distance counts.
         """
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         points = self.arm.skeleton(path.spline(phase))
         speed = np.linalg.norm(np.gradient(points, phase, axis=0), axis=2).max(axis=1)
-        allowed = permitted_speed(self.distance_m(points, times_ns, person), self.settings)
+        distance = self.distance_m(points, times_ns, person)
+        if positions is not None:
+            there = self.distance_m(self.arm.skeleton(positions), times_ns, person)
+            distance = np.minimum(distance, there)
+        allowed = permitted_speed(distance, self.settings)
         return np.asarray(allowed / np.maximum(speed, 1e-6), dtype=np.float64)
 
     def distance_m(self, points: Floats, times_ns: NDArray, person: PredictedPerson) -> Floats:

@@ -226,3 +226,15 @@ def test_the_arm_stays_while_an_object_changes_hands():
     world.task = "idle"
     world.run_until(Mode.HOMING)
     assert world.now_ns == pytest.approx(until_ns, abs=STEP_NS)
+
+
+def test_a_stopped_arm_stays_while_an_object_changes_hands():
+    world = executing()
+    world.run(0.2)
+    world.task = "none"
+    world.run_until(Mode.STOPPED)
+    until_ns = world.now_ns + 3_000_000_000
+    world.activation.take_exchange(until_ns)
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    assert world.now_ns == pytest.approx(until_ns, abs=STEP_NS)

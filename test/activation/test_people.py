@@ -144,6 +144,41 @@ def test_who_comes_next_is_not_told_before_the_arm_begins(monkeypatch):
     assert {pair for pair in world.helped if pair[1]} == {("anna", "plate")}
 
 
+def test_who_waits_is_helped_once_a_way_is_found(monkeypatch):
+    world = both_ask()
+    world.until(lambda: world.helps("anna"))
+    world.run(1.2)
+    motions, tries = world.activation._motions, []
+    with monkeypatch.context() as nothing:
+        nothing.setattr(motions, "interact", lambda now_ns, *_: tries.append(now_ns))
+        for person in PEOPLE:
+            world.ask(person, "idle")
+        world.until(lambda: world.activation.mode is Mode.IDLE)
+        world.run(2.0)
+    assert len(tries) > 5 and np.all(np.diff(tries) >= 0.25 * SECOND_NS)
+    assert not world.helps("ben")
+    world.until(lambda: world.helps("ben"))
+    world.check_continuous()
+
+
+def test_who_finds_no_way_lets_another_one_go_first(monkeypatch):
+    world = both_ask()
+    world.until(lambda: world.helps("anna"))
+    world.run(1.2)
+    motions = world.activation._motions
+    interact = motions.interact
+
+    def but_for_ben(now_ns, prediction, *more):
+        return None if prediction.label == "screw" else interact(now_ns, prediction, *more)
+
+    monkeypatch.setattr(motions, "interact", but_for_ben)
+    for person in PEOPLE:
+        world.ask(person, "idle")
+    world.until(lambda: world.activation.mode is Mode.IDLE)
+    world.ask("anna", "plate")
+    world.until(lambda: world.helps("anna"))
+
+
 def test_who_needs_it_first_does_not_depend_on_the_names():
     world = both_ask(0.4, 0.8)
     world.until(lambda: world.activation.attended)

@@ -19,6 +19,7 @@ from intent_recognition.motion import (
     phase_times_ns,
     plan_interaction,
 )
+from intent_recognition.motion.retiming import N_GRID
 from intent_recognition.motion.separation import permitted_speed
 
 ARM = Arm.from_urdf(ROBOT.description)
@@ -94,6 +95,24 @@ def test_the_predicted_tube_counts_and_not_where_the_person_is():
     slow = plan_with(ceiling)
     assert slow.duration_s > plan.duration_s
     np.testing.assert_allclose(slow.end, plan.end, atol=1e-9)
+
+
+def test_an_arm_off_its_path_is_as_slow_as_where_it_is_permits():
+    separation, plan = Separation(ARM, SETTINGS), plan_with()
+    times, phase = phase_times_ns(plan, 0), np.linspace(0.0, 1.0, N_GRID + 1)
+    on_path = PATH.spline(phase)
+    beside = on_path + 0.4 * (1.0 - phase[:, None]) * np.eye(7)[0]
+    who = person(ARM.forward_kinematics(beside[0])[:3, 3] + [0.3, 0.0, 0.0])
+    ceiling = separation.rate_ceiling(PATH, times, who)
+    np.testing.assert_array_equal(separation.rate_ceiling(PATH, times, who, on_path), ceiling)
+    off = separation.rate_ceiling(PATH, times, who, beside)
+    distance = separation.distance_m(ARM.skeleton(beside), times, who)
+    nearer = distance < separation.distance_m(ARM.skeleton(on_path), times, who)
+    permitted = permitted_speed(distance, SETTINGS)
+    speed = permitted_speed(separation.distance_m(ARM.skeleton(on_path), times, who), SETTINGS)
+    expected = np.where(nearer, ceiling * permitted / speed, ceiling)
+    assert np.any(nearer & (permitted < speed))
+    np.testing.assert_allclose(off, expected)
 
 
 def test_the_bound_holds_between_samples_and_is_tight():

@@ -150,6 +150,25 @@ def test_what_a_person_holds_out_is_taken_when_the_person_lets_go():
     assert outputs[-1].weight_n == pytest.approx(WEIGHT_N)
 
 
+def test_the_noise_of_filtered_loads_does_not_hide_that_the_person_let_go():
+    """1.1 N with a time constant of 1 / 45 s, as with joint velocities of a noise of 5 mrad/s."""
+    rng, keeps = np.random.default_rng(0), np.exp(-45.0 * STEP_S)
+    noise = np.zeros(3)
+
+    def noisy(force):
+        noise[:] = keeps * noise + np.sqrt(1.0 - keeps**2) * 1.1 * rng.standard_normal(3)
+        return np.add(force, noise)
+
+    course, take = Course(), Request.TAKE
+    course.run(0.2, take, (0, 0, 0), half_opening_m=0.04)
+    outputs = course.run(3.0, take, lambda t: noisy((0.3, 0.0, 0.2)), half_opening_m=0.03)
+    assert outputs[-1].holding is Holding.TAKING
+    outputs = course.run(1.5, take, lambda t: noisy((0.0, 0.0, -WEIGHT_N)), half_opening_m=0.03)
+    carries = states(outputs).index(Holding.CARRYING) * STEP_S
+    assert carries > 0.1  # not on the first loads that the person lets go
+    assert outputs[-1].weight_n == pytest.approx(WEIGHT_N, abs=0.5)
+
+
 def test_fingers_that_close_on_nothing_open_again():
     course = Course()
     course.run(0.3, Request.TAKE, (0, 0, 0), half_opening_m=0.04)
