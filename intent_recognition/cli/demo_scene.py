@@ -13,6 +13,7 @@ from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED
 from intent_recognition.nodes.graph import ARMS, RECOGNITION
 from intent_recognition.plans import read_plan
+from intent_recognition.registry import RECORDED
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import read_text
 
@@ -44,6 +45,11 @@ CELL_PEOPLE = ("anna", "ben")
 """Who work in the scenario `cell`."""
 WITH_PEOPLE = ("coworker_sim", "object_transfer", *RECOGNITION)
 """Nodes that are told their names, beside the arm's."""
+OF_EACH = (
+    *("mocap/wrist/pose", "coworker/task"),
+    *("intent/tasks", "intent/robot_trajectory", "intent/next_task"),
+)
+"""Of the topics that are recorded, those that everybody with a name has."""
 CELL_HOLD_S = (10.0, 11.0)
 """The same where two of them wait for one arm [s]. Convention: twice as long."""
 CELL_SEPARATION: Mapping[str, object] = {
@@ -147,6 +153,13 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     if people := [person for person in plans if person]:
         for node in (*WITH_PEOPLE, *ARMS):
             own[node] = {**own.get(node, {}), "persons": people}
+        shared = [topic for topic in RECORDED if topic not in OF_EACH]
+        own["bag_recorder"] = {
+            "topics": [
+                *(topic.replace("/", f"/{who}/", 1) for who in people for topic in OF_EACH),
+                *(*shared, "intent/active_person"),
+            ]
+        }
     if args.transfers:
         robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
         fingers = finger_joints(robot)

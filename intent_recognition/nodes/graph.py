@@ -295,9 +295,11 @@ def _call(
     name: str, spec: NodeSpec, values: Mapping[str, object], own: Mapping[str, object]
 ) -> NodeCall:
     taken = {p: values[a] for p, a in spec.parameters.items() if a in values}
-    parameters = dict(spec.fixed) | {
-        p: list(value) if isinstance(value, tuple) else value for p, value in taken.items()
-    }
+    parameters = (
+        dict(spec.fixed)
+        | dict(own)
+        | {p: list(value) if isinstance(value, tuple) else value for p, value in taken.items()}
+    )
     if "use_sim_time" in values and not (spec.clock and parameters.get(spec.clock)):
         parameters["use_sim_time"] = values["use_sim_time"]
     if waits := [name for name in spec.waits if _starts(name, values)]:
@@ -310,7 +312,7 @@ def _call(
         spec.package,
         registry.NODES[executable].module if spec.package == PACKAGE else "",
         str(values.get("namespace", "")).strip("/"),
-        dict(own) | parameters,
+        parameters,
         (*spec.topics.items(), *topics, *frames),
         executable,
         spec.respawns and values.get("respawn") is not False,

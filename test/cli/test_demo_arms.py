@@ -121,6 +121,10 @@ def test_nodes_know_the_plan_the_boxes_and_the_fingers(monkeypatch, tmp_path, ar
     assert list(scene.plans) == list(scene.scorings) == ["anna", "ben"]
     for name in (node, "coworker_sim", "object_transfer", *RECOGNITION):
         assert scene.own[name]["persons"] == ["anna", "ben"]
+    recorded = scene.own["bag_recorder"]["topics"]
+    for topic in ("mocap/{}/wrist/pose", "coworker/{}/task", "intent/{}/next_task"):
+        assert {topic.format(person) for person in ("anna", "ben")} <= set(recorded)
+    assert "intent/active_person" in recorded and "intent/tasks" not in recorded
     assert scene.arguments["plan"].endswith("cell_plan.yaml")
     assert scene.arguments["transfers"] == "true"
     known = scene.own["primitive_activation"]
