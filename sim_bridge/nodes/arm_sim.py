@@ -131,6 +131,7 @@ class ArmSim(Node):
     def _declare(self) -> None:
         """Declare all parameters; only the pace can change while the physics runs."""
         values = declare(self, "arm")
+        declare(self, "people")  # read by the scene of transfers
         self._rate_hz = values["joint_state_rate"]
         self._factor = values["real_time_factor"]
         self._publishes_clock = values["publish_clock"]

@@ -19,8 +19,10 @@ ALL_ON |= {"namespace": "cell1"}
 OF_POURING = {"balls", "cup/cloud", "intent/feedback", "second/cloud"}
 OF_ITS_CLOCK = {"clock_answers"}
 OF_TRANSFERS = {"intent/transfer", "mocap/wrist/pose", "coworker/hand", "intent/holding"}
+OF_TRANSFERS |= {"intent/active_person"}
 LATER = {
     **dict.fromkeys(("arm_sim", "lwr_sim"), OF_POURING | OF_ITS_CLOCK | OF_TRANSFERS),
+    "object_transfer": {"intent/active_person"},  # with several people
     "intent_estimator": {"human/wrist", "joint_states"},  # once it has a model
     "primitive_activation": {"intent/next_task", "intent/robot_trajectory", "intent/tasks"}
     | {"joint_states", "joint_trajectory"}
