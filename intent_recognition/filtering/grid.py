@@ -11,12 +11,14 @@ from intent_recognition.promp import TaskLibrary
 
 N_SCALES = 15
 """Durations per task. Convention."""
-SCALE_SPAN = 3.5
-"""Reach of the durations to either side of the median, in standard deviations of the log duration:
-the slowest of four people is at 3 of the others' (docs/decisions/new_people.md)."""
-SCALE_GROWTH = 1.5
-"""The durations at the ends are cosh(1.5) = 2.4 times as far apart as in the middle, where 15 of
-them are as close as if they were even over a span of 2.5. Convention."""
+SCALE_SPAN = 2.5
+"""Reach of the durations to either side of the median, in standard deviations of the log duration.
+
+Convention.
+"""
+DURATION_FREEDOM = 4.0
+"""Degrees of freedom of the log duration's Student prior: new people are often slower or faster
+than any demonstration (docs/decisions/one_filter.md)."""
 
 
 class PriorGrid(NamedTuple):
@@ -67,7 +69,7 @@ class PriorGrid(NamedTuple):
 def make_prior_grid(
     library: TaskLibrary, task_prior: NDArray[np.float64] | None = None, n_scales: int = N_SCALES
 ) -> PriorGrid:
-    """Cover each task's timing prior by durations, closest in the middle.
+    """Cover each task's timing prior by durations evenly spaced in their logarithm.
 
     Args:
         library: the learned tasks.
@@ -111,23 +113,14 @@ def log_durations(library: TaskLibrary) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Durations of a task and their log probabilities, (S,) each: the logarithm is normal.
+    """Durations of a task, in standard deviations of their logarithm, and log probabilities, (S,).
 
     Args:
         n_scales: S.
-
-    Returns:
-        Logarithms less their mean, in standard deviations; and log probabilities.
     """
-    even = np.linspace(-SCALE_GROWTH, SCALE_GROWTH, n_scales) if n_scales > 1 else np.zeros(1)
-    offsets = SCALE_SPAN * np.sinh(even) / np.sinh(SCALE_GROWTH)
-    log_weight = _log_gap(offsets) - 0.5 * offsets**2
+    offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
+    log_weight = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
     return offsets, log_weight - np.logaddexp.reduce(log_weight)
-
-
-def _log_gap(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Log of the width that each of some offsets stands for, (S,)."""
-    return np.log(np.gradient(offsets)) if len(offsets) > 1 else np.zeros(1)
 
 
 def log_pace(
@@ -146,6 +139,5 @@ def log_pace(
     tempered = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
     tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
     so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
-    densities = np.array([so_far, log_prior]) - _log_gap(at)
-    table = np.array([np.interp(offsets, at, row) for row in densities]) + _log_gap(offsets)
+    table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
     return np.asarray(table - np.logaddexp.reduce(table, axis=1, keepdims=True))

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain import Bank, condition_bank, start_bank
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import multivariate_normal, t
 from simulation import make_library
 
 from intent_recognition.errors import ShapeError
 from intent_recognition.filtering.grid import (
+    DURATION_FREEDOM,
     fixed_prior_grid,
     make_prior_grid,
 )
@@ -186,9 +187,8 @@ def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
     prior = np.r_[library.task_prior * (1 - library.none_prior), library.none_prior]
     np.testing.assert_allclose(weight.sum(axis=1), prior, atol=1e-12)
     spread = library.log_duration_mean[0], library.log_duration_std[0]
-    density = norm(*spread).pdf(logs[0])
-    mass = density * (np.gradient(logs[0]) if n_scales > 1 else 1.0)
-    np.testing.assert_allclose(weight[0] / weight[0].sum(), mass / mass.sum(), atol=1e-12)
+    density = t(DURATION_FREEDOM, *spread).pdf(logs[0])
+    np.testing.assert_allclose(weight[0] / weight[0].sum(), density / density.sum(), atol=1e-12)
     mean = (weight * logs).sum(axis=1) / prior
     np.testing.assert_allclose(mean[:-1], library.log_duration_mean, atol=1e-12)
     np.testing.assert_allclose(np.exp(hypotheses.log_task_prior), prior, atol=1e-12)
