@@ -83,7 +83,7 @@ def largest_ratio(kind, seed, n_steps):
     for k in range(n_steps):
         if k % 4 == 0:
             known = person.predicted(world.now_ns)
-            world.activation.take_people(() if known is None else (known,))
+            world.activation.take_person(known)
         if k == 20 or rng.random() < 0.004:
             world.begin(rng.choice(["plate", "screw"]), rng.uniform(0.0, 0.6))
         elif rng.random() < 0.003:
