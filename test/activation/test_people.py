@@ -229,8 +229,8 @@ def test_the_arm_stops_when_the_one_it_helps_vanishes_and_goes_on_with_the_other
     world.check_continuous()
 
 
-def test_another_movement_begins_an_interaction_and_resumes_none():
-    """The name may stand for somebody else by then."""
+def stopped_for_want_of_anna():
+    """The arm helped anna, of whom nothing comes any more."""
     world = SharedWorld()
     world.run(0.5)
     world.ask("anna", "plate", 0.4)
@@ -238,6 +238,12 @@ def test_another_movement_begins_an_interaction_and_resumes_none():
     world.run(0.5)
     world.silent.add("anna")
     world.until(lambda: world.activation.mode is Mode.STOPPED)
+    return world
+
+
+def test_another_movement_begins_an_interaction_and_resumes_none():
+    """The name may stand for somebody else by then."""
+    world = stopped_for_want_of_anna()
     world.run(0.3)
     world.silent.clear()
     world.ask("anna", "plate", 0.1)
@@ -248,13 +254,7 @@ def test_another_movement_begins_an_interaction_and_resumes_none():
 
 
 def test_the_same_movement_is_resumed():
-    world = SharedWorld()
-    world.run(0.5)
-    world.ask("anna", "plate", 0.4)
-    world.until(lambda: world.helps("anna"))
-    world.run(0.3)
-    world.silent.add("anna")
-    world.until(lambda: world.activation.mode is Mode.STOPPED)
+    world = stopped_for_want_of_anna()
     world.silent.clear()
     world.until(lambda: world.activation.mode is Mode.EXECUTING)
     assert world.activation.counts["started"] == 1
