@@ -3,12 +3,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from intent_recognition.evaluation import (
-    CM_PER_M,
     CONDITIONS,
     FIXED_PLACE,
     PAPER_HAND_ERROR,
@@ -17,38 +13,27 @@ from intent_recognition.evaluation import (
     HandError,
     InteractionRecord,
     Trace,
-    reliability_bins,
     summary_line,
     usable,
 )
-from intent_recognition.promp import NONE
-from intent_recognition.report import figures_session
-from intent_recognition.report.drawing import readable, to_svg
-from intent_recognition.report.figures_calibration import confusion_shares_figure
-from intent_recognition.report.figures_evaluation import reliability_figure
-from intent_recognition.report.figures_interaction import (
-    joint_figure,
-    posterior_over_time_figure,
-    transfer_figure,
-    wrist_figure,
+from intent_recognition.report.demo_figures import (
+    details,
+    figures_of_posteriors,
+    figures_of_records,
 )
+from intent_recognition.report.drawing import readable
 from intent_recognition.report.html import (
     Block,
     Column,
-    Figure,
     KeyNumber,
     KeyNumbers,
     Paragraph,
     ReportPage,
-    Row,
     Section,
     TableBlock,
     write_page,
 )
 from intent_recognition.report.interaction_table import cells, fields_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
 
 LARGEST_FORCE_N = 15.0
 """That a person may have to bear in a transfer [N] (docs/transfer.md)."""
@@ -95,9 +80,9 @@ def demo_page(
     sections = [
         Section("Result", (_key_numbers(summary), *remarks)),
         *([Section("People", (_people(summary),))] if summary.people else []),
-        Section("Accuracy and timing", _figures_of_records(unchanged, summary, labels)),
-        Section("Recognition", _figures_of_posteriors(unchanged, by_index)),
-        *_details(records, by_index),
+        Section("Accuracy and timing", figures_of_records(unchanged, summary, labels)),
+        Section("Recognition", figures_of_posteriors(unchanged, by_index)),
+        *details(records, by_index),
         Section("All interactions", (_table(records, summary),)),
         Section("Settings", _settings(settings)),
     ]
@@ -202,165 +187,6 @@ def _people(summary: DemoSummary) -> TableBlock:
     return TableBlock(columns, rows, caption)
 
 
-def _figures_of_records(
-    records: Sequence[InteractionRecord], summary: DemoSummary, labels: Sequence[str]
-) -> tuple[Block, ...]:
-    errors_m, shares, arrivals = (
-        _per_task(records, name) for name in ("hand_error_m", "decision_share", "arrival_s")
-    )
-    drawn = []
-    if errors_m:
-        errors_cm = {task: [CM_PER_M * e for e in errors] for task, errors in errors_m.items()}
-        paper = {
-            t: (e.mean_cm, e.two_std_cm)
-            for t, e in PAPER_HAND_ERROR.items()
-            if e.mean_cm is not None and e.two_std_cm is not None
-        }
-        figure = figures_session.hand_error_figure(
-            errors_cm, paper, dict.fromkeys(summary.tasks_apart, "(place is fixed)"), labels
-        )
-        drawn.append(
-            _figure(figure, "Measured hand to the place the demonstrator's rule gives, in cm.")
-        )
-    if shares:
-        figure = figures_session.decision_share_figure(shares, labels=labels)
-        drawn.append(_figure(figure, "How early: 100 % is the end of the human's movement."))
-    if arrivals:
-        figure = figures_session.arrival_figure(arrivals, labels)
-        drawn.append(_figure(figure, "Zero is the end of the human's movement."))
-    decided = [r for r in records if r.decision_time_s is not None]
-    decisions = _per_task(decided, "decision_time_s")
-    if decisions:
-        movements = _per_task(decided, "movement_s")
-        figure = figures_session.timing_figure(movements, decisions, labels)
-        caption = "When each was decided: below the solid line, before the human's end."
-        drawn.append(_figure(figure, caption))
-    return (Row(tuple(drawn)),) if drawn else ()
-
-
-def _figures_of_posteriors(
-    records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
-) -> tuple[Block, ...]:
-    if not records:
-        return ()
-    rows, columns, counts = figures_session.confusion_counts(
-        [r.task for r in records], [r.recognised for r in records]
-    )
-    figure = confusion_shares_figure(counts, rows, columns)
-    confusion = _figure(figure, "What each task was recognised as.")
-    both = [(r, by_index[r.index]) for r in records if _has_posterior(by_index.get(r.index))]
-    if not both:
-        return (Row((confusion,)),)
-    labels = list(both[0][1]["labels"])
-    both = [(r, t) for r, t in both if list(t["labels"]) == labels]
-    probabilities = [np.asarray(t["probabilities"], dtype=float) for _, t in both]
-    figure = figures_session.posterior_figure(
-        [r.task for r, _ in both],
-        labels,
-        [np.asarray(t["share"], dtype=float) for _, t in both],
-        probabilities,
-        [r.decision_share for r, _ in both],
-    )
-    noticed = [p[p[:, -1] < 1.0] for p in probabilities]  # before the onset was, none is certain
-    truth = [
-        np.tile([label == r.task for label in labels], (len(p), 1))
-        for (r, _), p in zip(both, noticed, strict=True)
-    ]
-    bins = reliability_bins(
-        np.concatenate([p.ravel() for p in noticed]), np.concatenate([t.ravel() for t in truth])
-    )
-    return (
-        _figure(
-            figure,
-            "Probability of each task while the human moves: thin lines are interactions, bold"
-            " lines their median, ticks at the top the decisions.",
-        ),
-        Row(
-            (
-                confusion,
-                _figure(
-                    reliability_figure(*bins),
-                    "Are the probabilities to be believed? Every posterior since the onset was"
-                    " noticed, pooled; those of one interaction are not independent.",
-                ),
-            )
-        ),
-    )
-
-
-def _details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]) -> list[Section]:
-    """A typical interaction of each task, and what was missed."""
-    chosen = {}
-    for task in sorted({r.task for r in records}):
-        measured = [
-            r
-            for r in records
-            if r.task == task and r.hand_error_m is not None and r.index in by_index
-        ]
-        if measured:
-            typical = sorted(measured, key=lambda r: r.hand_error_m or 0.0)[
-                (len(measured) - 1) // 2
-            ]
-            name = readable(task)
-            heading = f"Typical: {name}" if len(measured) > 1 else name.capitalize()
-            chosen[typical.index] = (heading, typical)
-    missed = [r for r in records if (not r.right or r.handed_over is False) and r.index in by_index]
-    for record in missed[:3]:
-        chosen[record.index] = (f"Missed: {readable(record.task)}", record)
-    sections = [
-        Section(f"{name} (interaction {record.index})", _detail(record, by_index[record.index]))
-        for name, record in chosen.values()
-    ]
-    return [section for section in sections if len(section.blocks) > 1]
-
-
-def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
-    small = []
-    if "wrist_m" in trace:
-        small.append(
-            _figure(wrist_figure(trace), "The wrist, observed and predicted at the decision.")
-        )
-    if _has_posterior(trace):
-        figure = posterior_over_time_figure(trace, record.movement_s)
-        small.append(
-            _figure(figure, "Task posterior; solid vertical line: decision; dotted: human's end.")
-        )
-    blocks: list[Block] = [Paragraph(_sentence(record))]
-    if small:
-        blocks.append(Row(tuple(small)))
-    if "predicted_rad" in trace or "joint_rad" in trace:
-        blocks.append(
-            _figure(
-                joint_figure(trace), "The robot's joints: predicted at the decision, and measured."
-            )
-        )
-    if "transfer_s" in trace:
-        caption = (
-            "The object changes hands: the person's force on it in truth, the load that the robot"
-            " feels, and the force of its fingers; below: the person's share of the load, as felt."
-        )
-        blocks.append(_figure(transfer_figure(trace), caption))
-    return tuple(blocks)
-
-
-def _sentence(record: InteractionRecord) -> str:
-    found = record.recognised not in ("", NONE)
-    parts = [f"recognised as {readable(record.recognised)}" if found else "not recognised"]
-    if record.observations is not None:
-        parts.append(f"after {record.observations} observations")
-    if record.decision_share is not None:
-        parts.append(f"at {100 * record.decision_share:.0f} % of the movement")
-    if record.hand_error_m is not None:
-        parts.append(f"hand error {CM_PER_M * record.hand_error_m:.1f} cm")
-    if record.transfer_s is not None and record.largest_force_n is not None:
-        when = f"{record.transfer_s:+.2f} s after the human's end"
-        parts.append(f"handed over {when} with at most {record.largest_force_n:.1f} N")
-    if record.arrival_s is not None:
-        parts.append(f"arrival {record.arrival_s:+.2f} s after the human's end")
-    text = ", ".join(parts)
-    return f"{text[0].upper()}{text[1:]}. {record.note}".strip()
-
-
 def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> TableBlock:
     fields = fields_of(records)
     columns = [Column(field.title, field.unit, field.align) for field in fields]
@@ -378,24 +204,6 @@ def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:
         return ()
     rows = tuple((str(name), str(value)) for name, value in settings.items())
     return (TableBlock((Column("setting", align="left"), Column("value", align="left")), rows),)
-
-
-def _per_task(records: Sequence[InteractionRecord], name: str) -> dict[str, list[float]]:
-    """Values per task in order of the labels; every task that has a record is there, or none."""
-    values: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
-    for record in records:
-        value = getattr(record, name)
-        if value is not None and record.right:
-            values[record.task].append(value)
-    return values if any(values.values()) else {}
-
-
-def _has_posterior(trace: Trace | None) -> bool:
-    return trace is not None and "probabilities" in trace
-
-
-def _figure(figure: "Drawing", caption: str) -> Figure:
-    return Figure(to_svg(figure), caption)
 
 
 def hand_error_text(error: HandError) -> str:
