@@ -16,7 +16,7 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.kinematics import check_position
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import guiding_torque, impedance_torque, limit_torque
-from sim_bridge.arm.robots import Robot, derived_gains, lwr
+from sim_bridge.arm.robots import Robot, derived_gains, find_robot
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
 from sim_bridge.arm.trajectory_follower import ArmReference
 from sim_bridge.arm.urdf_loading import Joint, free_joints, load_urdf, stop_at_fixtures
@@ -78,7 +78,7 @@ class SimulatedArm:
     ) -> None:
         if noise is not None and rng is None:
             raise ArgumentError.about("rng", "a Generator with noise", None, "Pass one.")
-        self.robot = robot if robot is not None else lwr()
+        self.robot = robot if robot is not None else find_robot("lwr")
         self.limits = self.robot.limits
         self.before_step: list[Callable[[SimulatedArm], None]] = []
         self.saturated_steps = 0

@@ -21,7 +21,6 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
     JOINT_NAMES,
-    LWR_LIMITS,
     JointLimits,
     package_shares,
     parse_urdf,
@@ -29,8 +28,9 @@ from intent_recognition.kinematics import (
     read_chain,
     read_urdf,
 )
+from intent_recognition.share import share_path
 from sim_bridge.arm.controllers import ControllerGains
-from sim_bridge.arm.urdf import HAND_LINK, WORLD_LINK, end_of, lwr_urdf
+from sim_bridge.arm.urdf import LWR_URDF, end_of
 
 LARGEST_TORQUE_NM = 100.0
 """Torque limit from which on stiffness and rotors do not grow [Nm]: URDFs often exaggerate it.
@@ -43,6 +43,8 @@ DAMPING_RATIO = 0.8
 """Of a joint alone in the ready posture. Convention."""
 BLOCK_WIDTH_M = 0.2
 """Of the block that is drawn below a raised base [m]. Convention: wider than a small arm's foot."""
+WORLD = "world"
+"""Root link of a description."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 """The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down:
 all limits are far away. Convention."""
@@ -84,24 +86,33 @@ class Robot:
         return len(self.joint_names)
 
 
-def lwr() -> Robot:
-    """The KUKA LWR 4+."""
-    ready = np.array(READY_POSITION)
-    text, gains = lwr_urdf(), ControllerGains()
-    description = lwr_urdf(world=True)
-    return Robot("lwr", text, description, HAND_LINK, JOINT_NAMES, LWR_LIMITS, ready, gains=gains)
-
-
 class Preset(NamedTuple):
-    """An arm of PyBullet's data: file, hand, ready posture [rad] and where its base stands [m]."""
+    """An arm that needs no file of the user's.
+
+    Attributes:
+        file: of this package's share, or else of PyBullet's data.
+        tip: link that is the hand.
+        ready: posture to begin in [rad].
+        base_position_m: where the base stands.
+    """
 
     file: str
     tip: str
     ready: tuple[float, ...]
     base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    @property
+    def path(self) -> Path:
+        """Of the file."""
+        if self.file.startswith("config"):
+            return share_path(self.file)
+        import pybullet_data
+
+        return Path(pybullet_data.getDataPath()) / self.file
+
 
 PRESETS = {
+    "lwr": Preset(LWR_URDF, "lwr_hand", READY_POSITION),
     # The tip is between the fingers.
     "panda": Preset(
         "franka_panda/panda.urdf", "panda_grasptarget", (0.0, -0.3, 0.0, -2.2, 0.0, 3.0, 0.785)
@@ -114,9 +125,9 @@ PRESETS = {
         "xarm/xarm6_robot.urdf", "link6", (0.0, -0.3, -0.9, 0.0, -0.3, 0.0), (0.12, 0.0, 0.05)
     ),
 }
-"""Arms that come with PyBullet's data, by name."""
-NAMES = ("lwr", *PRESETS)
-"""Arms that need no file of the user's."""
+"""Arms by name."""
+NAMES = tuple(PRESETS)
+"""Their names."""
 
 
 def find_robot(
@@ -136,64 +147,44 @@ def find_robot(
     Raises:
         ArgumentError: neither, or the URDF cannot be used.
     """
-    if robot == "lwr" and not (base or tip) and base_position_m is None:
-        return lwr()
-    if robot in PRESETS:
-        import pybullet_data
-
-        preset = PRESETS[robot]
-        path = Path(pybullet_data.getDataPath()) / preset.file
-        at = preset.base_position_m if base_position_m is None else base_position_m
-        ready = np.array(preset.ready)
-        text = with_meshes(read_urdf(path), path.parent)
-        return _robot(robot, text, base, tip or preset.tip, ready, _position(at))
-    at = _position((0.0, 0.0, 0.0) if base_position_m is None else base_position_m)
-    if robot == "lwr":
-        return _robot(robot, lwr_urdf(), base, tip or HAND_LINK, np.array(READY_POSITION), at)
-    path = Path(robot)
+    preset = PRESETS.get(robot)
+    path = Path(robot) if preset is None else preset.path
     if not path.is_file():
         expected = f"one of {', '.join(NAMES)}, or the path of a URDF or xacro file"
         raise ArgumentError.about("robot", expected, robot, "Choose one.")
+    usual = preset or Preset("", "", ())
+    at = _position(usual.base_position_m if base_position_m is None else base_position_m)
     text = with_meshes(read_urdf(path), path.resolve().parent)
-    return _robot(path.stem, text, base, tip or None, None, at)
-
-
-def describe_robot(robot: str = "") -> str:
-    """URDF for viewers of an arm, by name or path; the LWR's if it is empty."""
-    return find_robot(robot or "lwr").description
-
-
-def _robot(
-    name: str,
-    text: str,
-    base: str,
-    tip: str | None,
-    ready: NDArray[np.float64] | None,
-    base_position_m: tuple[float, float, float],
-) -> Robot:
-    chain = read_chain(text, base or None, tip, DEFAULT_ACCELERATION_RAD_S2)
+    chain = read_chain(text, base or None, tip or usual.tip or None, DEFAULT_ACCELERATION_RAD_S2)
     text = with_others_held(text, chain.names)
     copies = [mimic.joint for mimic in chain.mimics if mimic.master in chain.names]
     if copies:
         cure = "Choose a tip before it."
         raise ArgumentError.about("robot", "a chain without mimic joints", copies[0], cure)
-    if ready is None or len(ready) != len(chain.names):
-        free = np.array(chain.continuous)
-        ready = np.where(free, 0.0, 0.5 * (chain.limits.lower + chain.limits.upper))
-    simulated = with_rotors(text, chain.names, chain.limits.torque) if name != "lwr" else text
+    middle = 0.5 * (chain.limits.lower + chain.limits.upper)
+    ready = np.where(chain.continuous, 0.0, middle)
+    if len(usual.ready) == len(chain.names):
+        ready = np.array(usual.ready)
+    own_rotors = robot == "lwr"
+    simulated = text if own_rotors else with_rotors(text, chain.names, chain.limits.torque)
     return Robot(
-        name,
+        path.stem if preset is None else robot,
         simulated,
-        with_world(simulated, base_position_m),
+        with_world(simulated, at),
         chain.tip,
         chain.names,
         chain.limits,
         ready,
-        base_position_m,
+        at,
         ControllerGains() if chain.names == JOINT_NAMES else None,
         text,
         chain.assumed,
     )
+
+
+def describe_robot(robot: str = "") -> str:
+    """URDF for viewers of an arm, by name or path; the LWR's if it is empty."""
+    return find_robot(robot or "lwr").description
 
 
 def derived_gains(torque: NDArray[np.float64], inertia: NDArray[np.float64]) -> ControllerGains:
@@ -264,7 +255,9 @@ def _find_mesh(name: str, folder: Path) -> Path:
 def with_rotors(text: str, joint_names: Sequence[str], torque: NDArray[np.float64]) -> str:
     """A URDF whose links have the inertia of their joints' motors.
 
-    As `sim_bridge.arm.urdf.link_inertia` explains: J about the joint's axis, J/2 across it.
+    As massless discs: J about the joint's axis, J/2 across it, since a body with J about one axis
+    only does not exist, and PyBullet zeroes such an inertia. Joints further down the chain feel it
+    too where their axes line up: at most J, where a real gear of 1:100 passes on a hundredth.
     """
     root = parse_xml(text)
     links = {link.get("name"): link for link in root.findall("link")}
@@ -304,14 +297,14 @@ def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
     links, joints = root.findall("link"), root.findall("joint[@type]")
     children = {end_of(joint, "child") for joint in joints}
     base = next(name for name in (link.get("name", "") for link in links) if name not in children)
-    if base != WORLD_LINK:
-        root.insert(0, ET.Element("link", name=WORLD_LINK))
+    if base != WORLD:
+        root.insert(0, ET.Element("link", name=WORLD))
         joint = ET.SubElement(root, "joint", name="world_to_base", type="fixed")
-        ET.SubElement(joint, "parent", link=WORLD_LINK)
+        ET.SubElement(joint, "parent", link=WORLD)
         ET.SubElement(joint, "child", link=base)
         joints.append(joint)
     for joint in joints:
-        if end_of(joint, "parent") == WORLD_LINK:
+        if end_of(joint, "parent") == WORLD:
             origin = joint.find("origin")
             origin = ET.SubElement(joint, "origin") if origin is None else origin
             moved = _numbers(origin.get("xyz", "0 0 0")) + base_position_m
@@ -319,7 +312,7 @@ def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
     for mesh in root.iter("mesh"):
         mesh.set("filename", Path(mesh.get("filename", "")).as_uri())
     if base_position_m[2] > 0.0:
-        world = next(link for link in root.findall("link") if link.get("name") == WORLD_LINK)
+        world = next(link for link in root.findall("link") if link.get("name") == WORLD)
         world.append(_block(*base_position_m))
     return ET.tostring(root, encoding="unicode")
 

@@ -12,7 +12,7 @@ pytest.importorskip("viser")
 
 from intent_recognition.dashboard.robot_view import chain_of, joint_values  # noqa: E402
 from intent_recognition.kinematics.chain import joint_poses  # noqa: E402
-from sim_bridge.arm.urdf import lwr_urdf  # noqa: E402
+from sim_bridge.arm import describe_robot  # noqa: E402
 
 FINGERS = """<robot name="fingers">
   <link name="base"/><link name="rail"/><link name="left"/><link name="tip"/><link name="right"/>
@@ -29,7 +29,7 @@ FINGERS = """<robot name="fingers">
 </robot>"""
 
 
-@pytest.mark.parametrize("description", [lwr_urdf(world=True), FINGERS], ids=["lwr", "fingers"])
+@pytest.mark.parametrize("description", [describe_robot(), FINGERS], ids=["lwr", "fingers"])
 def test_each_joint_is_where_yourdfpy_has_it(description):
     urdf = yourdfpy.URDF.load(io.StringIO(description), load_meshes=False)
     names, joints = urdf.actuated_joint_names, tuple(urdf.joint_map.values())

@@ -18,6 +18,7 @@ from intent_recognition.kinematics.forward import frame_poses, hand_position
 from intent_recognition.kinematics.lwr import DH
 from intent_recognition.share import share_path
 from intent_recognition.signals import from_tangent, mean_orientation
+from sim_bridge.arm import describe_robot, find_robot
 from sim_bridge.arm.urdf import lwr_urdf
 
 HAND = load_dofs(share_path("config/dofs_hand.yaml"))
@@ -35,10 +36,6 @@ def entry(**changes):
     content = HAND.to_dict()
     content["controlled"] = [content["controlled"][0] | changes]
     return content
-
-
-def test_the_shipped_urdf_is_that_of_the_simulated_arm():
-    assert share_path("config/robots/lwr.urdf").read_text() == lwr_urdf()
 
 
 def test_the_hand_is_the_forward_kinematics_of_the_recorded_joints(repository):
@@ -87,11 +84,7 @@ def test_poses_that_were_recorded_are_read_as_they_are(tmp_path):
 
 def test_a_recorded_description_goes_before_the_file(tmp_path):
     """The bag's own arm stands half a metre higher than the file's."""
-    text = lwr_urdf(world=True).replace(
-        '<child link="lwr_base_link" />\n    <origin xyz="0.0 0.0 0.0"',
-        '<child link="lwr_base_link" />\n    <origin xyz="0.0 0.0 0.5"',
-    )
-    assert text != lwr_urdf(world=True)
+    text = find_robot("lwr", base_position_m=(0.0, 0.0, 0.5)).description
     still = [0.1] * 7
     for name, description in (("with", text), ("without", None)):
         with BagWriter(tmp_path / name, {"task": "plate"}) as writer:
@@ -108,7 +101,7 @@ def test_a_recorded_description_goes_before_the_file(tmp_path):
 
 def test_the_hand_of_another_arm_is_the_link_that_the_recording_names(tmp_path):
     """Taught with an arm whose hand has another name than the DOF file's."""
-    text, still = lwr_urdf(world=True).replace('"lwr_hand"', '"my_tool"'), [0.1, 0.4] + [0.2] * 5
+    text, still = describe_robot().replace('"lwr_hand"', '"my_tool"'), [0.1, 0.4] + [0.2] * 5
     about = {"data": text}
     with BagWriter(tmp_path / "bag", {"task": "plate", HAND_LINK: "my_tool"}) as writer:
         writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)

@@ -35,7 +35,7 @@ from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
 from intent_recognition.share import share_path
 from intent_recognition.signals.observation import merge
-from sim_bridge.arm.urdf import lwr_urdf
+from sim_bridge.arm import describe_robot
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
@@ -220,7 +220,7 @@ def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(
     values["dofs"] = str(share_path("config/dofs_hand.yaml"))
     teacher = harness.node(TaskTeacher, **values)
     description = harness.publisher(String, "robot_description", qos.LATCHED)
-    description.publish(String(data=lwr_urdf(world=True)))
+    description.publish(String(data=describe_robot()))
     harness.spin_until(lambda: teacher.listening)
     bag = teacher.start()
     harness.spin_until(lambda: teacher.message_count)
@@ -229,7 +229,7 @@ def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(
     reader = BagReader(bag)
     assert reader.custom_data["hand_link"] == "my_tool"
     (recorded,) = reader.messages(["/robot_description"])
-    assert recorded.message.data == lwr_urdf(world=True)
+    assert recorded.message.data == describe_robot()
 
 
 @pytest.mark.slow

@@ -12,10 +12,12 @@ from hypothesis.strategies import floats
 
 from intent_recognition.kinematics.forward import forward_kinematics, jacobian
 from intent_recognition.kinematics.lwr import DH, JOINT_NAMES
+from sim_bridge.arm import describe_robot
 from sim_bridge.arm.arm import GRAVITY_M_S2, SimulatedArm
-from sim_bridge.arm.urdf import HAND_LINK, LINK_BODIES, ROTOR_INERTIA_KG_M2, link_inertia, lwr_urdf
+from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.scenarios.toolbox.scene import HOME
 
+ROTORS_KG_M2 = (0.20, 0.20, 0.12, 0.12, 0.08, 0.04, 0.04)
 joints = arrays(np.float64, 7, elements=floats(-2.0, 2.0))
 
 
@@ -23,6 +25,20 @@ joints = arrays(np.float64, 7, elements=floats(-2.0, 2.0))
 def arm():
     with SimulatedArm() as made:
         yield made
+
+
+def numbers(text):
+    return np.array([float(word) for word in text.split()])
+
+
+def body_of(inertial):
+    """Mass, centre (3,) and moments (3,) of a link along its axes."""
+    moments = [float(inertial.find("inertia").get(key)) for key in ("ixx", "iyy", "izz")]
+    centre = numbers(inertial.find("origin").get("xyz"))
+    return float(inertial.find("mass").get("value")), centre, np.array(moments)
+
+
+BODIES = [body_of(link.find("inertial")) for link in ET.fromstring(lwr_urdf()).findall("link")[1:8]]
 
 
 def newton_euler(q, qd, qdd):
@@ -44,10 +60,10 @@ def newton_euler(q, qd, qdd):
         w_before = R.T @ w
         w = w_before + qd[i] * z
         dw = R.T @ dw + qdd[i] * z + np.cross(w_before, qd[i] * z)
-        com = np.array(LINK_BODIES[i].centre)
-        I = np.diag(link_inertia(i, ROTOR_INERTIA_KG_M2[i]))
+        mass, com, moments_of_inertia = BODIES[i]
+        I = np.diag(moments_of_inertia)
         a_com = a + np.cross(dw, com) + np.cross(w, np.cross(w, com))
-        forces.append(LINK_BODIES[i].mass * a_com)
+        forces.append(mass * a_com)
         moments.append(I @ dw + np.cross(w, I @ w) + np.cross(com, forces[-1]))
     torque, f, n = np.zeros(7), np.zeros(3), np.zeros(3)
     for i in reversed(range(7)):
@@ -87,8 +103,9 @@ def test_a_free_step_accelerates_as_newton_euler_says(arm):
 def test_pybullet_took_the_masses_and_inertias(arm):
     for i, index in enumerate(arm.joint_indices):
         info = arm.client.getDynamicsInfo(arm.body, index)
-        assert info[0] == pytest.approx(LINK_BODIES[i].mass)
-        assert np.allclose(sorted(info[2]), sorted(link_inertia(i, ROTOR_INERTIA_KG_M2[i])))
+        mass, _, moments = BODIES[i]
+        assert info[0] == pytest.approx(mass)
+        assert np.allclose(sorted(info[2]), sorted(moments))
     assert arm.client.getDynamicsInfo(arm.body, arm.hand_link)[0] == 0.0
 
 
@@ -103,11 +120,7 @@ def test_jacobian_of_pybullet_is_ours(arm):
 
 @pytest.fixture(scope="module")
 def robot():
-    return ET.fromstring(lwr_urdf(world=True))
-
-
-def numbers(text):
-    return np.array([float(word) for word in text.split()])
+    return ET.fromstring(describe_robot())
 
 
 def transform(element):
@@ -154,7 +167,7 @@ def test_moving_joints_have_limits_and_unit_axes(robot):
 def test_world_is_the_frame_of_the_kinematics(robot):
     joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
     angles = dict(zip(JOINT_NAMES, HOME, strict=True))
-    frame, link = np.eye(4), HAND_LINK
+    frame, link = np.eye(4), "lwr_hand"
     while link in joints:
         joint = joints[link]
         step = transform(joint.find("origin"))
@@ -163,17 +176,9 @@ def test_world_is_the_frame_of_the_kinematics(robot):
     np.testing.assert_allclose(frame, forward_kinematics(HOME), atol=1e-9)
 
 
-def test_the_physics_gets_the_same_arm_without_the_world():
-    plain, rooted = (ET.fromstring(lwr_urdf(world=world)) for world in (False, True))
-    extra = {"world", "lwr_base_joint"}
-    assert [ET.tostring(e) for e in plain if e.tag in ("link", "joint")] == [
-        ET.tostring(e) for e in rooted if e.get("name") not in extra
-    ]
-
-
-def test_inertias_are_those_of_real_bodies():
+def test_inertias_are_those_of_real_bodies_with_their_rotors():
     """PyBullet silently zeroes an inertia that breaks the triangle inequality."""
-    for i, J in enumerate(ROTOR_INERTIA_KG_M2):
-        moments = link_inertia(i, J)
-        assert np.all(moments > 0.0)
+    for (_, _, moments), rotor in zip(BODIES, ROTORS_KG_M2, strict=True):
+        assert np.all(moments > 0.5 * rotor)
+        assert moments[2] > rotor
         assert 2.0 * moments.max() <= moments.sum() + 1e-12
