@@ -14,7 +14,7 @@ INTRODUCTION = """\
 in the terminal. Defaults stand behind the names. What has none and is not given is taken from the \
 parameter file, then from the node's default. All launch files take {everywhere}.
 """
-KINDS = {tuple: "list, separated by commas", str: "text", bool: "true or false", int: "integer"}
+KINDS = {tuple: "list", str: "text", bool: "bool", int: "integer"}
 
 
 def launch_page() -> str:

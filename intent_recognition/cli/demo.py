@@ -39,48 +39,38 @@ def add_parser(subparsers: Subparsers) -> None:
         coworker assemble a toolbox with the arm's help. Needs ROS 2.
 
         what happens:
-        --scenario          toolbox (default): hand over parts; cell: two people, one work plan
-                            of 20 steps, boxes on the arm's way and objects handed over by force;
-                            assembly: learned from two people, the arm takes the place of the second
-                            one; pouring: the arm pours with containers it was not taught with,
-                            --interactions times (default: 2)
-        --pour AMOUNT       how much the scenario pouring pours: empty (default), full or
-                            millilitres
-        --pair CUP,SECOND   only this pair of containers in the scenario pouring, such as
-                            tea_cup,paper_cup
+        --scenario          toolbox (default): hand over parts; cell: two people, one work plan of
+                            20 steps, boxes on the arm's way, handovers by force; assembly: the arm
+                            takes the place of the second of two people; pouring: --interactions
+                            pours (default: 2) with containers it was not taught with
+        --pour AMOUNT       how much is poured: empty (default), full or millilitres
+        --pair CUP,SECOND   pour between these containers only, such as tea_cup,paper_cup
         --task-list F       labels separated by commas, OLD>NEW@SHARE for a reach whose goal
-                            changes, a file of them, 'habit' (default: the order in which the
-                            coworker of the shipped sessions works, with variation) or 'random'
-        --interactions N    number of interactions (default: those of the list;
-                            40 with habit or random)
-        --changes N         the coworker changes his mind on the way in N of the interactions
-                            (default: 0)
+                            changes, a file of them, 'habit' (default: the usual order, with
+                            variation) or 'random'
+        --interactions N    number of interactions (default: those of the list, or 40)
+        --changes N         the coworker changes his mind in N of them (default: 0)
         --arm ARM           lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file;
                             the others do with their hands what the LWR was taught. Several,
-                            separated by commas, run in turn, with one report
-        --tip LINK          link that is the arm's hand, where there are two arms (default: the end
-                            of the branch with the most joints, before the gripper)
-        --base LINK         link where the arm begins: joints before it, such as a lift, are held at
-                            zero (default: the root)
-        --transfers         objects are held by fingers and change hands by force: who takes one
-                            pulls, and the robot feels it; for the scenario toolbox, and always in
-                            the scenario cell
+                            separated by commas, run in turn
+        --tip LINK          the arm's hand, where there are two arms (default: the end of the branch
+                            with the most joints, before the gripper)
+        --base LINK         where the arm begins: joints before it, such as a lift, are held at zero
+                            (default: the root)
+        --transfers         hand objects over by force, held by fingers (always in the scenario
+                            cell)
         --seed SEED         random seed of the session (default: 1)
-        --sequences F       YAML file of sequences of tasks, in which the arm may begin a step by
-                            itself
-        --params F          ROS 2 parameter file (YAML), which overrides the parameters that the
-                            demo sets
-        --no-anticipation   expect every task alike: do not use the usual order of tasks, nor go
-                            ahead
-        --rate X            speed of simulated time, published on /clock; 1 is real time (default:
-                            {DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})
+        --sequences F       YAML file of sequences, in which the arm may begin a step by itself
+        --params F          ROS 2 parameter file (YAML), over the parameters that the demo sets
+        --no-anticipation   do not use the usual order of tasks, nor go ahead
+        --rate X            speed of simulated time; 1 is real time (default: {DEFAULT_RATE}, with
+                            --dashboard {DASHBOARD_RATE})
         --model M.npz       use this model (pouring: this skill) instead of training one
-        --recordings BAGS   play the people of these recordings in place of the coworker, in real
-                            time, with the --model that was learned from such recordings; the arm is
-                            the one in them
+        --recordings BAGS   play the people of these recordings in real time, in place of the
+                            coworker, with the --model learned from such recordings
 
         what is shown:
-        --dashboard  serve a page that shows the cell and teaches tasks; it stays until Ctrl-C
+        --dashboard  serve a page that shows the cell and teaches tasks, until Ctrl-C
         --port PORT  port of the page (default: %(default)s)
         --headless   no window of the simulation
 

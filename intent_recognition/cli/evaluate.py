@@ -44,9 +44,9 @@ def add_parser(subparsers: Subparsers) -> None:
                          FOLDER
         --test FOLDER    the same as --protocol holdout:FOLDER
         --start-posture  whether predictions use the posture in which the controlled agent starts;
-                         both: print tables without and with it (default: off)
-        --unknown-tasks  also leave every task out in turn and see whether its movements are taken
-                         for another's (default: on)
+                         both: without and with it (default: off)
+        --unknown-tasks  also leave every task out in turn: are its movements taken for another's?
+                         (default: on)
 
         what is written:
         --report OUT.html  write an HTML report

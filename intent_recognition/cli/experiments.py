@@ -37,15 +37,14 @@ def add_parser(subparsers: Subparsers) -> None:
         "experiments",
         run,
         """
-        Run the experiments of the papers on recordings of the simulation, print what came out
-        beside the paper's figure, and write one report that opens without network.
+        Run the experiments of the papers on simulated recordings, print the results beside the
+        paper's, and write one report that opens without network.
 
         names NAME    experiment to run (default: all; --list shows them)
         --output DIR  folder of report.html, numbers.json and figures/ (default: %(default)s)
         --seed SEED   seed of all random variation (default: 1)
-        --seeds N     draws of the recordings of pointing, pole and toolbox, to show their spread:
-                      the shipped ones and N - 1 made anew, minutes each (default: %(default)s;
-                      docs/experiments.md shows ten)
+        --seeds N     draws of the recordings of pointing, pole and toolbox: the shipped ones, the
+                      others made anew in minutes each (default: %(default)s)
         --quick       run a fast subset of each experiment
         --bags DIR    folder of recordings (default: the shipped ones)
         --jobs JOBS   number of processes (default: %(default)s)

@@ -28,12 +28,12 @@ def add_parser(subparsers: Subparsers) -> None:
         "explain",
         run,
         """
-        Say why each decision during a recording was taken: the evidence against the runner-up over
-        time and by degree of freedom, and what would have been decided without each signal.
+        Say why each decision in a recording was taken: the evidence against the runner-up by time
+        and degree of freedom, and what would have been decided without each signal.
 
         bag BAG            bag directory or .mcap file
         --model M.npz      model that `intent train` wrote
-        --against TASK     a task, or none, instead of the most probable other task at the decision
+        --against TASK     a task, or none, instead of the runner-up
         --report OUT.html  write an HTML report
 
         # as tables, and as figures in a page

@@ -21,9 +21,9 @@ def add_parser(subparsers: Subparsers) -> None:
         "export",
         run,
         """
-        Write the degrees of freedom of all demonstrations as one table, with a row for each stamp,
-        and beside it the map with which `intent import` makes bags of it again. The table holds the
-        samples that training would use: docs/import.md.
+        Write the degrees of freedom of all demonstrations as one table, with a row for each stamp
+        that training would use, and beside it the map by which `intent import` reads it again:
+        docs/import.md.
 
         bags BAG...    a bag, a folder of bags, or a session bag; any number
         --dofs F       DOF file (default: the shipped config/dofs.yaml)

@@ -34,21 +34,20 @@ def add_parser(subparsers: Subparsers) -> None:
         run,
         """
         Let the robot practise in simulation. Each rollout tries a path within two standard
-        deviations of the demonstrations and within the limits of the arm; it is logged as a bag and
-        gets a cost, lower is better. Ctrl-C ends practice, and the same command goes on with it.
-        The skill in use changes only with --accept (docs/tutorials/practise.md).
+        deviations of the demonstrations and within the limits of the arm, and gets a cost. After
+        Ctrl-C the same command continues. The skill in use changes only with --accept
+        (docs/tutorials/practise.md).
 
         task TASK         `pouring`, or the label of a task in --library
         --cost FILE|NAME  what to lower: `spilled` (default) or `level` for pouring, `distance`
                           (default) or `time` for a task, `thumbs` (you judge each rollout), or a
                           Python file with one function from a rollout to a number
-        --rollouts N      number of rollouts in all, earlier ones included (default: %(default)s)
+        --rollouts N      rollouts in all, earlier ones included (default: %(default)s)
         --seed SEED       random seed of practice (default: %(default)s)
 
         for a task of a library:
-        --beside X Y Z  where the robot's hand should end, seen from where the person's hand comes
-                        to rest [m], along the axes of the arm's base (default: as in the
-                        demonstrations)
+        --beside X Y Z  where the robot's hand should end, from where the person's comes to rest
+                        [m], along the axes of the arm's base (default: as demonstrated)
         --moved X Y Z   move that place by so much [m] (default: 0 0 0)
         --robot URDF    URDF of the arm that was taught (default: the LWR)
 
@@ -56,11 +55,10 @@ def add_parser(subparsers: Subparsers) -> None:
         --cup CUP          container in the robot's hand (default: %(default)s)
         --into INTO        container to pour into (default: %(default)s)
         --wanted N         balls, of 40, that should end in it (default: %(default)s)
-        --start BAGS|FILE  demonstrations, or an accepted skill, to begin with (default: the
-                           shipped ones)
-        --short RADII      spoil the demonstrations, to have something to practise: move them
-                           away from the container to pour into, on average by so many of its
-                           radii (default: %(default)s)
+        --start BAGS|FILE  demonstrations, or an accepted skill, to begin with (default: the shipped
+                           ones)
+        --short RADII      spoil the demonstrations: move them away from the container to pour into,
+                           on average by so many of its radii (default: %(default)s)
         --output DIR       folder of rollouts and results (default: practice)
 
         # practise to pour from demonstrations that fall short, 40 pours in simulation
@@ -86,8 +84,8 @@ def add_parser(subparsers: Subparsers) -> None:
     add_options(
         parser.add_mutually_exclusive_group(),
         f"""
-        --accept  use the result of practice: a task changes in its library, pouring is written
-                  as {SKILL} into --output
+        --accept  use the result: a task changes in its library, pouring is written as {SKILL} into
+                  --output
         --undo    take the last --accept back
         """,
     )

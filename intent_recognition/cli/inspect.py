@@ -49,9 +49,8 @@ def add_parser(subparsers: Subparsers) -> None:
         run,
         """
         Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of a folder, or
-        in a model (tasks, degrees of freedom, timing, noise, where it came from); of a library of
-        tasks, how each task has done since each of its changes. The exit code is 1 if a bag is
-        damaged.
+        in a model (tasks, degrees of freedom, timing, noise, provenance); of a library of tasks,
+        how each task has done since each change. The exit code is 1 if a bag is damaged.
 
         paths BAG|MODEL|TASKS...  a bag, a folder of bags, a model, or a library of tasks; any
                                   number

@@ -13,10 +13,9 @@ def add_parser(subparsers: Subparsers) -> None:
         "keep",
         change_library,
         """
-        Learn from the last execution of a task in which a person pushed or guided the arm: from now
-        on the robot moves as corrected. A running estimator loads the new model, and other tasks
-        stay as they are. `intent undo` takes the change back. A running task_teacher must have
-        recorded the execution (docs/correcting.md). Needs ROS 2.
+        Learn from the last execution in which a person guided the arm: from now on the robot moves
+        as corrected, and other tasks stay as they are. A running task_teacher must have recorded it
+        (docs/correcting.md). `intent undo` takes it back. Needs ROS 2.
 
         # keep the last correction
         intent keep --library tasks

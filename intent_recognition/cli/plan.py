@@ -37,9 +37,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "plan",
         None,
         """
-        Learn the plan of an assembly from a few sessions: its steps, which of them must come before
-        which, who does them and what they take. The estimator follows a plan that its parameter
-        `plan` names (docs/plans.md).
+        Learn the plan of an assembly from a few sessions: its steps, their order, who does them and
+        what they take. The estimator's parameter `plan` takes it (docs/plans.md).
 
         # from session bags in which boxes are built one after the other
         intent plan learn bags/sessions --first plate_handover -o box.yaml
@@ -57,7 +56,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "learn",
         _learn,
         """
-        Learn a plan; relations that were written by hand into an older one are kept.
+        Learn a plan; relations written by hand into an older one are kept.
 
         sessions SESSIONS...  session bags, folders of them, or YAML files (docs/plans.md)
         --first TASK          cut sessions before each time that it is done

@@ -31,8 +31,8 @@ def add_parser(subparsers: Subparsers) -> None:
         run,
         """
         Follow labelled recordings that a model was not trained on as the nodes would: how many are
-        acted on wrongly or missed, how long a decision takes, the worst moments, and what to
-        demonstrate next.
+        acted on wrongly or missed, how long decisions take, the worst moments, what to demonstrate
+        next.
 
         model M.npz        model that `intent train` wrote
         bags BAG...        a labelled bag, a folder of them, or a session bag; any number

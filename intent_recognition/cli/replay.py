@@ -25,8 +25,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "replay",
         run,
         """
-        Run the online estimator over a recording and print the probabilities of the tasks over
-        time, as the nodes would publish them, and when a task became active.
+        Run the online estimator over a recording, and print the probabilities of the tasks over
+        time and when a task became active.
 
         bag BAG            bag directory or .mcap file
         --model M.npz      model that `intent train` wrote

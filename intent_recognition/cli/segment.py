@@ -27,9 +27,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "segment",
         run,
         """
-        Find the interactions in a recording of several, and write each as a bag of its own: with
-        --model labelled by the tasks of the model, otherwise cut by the motion of both agents and
-        without labels. Markers in the session are not used.
+        Find the interactions in a recording of several, and write each as a bag: labelled with
+        --model, otherwise cut by the motion of both agents. Markers in the session are not used.
 
         session SESSION  one bag, or its .mcap file
         --dofs F         DOF file, where no model is given (default: the shipped config/dofs.yaml)

@@ -73,10 +73,9 @@ def add_library_options(
         f"""
         --library DIR  library of tasks: a folder of recordings, model and history (default:
                        {DEFAULT_LIBRARY})
-        --model M.npz  the model that a new library begins with; refused where the library has
-                       another one
+        --model M.npz  model that a new library begins with; refused where the library has another
         --dofs F       DOF file of a new library that begins without a model; refused where the
-                       library has other DOFs
+                       library has others
         """,
         library={"default": default},
     )

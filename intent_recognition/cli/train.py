@@ -48,7 +48,7 @@ def add_parser(subparsers: Subparsers) -> None:
         run,
         """
         Learn a library of tasks from labelled demonstrations, and write it to one file. What could
-        not be used is named, with the reason.
+        not be used is named.
 
         what is written:
         --output M.npz  model file to write

@@ -31,9 +31,8 @@ def add_adding_options(parser: argparse.ArgumentParser) -> None:
         """
         more demonstrations for a model that is there:
         --add M.npz     add the bags to this model, which keeps its DOFs, basis, onset thresholds
-                        and regularisation; equals training anew with those
-        --choose-again  with --add: choose the regularisation again, on the demonstrations the model
-                        keeps
+                        and regularisation
+        --choose-again  with --add: choose the regularisation again
         """,
     )
 

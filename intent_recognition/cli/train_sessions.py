@@ -26,7 +26,7 @@ def add_sessions_option(parser: argparse.ArgumentParser) -> None:
         """
         the order of tasks:
         --sessions DIR...  session bags, or folders of them, from which to learn which task follows
-                           which (default: all tasks are as likely after any)
+                           which
         """,
         sessions={"default": []},
     )

@@ -30,11 +30,9 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     add_options(
         group,
         """
-        --jobs N             processes that read the bags (default: %(default)s); the model is
-                             the same
-        --scheduler ADDRESS  dask scheduler whose workers read the bags, as
-                             tcp://127.0.0.1:8786; they need the same paths and this package
-                             with dask (`pip install .[dask]`)
+        --jobs N             processes that read the bags (default: %(default)s)
+        --scheduler ADDRESS  dask scheduler whose workers read the bags, as tcp://127.0.0.1:8786;
+                             they need the same paths and `pip install .[dask]`
         """,
         jobs={"type": number(int, 1), "default": 1},
     )

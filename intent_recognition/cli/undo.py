@@ -24,9 +24,9 @@ def add_parser(subparsers: Subparsers) -> None:
         "undo",
         change_library,
         """
-        Take back the last change of a library: a demonstration that `intent teach` learned, or a
-        correction that `intent keep` kept. The model before it returns, a running estimator loads
-        it, and the recording moves to the folder `undone`. Needs ROS 2.
+        Take back the last change of a library, by `intent teach` or `intent keep`. A running
+        estimator loads the model before it, and the recording moves to the folder `undone`. Needs
+        ROS 2.
 
         # take the last demonstration back
         intent undo --library tasks

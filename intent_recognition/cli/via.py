@@ -34,9 +34,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "via",
         None,
         """
-        Add, list or remove via points: places or joint values through which the robot passes in
-        each movement until they are removed. A running estimator holds them. Needs ROS 2. `intent
-        via ACTION --help` explains an action.
+        Add, list or remove via points: places or joint values through which the robot passes until
+        they are removed. Needs ROS 2 and a running estimator.
 
         # over the bottle, in the middle of the way
         intent via add bottle --hand 0.45 0.1 0.4 --phase 0.5 --task plate_handover
@@ -62,7 +61,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
         name NAME    name of the point
         --task TASK  task that it is for (default: all tasks)
-        --std STD    how exactly: standard deviation in the unit of the value (default:
+        --std STD    how exactly: standard deviation, in the unit of the value (default:
                      %(default)s)
         """,
         task={"default": ""},
@@ -71,8 +70,8 @@ def add_parser(subparsers: Subparsers) -> None:
     add_options(
         add.add_mutually_exclusive_group(required=True),
         """
-        --hand X Y Z      where: place of the hand in the world frame [m]
-        --dof NAME=VALUE  where: value of a controlled DOF, in its unit; may be repeated
+        --hand X Y Z      place of the hand in the world frame [m]
+        --dof NAME=VALUE  value of a controlled DOF, in its unit; may be repeated
         """,
         hand=number(float, -1e3),
         dof={"action": "append", "type": _dof},
@@ -80,8 +79,8 @@ def add_parser(subparsers: Subparsers) -> None:
     add_options(
         add.add_mutually_exclusive_group(required=True),
         """
-        --phase P  when: share of the movement, 1 is its end
-        --time S   when: time after the onset, at the usual pace [s]
+        --phase P  share of the movement, 1 is its end
+        --time S   time after the onset, at the usual pace [s]
         """,
         phase=number(float, 0.0, 1.0),
         time=number(float, 0.0),

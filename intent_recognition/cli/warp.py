@@ -47,19 +47,17 @@ def add_parser(subparsers: Subparsers) -> None:
         run,
         """
         Warp an annotated object onto a mesh or a cloud, and print its parameters (opening, volume,
-        height, lip, tilt) and the grasp annotated on the source, all in the target's own
-        coordinates. The shipped mug is one annotated object; docs/warping.md describes how to
-        annotate others.
+        height, lip, tilt) and grasp in the target's coordinates. docs/warping.md says how to
+        annotate objects.
 
         source SOURCE          annotated object: a file, or `mug`
         target TARGET          file of a mesh or point cloud
         --report OUT.html      write a page with figures (default: %(const)s)
-        --mapping              label: carry the source's labels over to the target's points; point:
-                               move the source's points onto the target (default: %(default)s)
+        --mapping              label: carry the source's labels to the target's points; point: move
+                               the source's points onto the target (default: %(default)s)
         --neighbours K         nearest points that vote on a label (default: 1)
-        --points POINTS        number of points used of the target (default: %(default)s)
-        --scale SCALE          factor from the target's unit to metres, such as 0.001 for
-                               millimetres
+        --points POINTS        points used of the target (default: %(default)s)
+        --scale SCALE          factor from the target's unit to metres, such as 0.001
         --toward X Y Z         place of the other container [m]
         --viewpoint X Y Z      where the camera was [m], for clouds without normals
         --seed SEED            seed of the points sampled on a mesh

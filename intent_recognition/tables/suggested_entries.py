@@ -64,7 +64,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     values = np.column_stack([joint.values for joint in joints])
     unit, note = _unit_of(table, joints[0].name, values, "rad")
     return [
-        "  - topic: /joint_states  # they move, and are no place of a body",
+        "  - topic: /joint_states  # they move; not a position",
         f"    type: {JOINT_STATE}",
         f"    joints: {flow(names)}",
         "    unit: rad",
@@ -78,9 +78,9 @@ def _unit_of(table: Table, name: str, values: Floats, base: str) -> tuple[str, s
     number = table.find(name)
     said = spelled(table.units.get(number if number is not None else -1, "") or table.unit)
     if said:
-        return ("" if said == base else said), "the file says so"
+        return ("" if said == base else said), "from the file"
     if table.must_say and base == "m":
-        return "mm", "guessed: the usual unit of motion capture"
+        return "mm", "guessed: usual in motion capture"
     farthest = float(np.nanmax(np.abs(values)))
     if farthest <= FARTHEST[base]:
         return "", ""

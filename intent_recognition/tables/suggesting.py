@@ -68,7 +68,7 @@ def suggest_map(source: Path) -> str:
     others = [line for entry in entries[1:] for line in entry]
     lines = [
         *(f"# Suggested from {line}" for part in parts for line in part.sources),
-        "# Delete what is not needed, name the topics, move what the robot does to `controlled`.",
+        "# Delete what you do not need, name the topics, move the robot's to `controlled`.",
         *(f"# Note: {note}" for part in parts for note in part.notes),
         *_files(kinds),
         "observed:",
@@ -201,7 +201,7 @@ def _time(
     said = table.defaults.get("time")
     if isinstance(said, Mapping):
         rate = said.get("rate")
-        return dict(said), f"the file says so{f', {rate:g} Hz' if isinstance(rate, float) else ''}"
+        return dict(said), f"from the file{f', {rate:g} Hz' if isinstance(rate, float) else ''}"
     for column in columns.values():
         steps = np.diff(column.values)
         named = column.name == "0" or TIME_NAME.search(column.name)
@@ -222,7 +222,7 @@ def _time(
             continue
         if steps.size and np.all(steps > 0):
             return {"column": name}, "dates, or times of day"
-    return {"rate": 100}, "nothing in the file says when: give the rate in Hz"
+    return {"rate": 100}, "not in the file: give the rate in Hz"
 
 
 def _bodies(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
@@ -248,7 +248,7 @@ def _of_texts(
     table = kind.table
     for key in ("segments", "task"):
         if isinstance(said := table.defaults.get(key), Mapping):
-            yield f"{key}: {flow(dict(said))}  # the file says so"
+            yield f"{key}: {flow(dict(said))}  # from the file"
     if "task" in table.defaults:
         return
     for name, values in labels.items():
