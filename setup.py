@@ -15,15 +15,18 @@ ROOT = Path(__file__).resolve().parent
 
 # The limited API has had buffers since Python 3.11: from there on, one file serves all versions.
 STABLE = sys.version_info >= (3, 11)
-KERNEL = Extension(
-    f"{PACKAGE}.gaussian._kernel",
-    [f"{PACKAGE}/gaussian/_kernel.c"],
-    define_macros=[("Py_LIMITED_API", "0x030b0000")] if STABLE else [],
-    py_limited_api=STABLE,
-    # No -ffast-math: infinities are meant. -fopenmp-simd lets the marked sums be vectorised.
-    extra_compile_args=["-O3", "-fno-math-errno", "-fopenmp-simd"],
-    optional=True,  # without a compiler the numpy update serves
-)
+
+
+def extension(name: str, *flags: str) -> Extension:
+    """Of one C file; without a compiler the Python beside it serves."""
+    return Extension(
+        f"{PACKAGE}.{name}",
+        [f"{PACKAGE}/{name.replace('.', '/')}.c"],
+        define_macros=[("Py_LIMITED_API", "0x030b0000")] if STABLE else [],
+        py_limited_api=STABLE,
+        extra_compile_args=["-O3", *flags],
+        optional=True,
+    )
 
 
 class DistributionWithDataFiles(Distribution):
@@ -69,7 +72,11 @@ setup(
     python_requires=">=3.10",
     packages=find_packages(include=[f"{PACKAGE}*", "sim_bridge*"]),
     package_data={"": ["*.pyi", "py.typed", "parameters.yaml"]},
-    ext_modules=[KERNEL],
+    ext_modules=[
+        # No -ffast-math: infinities are meant. -fopenmp-simd lets the marked sums be vectorised.
+        extension("gaussian._kernel", "-fno-math-errno", "-fopenmp-simd"),
+        extension("bags.mcap._records"),
+    ],
     options={"bdist_wheel": {"py_limited_api": "cp311"}} if STABLE else {},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -152,17 +152,24 @@ def test_without_a_compiler_it_installs_and_numpy_serves(sources, tmp_path):
 
 
 @pytest.mark.skipif(KERNEL != "c" or sys.platform != "linux", reason="no compiler")
-def test_the_tests_of_the_update_pass_with_sanitizers(sources, repository):
+@pytest.mark.parametrize(
+    ("source", "test"),
+    [
+        ("gaussian/_kernel.c", "gaussian/test_batch.py"),
+        ("bags/mcap/_records.c", "bags/test_records.py"),
+    ],
+)
+def test_the_tests_of_compiled_code_pass_with_sanitizers(sources, repository, source, test):
     """Of addresses and of undefined behaviour; numpy's own leaks are not looked at."""
     compiler = sysconfig.get_config_var("CC").split()[0]
-    source = sources / "intent_recognition" / "gaussian" / "_kernel.c"
+    source = sources / "intent_recognition" / source
     flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     build = ["-shared", "-fPIC", "-fopenmp-simd", "-DPy_LIMITED_API=0x030b0000"]
     include = f"-I{sysconfig.get_paths()['include']}"
     run(sources, compiler, *flags, *build, include, source, "-o", source.with_suffix(".abi3.so"))
     library = run(sources, compiler, "-print-file-name=libasan.so").strip()
-    environment = {"LD_PRELOAD": library, "ASAN_OPTIONS": "detect_leaks=0", "INTENT_KERNEL": "c"}
-    tests = [repository / "test" / "gaussian" / "test_batch.py", "-p", "no:cacheprovider"]
+    environment = {"LD_PRELOAD": library, "ASAN_OPTIONS": "detect_leaks=0"}
+    tests = [repository / "test" / test, "-p", "no:cacheprovider"]
     pytest_ = [sys.executable, "-m", "pytest", "-q", "-m", "not slow"]  # of the folder it is in
     found = run(sources, *pytest_, *tests, **environment)
     assert " passed" in found and "skipped" not in found

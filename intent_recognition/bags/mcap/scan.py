@@ -33,7 +33,9 @@ MAGIC = b"\x89MCAP0\r\n"
 FOOTER = struct.Struct("<QQI")
 INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
 INDEX_RECORD = struct.Struct("<BQHI")  # the same with opcode and length before
-CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
+CHUNK, MESSAGE_INDEX, CHUNK_INDEX = (
+    int(code) for code in (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)
+)
 LONGEST_METADATA = 2**20
 """Bytes of a metadata record that is read. Convention: rosbag2's have some kilobytes."""
 LONGEST_COMPRESSION = 16
@@ -162,7 +164,7 @@ def _walk(view: mmap.mmap, scan: FileScan) -> None:
 
 
 def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: FileScan) -> tuple[int, int]:
-    """Take in sound chunks and message indices from `position` on, most of a file, quickly.
+    """Take in sound chunks and all indices from `position` on, most of a file, quickly.
 
     Returns:
         Where the first other record begins, and where to look for a chunk if it is none.
@@ -174,8 +176,8 @@ def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: FileScan) 
         end = position + head + length
         if end > size:
             break
-        if opcode == MESSAGE_INDEX:
-            if index_bytes != length - index:
+        if opcode in (MESSAGE_INDEX, CHUNK_INDEX):
+            if opcode == MESSAGE_INDEX and index_bytes != length - index:
                 break
             previous = position + 1
         elif opcode == CHUNK and (block := _chunk_block(view, position, length)):
