@@ -26,10 +26,8 @@ from intent_recognition.kinematics.limits import (
 )
 from intent_recognition.kinematics.lwr import (
     DEFAULT_ACCELERATION_RAD_S2,
-    DH,
     JOINT_NAMES,
     LWR_LIMITS,
-    N_JOINTS,
 )
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.urdf import read_chain, read_ranges

@@ -30,39 +30,26 @@ Convention: some times the noise of trackers and encoders, a fraction of any rea
 """
 
 
-class Recorded(Protocol):
-    """The streams of one recording, as a `Demonstration` has them."""
+class _Recorded(Protocol):
+    """What is needed of a `Demonstration`, which asks for doubts when it is made."""
 
     @property
-    def observed(self) -> tuple[Signal, ...]:
-        """Signals of the human."""
-
+    def observed(self) -> tuple[Signal, ...]: ...
     @property
-    def controlled(self) -> tuple[Signal, ...]:
-        """Signals of the robot."""
-
+    def controlled(self) -> tuple[Signal, ...]: ...
     @property
-    def start_ns(self) -> int:
-        """First stamp."""
-
+    def start_ns(self) -> int: ...
     @property
-    def end_ns(self) -> int:
-        """Last stamp."""
-
+    def end_ns(self) -> int: ...
     @property
-    def known(self) -> tuple[Known | None, ...]:
-        """What is known of the arm of each controlled signal; empty for nothing."""
-
+    def known(self) -> tuple[Known | None, ...]: ...
     @property
-    def wrapped(self) -> tuple[str, ...]:
-        """Names of the angles that jumped by whole turns."""
-
+    def wrapped(self) -> tuple[str, ...]: ...
     @property
-    def delays_s(self) -> tuple[float, ...]:
-        """Median time from stamp to log time of each signal [s]."""
+    def delays_s(self) -> tuple[float, ...]: ...
 
 
-def stream_defect(recorded: Recorded) -> str:
+def stream_defect(recorded: _Recorded) -> str:
     """Why a recording cannot be learned from or scored, with the likely cause; empty if it can.
 
     A controlled agent that was not recorded while the observed one moved has no truth there, and
@@ -72,14 +59,14 @@ def stream_defect(recorded: Recorded) -> str:
     return next(certain, "") or _missing(recorded)
 
 
-def common_span(recorded: Recorded) -> tuple[int, int]:
+def common_span(recorded: _Recorded) -> tuple[int, int]:
     """The part of [start_ns, end_ns] in which every controlled stream was recorded."""
     first = [int(signal.stamps_ns[0]) for signal in recorded.controlled]
     last = [int(signal.stamps_ns[-1]) for signal in recorded.controlled]
     return max([recorded.start_ns, *first]), min([recorded.end_ns, *last])
 
 
-def recording_doubts(recorded: Recorded, *, brief: bool = False) -> list[str]:
+def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
     """What gives reason to doubt a recording that can be used, each with the likely cause.
 
     Args:
@@ -97,7 +84,7 @@ def recording_doubts(recorded: Recorded, *, brief: bool = False) -> list[str]:
     ]
 
 
-def _wrapped(recorded: Recorded) -> Iterator[str]:
+def _wrapped(recorded: _Recorded) -> Iterator[str]:
     """Which angles jumped by whole turns."""
     if recorded.wrapped:
         yield (
@@ -106,7 +93,7 @@ def _wrapped(recorded: Recorded) -> Iterator[str]:
         )
 
 
-def _misfits(recorded: Recorded, brief: bool = False) -> Iterator[tuple[bool, str]]:
+def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, str]]:
     """Of signals that are hardly in their unit, whether that is certain, and why."""
     signals = (*recorded.observed, *recorded.controlled)
     for late in filter(None, map(time_misfit, signals)):
@@ -119,7 +106,7 @@ def _misfits(recorded: Recorded, brief: bool = False) -> Iterator[tuple[bool, st
             yield found.certain, f"{in_words(signal)}: {short}" if short else found.reason
 
 
-def _missing(recorded: Recorded) -> str:
+def _missing(recorded: _Recorded) -> str:
     """Which controlled stream misses too much of the observed recording."""
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     length, onset_ns = max(end_ns - start_ns, 1), _onset_ns(recorded)
@@ -164,14 +151,14 @@ def _missing(recorded: Recorded) -> str:
     return ""
 
 
-def _onset_ns(recorded: Recorded) -> int:
+def _onset_ns(recorded: _Recorded) -> int:
     """When the human first moves; before that there is nothing to predict."""
     settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
     first_s = earliest_onset(settings, recorded.observed, start_ns)
     return start_ns + round((first_s or 0.0) * 1e9)
 
 
-def _shifted_clock(recorded: Recorded) -> Iterator[str]:
+def _shifted_clock(recorded: _Recorded) -> Iterator[str]:
     """Streams whose stamps differ by a shift from the times at which they were received."""
     if not recorded.delays_s:
         return
@@ -187,7 +174,7 @@ def _shifted_clock(recorded: Recorded) -> Iterator[str]:
             )
 
 
-def _shifted_edges(recorded: Recorded) -> Iterator[str]:
+def _shifted_edges(recorded: _Recorded) -> Iterator[str]:
     """Streams that begin and end by the same time earlier or later than the observed ones."""
     for signal in recorded.controlled:
         begins_s = (int(signal.stamps_ns[0]) - recorded.start_ns) * 1e-9
@@ -201,7 +188,7 @@ def _shifted_edges(recorded: Recorded) -> Iterator[str]:
             )
 
 
-def _in_part(recorded: Recorded) -> Iterator[str]:
+def _in_part(recorded: _Recorded) -> Iterator[str]:
     """Whether one agent was recorded in only a part of the other's recording."""
     if not recorded.controlled:
         return
@@ -223,7 +210,7 @@ def _in_part(recorded: Recorded) -> Iterator[str]:
         )
 
 
-def _sparse(recorded: Recorded) -> Iterator[str]:
+def _sparse(recorded: _Recorded) -> Iterator[str]:
     """Observed streams with too few samples for an onset to be found in them."""
     for signal in recorded.observed:
         steps_ns = np.diff(signal.stamps_ns)
@@ -235,7 +222,7 @@ def _sparse(recorded: Recorded) -> Iterator[str]:
             )
 
 
-def _found_late(recorded: Recorded) -> Iterator[str]:
+def _found_late(recorded: _Recorded) -> Iterator[str]:
     """Whether the onset rule finds the movement only once much of it is over, or never."""
     settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
     onset_s = earliest_onset(settings, recorded.observed, start_ns)
@@ -254,7 +241,7 @@ def _found_late(recorded: Recorded) -> Iterator[str]:
         )
 
 
-def _resting(recorded: Recorded) -> Iterator[str]:
+def _resting(recorded: _Recorded) -> Iterator[str]:
     """Agents that do not move: what is learned of them is a place, and of the human no task."""
     for agent, signals, cause in (
         ("observed", recorded.observed, "a tracker that lost the body, or another unit"),

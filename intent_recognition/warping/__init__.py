@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warped parameters: what one annotated object tells about the next."""
 
-from intent_recognition.warping.clipping import half_volume_angle, surface_volume
+from intent_recognition.warping.clipping import half_volume_angle, surface_volume, tube_faces
 from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.grasp_warp import warp_grasp
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic
@@ -15,6 +15,7 @@ from intent_recognition.warping.object_warp import Mapping, ObjectModel, WarpedO
 from intent_recognition.warping.parameters import (
     PouringParameters,
     References,
+    nearest_on_loop,
     pouring_parameters,
     references,
 )
@@ -36,5 +37,4 @@ from intent_recognition.warping.primitives import (
     to_warped,
     warped_scale,
 )
-from intent_recognition.warping.rim import Rim
 from intent_recognition.warping.wall_checks import check_wall

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.clipping import surface_volume
+from intent_recognition.warping.clipping import surface_volume, tube_faces
 from intent_recognition.warping.rim import Rim
 
 N_BINS = 24
@@ -41,7 +41,7 @@ class Cavity:
     """
 
     vertices: Floats
-    faces: Floats
+    faces: Integers
     profile: Floats
     height_m: float
 
@@ -60,7 +60,7 @@ def fit_cavity(points: Floats, normals: Floats, rim: Rim) -> Cavity:
         rim: of the container.
     """
     local, facing = rim.to_local(points), normals @ rim.axes.T
-    depth, shape = -local[:, 0], _shape(rim, local[:, 1:])
+    depth, shape = -local[:, 0], rim.shape(local[:, 1:])
     distance = np.maximum(np.hypot(local[:, 1], local[:, 2]), 1e-12)
     radius = distance / shape
     outside = (local * facing).sum(1) > 0.0
@@ -88,14 +88,6 @@ def fit_cavity(points: Floats, normals: Floats, rim: Rim) -> Cavity:
         raise ArgumentError.about("points", "a cavity below the rim", got, cure)
     vertices, faces = _surface(profile, rim)
     return Cavity(vertices, faces, profile, height)
-
-
-def _shape(rim: Rim, flat: Floats) -> Floats:
-    """The outline's distance (n,) from its centre in the direction of points, mean 1."""
-    radii = np.linalg.norm(rim.outline, axis=1) / rim.radius_m
-    angles = np.arctan2(flat[:, 1], flat[:, 0])
-    corners = np.arange(len(radii)) * 2.0 * np.pi / len(radii)
-    return np.interp(angles, corners, radii, period=2.0 * np.pi)
 
 
 def _levels(depth: Floats, radius: Floats, wall: Floats, depth_m: float) -> Floats:
@@ -159,33 +151,14 @@ def _thickness(inner: Floats, outer: Floats, rim: Rim) -> float:
     return float(np.clip(np.median(gap[both]), 0.01 * rim.radius_m, 0.3 * rim.radius_m))
 
 
-def _surface(profile: Floats, rim: Rim) -> tuple[Floats, Floats]:
-    """Rings along the profile, closed by the floor and by the plane of the rim."""
+def _surface(profile: Floats, rim: Rim) -> tuple[Floats, Integers]:
+    """Rings along the profile, from the floor up, closed by the floor and the plane of the rim."""
     outline = rim.outline / rim.radius_m
     n_corners, n_rings = len(outline), len(profile) - 1
+    radius, depth = profile[-2::-1].T
     rings = np.empty((n_rings, n_corners, 3))
-    rings[..., 0] = -profile[:-1, 1, None]
-    rings[..., 1:] = profile[:-1, 0, None, None] * outline
-    poles = [[0.0, 0.0, 0.0], [-profile[-1, 1], 0.0, 0.0]]
-    vertices = rim.centre + np.concatenate([rings.reshape(-1, 3), poles]) @ rim.axes
-    return vertices, _faces(n_rings, n_corners)
-
-
-def _faces(n_rings: int, n_corners: int) -> Floats:
-    """Triangles between rings that go down, a lid over the first, a floor under the last."""
-    ring, corner = np.meshgrid(np.arange(n_rings - 1), np.arange(n_corners), indexing="ij")
-    following = (corner + 1) % n_corners
-    high, high_next = ring * n_corners + corner, ring * n_corners + following
-    low, low_next = high + n_corners, high_next + n_corners
-    around = np.arange(n_corners)
-    after = (around + 1) % n_corners
-    lid, floor = n_rings * n_corners, n_rings * n_corners + 1
-    last = (n_rings - 1) * n_corners
-    return np.concatenate(
-        [
-            np.stack([low, low_next, high_next], -1).reshape(-1, 3),
-            np.stack([low, high_next, high], -1).reshape(-1, 3),
-            np.stack([around, after, np.full(n_corners, lid)], -1),
-            np.stack([last + after, last + around, np.full(n_corners, floor)], -1),
-        ]
-    )
+    rings[..., 0] = -depth[:, None]
+    rings[..., 1:] = radius[:, None, None] * outline
+    ends = [[-profile[-1, 1], 0.0, 0.0], [0.0, 0.0, 0.0]]
+    vertices = rim.centre + np.concatenate([rings.reshape(-1, 3), ends]) @ rim.axes
+    return vertices, tube_faces(n_rings, n_corners)

@@ -4,11 +4,11 @@
 import numpy as np
 from scipy.optimize import brentq
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 
 
-def surface_volume(vertices: Floats, faces: Floats) -> float:
+def surface_volume(vertices: Floats, faces: Integers) -> float:
     """Volume enclosed by a closed, outward wound surface.
 
     Args:
@@ -19,9 +19,32 @@ def surface_volume(vertices: Floats, faces: Floats) -> float:
     return float(_signed_volumes(triangles).sum())
 
 
+def tube_faces(n_rings: int, n_corners: int) -> Integers:
+    """Triangles (m, 3), wound outward, of a tube with a fan at either end.
+
+    Args:
+        n_rings: rings of corners, ring by ring the first vertices; each counter-clockwise seen from
+            the last one. Two more follow them: the middles of the first and of the last ring.
+        n_corners: corners of each.
+    """
+    ring, corner = np.indices((n_rings - 1, n_corners))
+    low, low_next = (ring * n_corners + (corner + k) % n_corners for k in (0, 1))
+    high, high_next = low + n_corners, low_next + n_corners
+    around, after = low[0], low_next[0]
+    top, first = (n_rings - 1) * n_corners, np.full(n_corners, n_rings * n_corners)
+    return np.concatenate(
+        [
+            np.stack([low, low_next, high_next], -1).reshape(-1, 3),
+            np.stack([low, high_next, high], -1).reshape(-1, 3),
+            np.stack([after, around, first], -1),
+            np.stack([top + around, top + after, first + 1], -1),
+        ]
+    )
+
+
 def shares_left(
     vertices: Floats,
-    faces: Floats,
+    faces: Integers,
     lip: Floats,
     up: Floats,
     outward: Floats,
@@ -41,7 +64,7 @@ def shares_left(
 
 
 def half_volume_angle(
-    vertices: Floats, faces: Floats, lip: Floats, up: Floats, outward: Floats
+    vertices: Floats, faces: Integers, lip: Floats, up: Floats, outward: Floats
 ) -> float:
     """Tilt about the lip after which half of the volume is above the lip (Brandl et al. II-D).
 

@@ -74,11 +74,15 @@ def lip_point(
             if np.linalg.norm(downhill) > LEVEL_RAD:
                 direction = downhill
         toward = rim.centre + 100.0 * direction / np.linalg.norm(direction)
-    crest = rim.crest
-    along = np.roll(crest, -1, axis=0) - crest
-    share = np.einsum("ij,ij->i", toward - crest, along) / np.einsum("ij,ij->i", along, along)
-    nearest = crest + np.clip(share, 0.0, 1.0)[:, None] * along
-    return nearest[np.argmin(np.linalg.norm(nearest - toward, axis=1))]
+    return nearest_on_loop(rim.crest, toward)
+
+
+def nearest_on_loop(corners: Floats, point: Floats) -> Floats:
+    """The point (d,) nearest to another (d,) on a closed line with corners (S, d)."""
+    along = np.roll(corners, -1, axis=0) - corners
+    share = ((point - corners) * along).sum(1) / (along**2).sum(1)
+    nearest = corners + np.clip(share, 0.0, 1.0)[:, None] * along
+    return nearest[np.argmin(np.linalg.norm(nearest - point, axis=1))]
 
 
 def tilt_reference(warped: WarpedObject, lip: Floats | None = None) -> float:

@@ -53,6 +53,16 @@ class Rim:
         """The crest (S, 3) [m]."""
         return self.centre + self.outline @ self.axes[1:]
 
+    def shape(self, flat: Floats) -> Floats:
+        """The crest's distance (n,) from its centre, in mean radii, toward points (n, 2).
+
+        Args:
+            flat: along the second and third axis, about the centre.
+        """
+        radii = np.linalg.norm(self.outline, axis=1) / self.radius_m
+        corners = np.arange(len(radii)) * 2.0 * np.pi / len(radii)
+        return np.interp(np.arctan2(flat[:, 1], flat[:, 0]), corners, radii, period=2.0 * np.pi)
+
     def outward(self, point: Floats) -> Floats:
         """Unit vector (3,) in the plane of the opening, from its axis toward a point (3,)."""
         across = point - self.centre

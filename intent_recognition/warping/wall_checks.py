@@ -76,7 +76,7 @@ def _holes(cells: Floats) -> Floats:
 
 def _area(cavity: Cavity) -> float:
     """Area of wall and floor of a cavity [m^2]; its lid is the triangles around the centre."""
-    lid = len(cavity.vertices) - 2
+    lid = len(cavity.vertices) - 1
     triangles = cavity.vertices[cavity.faces[(cavity.faces != lid).all(1)]]
     edges = triangles[:, 1:] - triangles[:, :1]
     return float(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum())

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from intent_recognition.warping import Part, half_volume_angle
+from intent_recognition.warping import Part, half_volume_angle, nearest_on_loop
 
 RIM_BAND_M = 0.0025
 """Points so near to the crest belong to the rim [m]."""
@@ -81,13 +81,8 @@ class Container:
 
     def lip_toward(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Point (3,) of the crest that is closest to `point` (3,), the other container's place."""
-        crest = self.sections.outer[-1]
-        along = np.roll(crest, -1, axis=0) - crest
-        share = np.einsum("ij,ij->i", np.asarray(point)[:2] - crest, along)
-        share = np.clip(share / np.einsum("ij,ij->i", along, along), 0.0, 1.0)
-        nearest = crest + share[:, None] * along
-        closest = np.argmin(np.linalg.norm(nearest - np.asarray(point)[:2], axis=1))
-        return np.array([*nearest[closest], self.height_m])
+        nearest = nearest_on_loop(self.sections.outer[-1], np.asarray(point)[:2])
+        return np.append(nearest, self.height_m)
 
     def tilt_reference_about(self, lip: NDArray[np.float64]) -> float:
         """Tilt in radians about the lip (3,) after which half of the cavity is above it."""

@@ -5,6 +5,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from intent_recognition.warping import tube_faces
+
 TUBE_CORNERS = 16
 """Corners of a handle's cross section. Convention."""
 
@@ -36,24 +38,8 @@ def close_rings(rings: NDArray[np.float64]) -> trimesh.Trimesh:
     Args:
         rings: (R, S, 3) corners in metres, each ring counter-clockwise seen from the last one.
     """
-    n_rings, n_corners, _ = rings.shape
     vertices = np.concatenate([rings.reshape(-1, 3), rings[[0, -1]].mean(1)])
-    first, last = n_rings * n_corners, n_rings * n_corners + 1
-    ring, corner = np.meshgrid(np.arange(n_rings - 1), np.arange(n_corners), indexing="ij")
-    following = (corner + 1) % n_corners
-    low, low_next = ring * n_corners + corner, ring * n_corners + following
-    high, high_next = low + n_corners, low_next + n_corners
-    around = np.arange(n_corners)
-    around_next, top = (around + 1) % n_corners, (n_rings - 1) * n_corners
-    faces = np.concatenate(
-        [
-            np.stack([low, low_next, high_next], -1).reshape(-1, 3),
-            np.stack([low, high_next, high], -1).reshape(-1, 3),
-            np.stack([around_next, around, np.full(n_corners, first)], -1),
-            np.stack([top + around, top + around_next, np.full(n_corners, last)], -1),
-        ]
-    )
-    return trimesh.Trimesh(vertices, faces, process=False)
+    return trimesh.Trimesh(vertices, tube_faces(*rings.shape[:2]), process=False)
 
 
 def swept_tube(
