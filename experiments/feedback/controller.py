@@ -39,7 +39,41 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.promp import NormalizedRBFBasis
-from sim_bridge.arm import FeedbackSettings
+from sim_bridge.arm import BANDWIDTH_RAD_S, DISTURBANCE
+
+
+@dataclass(frozen=True)
+class FeedbackSettings:
+    """What the controller is designed against.
+
+    Attributes:
+        disturbance: spectral density S of the disturbing accelerations per joint [rad^2/s^3], one
+            for all joints or (Q,); after t seconds a free joint's velocity has variance S t.
+        bandwidth_rad_s: largest natural frequency w of the closed loop.
+        n_times: gains are computed at so many evenly spaced times.
+
+    Raises:
+        ArgumentError: a number is not positive, or too few times.
+    """
+
+    disturbance: float | tuple[float, ...] = DISTURBANCE
+    bandwidth_rad_s: float = BANDWIDTH_RAD_S
+    n_times: int = 401
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, fine, expected in (
+            ("disturbance", np.all(np.array(self.disturbance) > 0), "above 0"),
+            ("bandwidth_rad_s", self.bandwidth_rad_s > 0, "above 0"),
+            ("n_times", self.n_times >= 3, "at least 3"),
+        ):
+            if not fine:
+                got, cure = getattr(self, name), "See FeedbackSettings for defaults."
+                raise ArgumentError.about(name, expected, got, cure)
+
+    def density(self, n_joints: int) -> NDArray[np.float64]:
+        """S per joint, (Q,)."""
+        return np.broadcast_to(np.array(self.disturbance, dtype=np.float64), (n_joints,))
 
 
 @dataclass(frozen=True, eq=False)

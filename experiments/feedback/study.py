@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from experiments.feedback.controller import (
     FeedbackPolicy,
+    FeedbackSettings,
     feedback_policy,
     initial_state,
     propagate,
@@ -21,7 +22,6 @@ from intent_recognition.kinematics import jacobian
 from intent_recognition.learning import learn_with_report
 from intent_recognition.promp import TaskLibrary, dof_variance
 from intent_recognition.signals import Demonstration
-from sim_bridge.arm import FeedbackSettings
 
 TASK = "plate_handover"
 DESIGN = FeedbackSettings(disturbance=0.3, bandwidth_rad_s=20.0, n_times=801)

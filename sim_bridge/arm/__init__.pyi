@@ -2,9 +2,8 @@
 from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
 from .pacing import Pacer
-from .resting_gains import FeedbackSettings
 from .robots import NAMES, Robot, describe_robot, find_robot
-from .spread_control import SpreadControl
+from .spread_control import BANDWIDTH_RAD_S, DISTURBANCE, SpreadControl
 from .state import ArmState
 from .surroundings import Surroundings, add_box
 from .trajectory_command import RejectedTrajectoryError, TrajectoryCommand
@@ -14,6 +13,8 @@ from .urdf_loading import load_urdf
 
 __all__ = [
     "ANSWERING",
+    "BANDWIDTH_RAD_S",
+    "DISTURBANCE",
     "NAMES",
     "NO_ANSWER_S",
     "STEPS_PER_SAMPLE",
@@ -21,7 +22,6 @@ __all__ = [
     "ArmReference",
     "ArmState",
     "Edge",
-    "FeedbackSettings",
     "LockStep",
     "Pacer",
     "RejectedTrajectoryError",

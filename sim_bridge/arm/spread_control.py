@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint stiffness from the spread of the prediction that the arm executes.
 
-The stochastic feedback controller as far as a prediction with a standard deviation per joint tells
-it (`resting_gains`): each joint alone, stiff where the prediction is
-sure, soft where it is not. The reference stays that of the command, whose timing is its sender's.
+The stochastic feedback controller of a ProMP (Paraschos et al. 2013) as far as a prediction with a
+standard deviation per joint tells it: each joint alone, stiff where the prediction is sure, soft
+where it is not. The reference stays that of the command, whose timing is its sender's.
 """
 
 from collections.abc import Sequence
@@ -14,8 +14,12 @@ from numpy.typing import NDArray
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
 
+DISTURBANCE = 0.3
+"""Spectral density S of the disturbing accelerations per joint [rad^2/s^3]: after t seconds a free
+joint's velocity has variance S t. Convention."""
+BANDWIDTH_RAD_S = 20.0
+"""Largest natural frequency of the closed loop [rad/s]. Convention."""
 HOLD_S = 1.0
 """How long after its end a prediction's last spread is held [s]; then low gains again."""
 
@@ -29,7 +33,6 @@ class SpreadControl:
 
     def __init__(self, joint_names: Sequence[str] = JOINT_NAMES) -> None:
         self._names = tuple(joint_names)
-        self._settings = FeedbackSettings()
         self._times_s = np.array([-np.inf])
         self._gains = np.zeros((1, 2, len(self._names)))
 
@@ -58,7 +61,7 @@ class SpreadControl:
         if np.any(np.diff(times) <= 0):
             _refuse("time_from_start", "increasing times", times.tolist())
         columns = [list(names).index(name) for name in self._names]
-        self._gains = np.stack(resting_gains(values[:, columns], self._settings), axis=1)
+        self._gains = np.stack(resting_gains(values[:, columns]), axis=1)
         self._times_s = start_s + times
 
     def in_force(self, time_s: float) -> bool:
@@ -88,6 +91,27 @@ class SpreadControl:
             return reference.qdd + stiffness * (reference.q - q) + damping * (reference.qd - qd)
 
         arm.set_acceleration_law(law)
+
+
+def resting_gains(
+    std: NDArray[np.float64],
+    density: float | NDArray[np.float64] = DISTURBANCE,
+    bandwidth_rad_s: float = BANDWIDTH_RAD_S,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Stiffness [1/s^2] and damping [1/s] of joints that are to stay within a spread, each alone.
+
+    What the controller comes to where a distribution changes slowly and correlations of the joints
+    are unknown: a critically damped oscillator of frequency (S / (4 std^2))^(1/3), at most the
+    largest bandwidth. Positive for any spread, so stable for any reference.
+
+    Args:
+        std: standard deviations of the joints' positions (..., Q) [rad], not negative.
+        density: S, one for all joints or (Q,).
+        bandwidth_rad_s: the largest.
+    """
+    variance = np.maximum(np.asarray(std) ** 2, density / (4.0 * bandwidth_rad_s**3))
+    frequency = np.cbrt(density / (4.0 * variance))
+    return frequency**2, 2.0 * frequency
 
 
 def _refuse(argument: str, expected: str, got: object) -> None:

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from experiments.feedback.controller import feedback_policy, propagate
+from experiments.feedback.controller import FeedbackSettings, feedback_policy, propagate
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
+from sim_bridge.arm.spread_control import resting_gains
 
 BASIS = NormalizedRBFBasis(10, 1.0)
 DURATION_S = 2.5
@@ -90,7 +90,7 @@ def test_at_rest_the_end_is_held_with_its_spread_critically_damped():
 
 
 def test_softer_where_demonstrations_vary():
-    stiffness, damping = resting_gains(np.array([0.0, 0.01, 0.05, 0.2]), FeedbackSettings())
+    stiffness, damping = resting_gains(np.array([0.0, 0.01, 0.05, 0.2]))
     assert np.all(np.diff(stiffness) < 0)
     np.testing.assert_allclose(damping, 2 * np.sqrt(stiffness))
     assert stiffness[0] == pytest.approx(20.0**2)

@@ -12,8 +12,7 @@ from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes.qos import COMMAND
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.resting_gains import FeedbackSettings, resting_gains
-from sim_bridge.arm.spread_control import HOLD_S, SpreadControl
+from sim_bridge.arm.spread_control import HOLD_S, SpreadControl, resting_gains
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import HOME
 
@@ -53,8 +52,8 @@ def test_a_sure_prediction_is_held_firmly_and_an_unsure_one_softly():
 def test_gains_go_from_point_to_point_and_end_after_a_hold():
     control = SpreadControl()
     control.take(1.0, JOINT_NAMES[::-1], [0.0, 2.0], [np.arange(7) * 0.01 + 0.01, SURE])
-    first = resting_gains(np.arange(7)[::-1] * 0.01 + 0.01, FeedbackSettings())
-    last = resting_gains(SURE, FeedbackSettings())
+    first = resting_gains(np.arange(7)[::-1] * 0.01 + 0.01)
+    last = resting_gains(SURE)
     np.testing.assert_allclose(control.gains(0.0), first)
     np.testing.assert_allclose(control.gains(2.0), 0.5 * (np.array(first) + last))
     np.testing.assert_allclose(control.gains(9.0), last)
@@ -100,11 +99,11 @@ def test_the_node_takes_the_spread_of_predictions(harness):
     ]
     node = harness.add(LwrSim(parameter_overrides=overrides))
     harness.connect(sender)
-    assert not node.spread.in_force(node.arm.time_s)
+    assert not node.commands.spread.in_force(node.arm.time_s)
     sender.publish(prediction(UNSURE))
-    harness.spin_until(lambda: node.spread.in_force(node.arm.time_s))
-    expected = resting_gains(UNSURE, FeedbackSettings())
-    np.testing.assert_allclose(node.spread.gains(node.arm.time_s), expected)
+    harness.spin_until(lambda: node.commands.spread.in_force(node.arm.time_s))
+    expected = resting_gains(UNSURE)
+    np.testing.assert_allclose(node.commands.spread.gains(node.arm.time_s), expected)
     sender.publish(prediction([]))
     harness.spin_until(
         lambda: any(
@@ -114,10 +113,10 @@ def test_the_node_takes_the_spread_of_predictions(harness):
             for value in status.values
         )
     )
-    assert node.spread.in_force(node.arm.time_s)
+    assert node.commands.spread.in_force(node.arm.time_s)
 
 
 def test_low_gains_are_the_default_and_another_name_is_refused(harness):
-    assert harness.add(LwrSim()).spread is None
+    assert harness.add(LwrSim()).commands.spread is None
     with pytest.raises(ArgumentError, match="controller"):
         LwrSim(parameter_overrides=[Parameter("controller", value="stiff")])

@@ -98,7 +98,7 @@ def test_a_physics_that_falls_behind_is_where_its_stamps_say(harness, monkeypatc
     node, now_s, seen = make(harness), [100.0], []
     clock = SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=round(now_s[0] * 1e9)))
     monkeypatch.setattr(node, "get_clock", lambda: clock)
-    monkeypatch.setattr(node, "_now_s", lambda: now_s[0])
+    monkeypatch.setattr(node.clock, "now_s", lambda: now_s[0])
     monkeypatch.setattr(node, "_publish", lambda at_ns: seen.append((at_ns, node.arm.reference.q)))
 
     def wait(length_s):
@@ -117,7 +117,7 @@ def test_a_physics_that_falls_behind_is_where_its_stamps_say(harness, monkeypatc
     wait(0.8)
     now_s[0] += 0.4  # more than it catches up
     wait(2.0)
-    assert node._pacer.dropped_s > 0.25
+    assert node.clock.dropped_s > 0.25
     assert np.all(np.diff([at_ns for at_ns, _ in seen]) > 0)
     times_s = np.array([at_ns * 1e-9 - start_s for at_ns, _ in seen])
     u = np.clip(times_s / lasts_s, 0.0, 1.0)[:, None]
@@ -206,11 +206,11 @@ def test_bad_trajectories_are_counted_and_the_arm_keeps_moving(harness):
     harness.spin_until(lambda: len(states) > 10)
     sender.publish(trajectory(HOME + SHIFT, 2.0))
     harness.spin_until(lambda: node.diagnostics._totals["joint_trajectory"] == 1)
-    asked = node.follower.sample(LATER_S)
+    asked = node.commands.follower.sample(LATER_S)
     for reason, message in bad_messages(node.get_clock().now().nanoseconds).items():
         sender.publish(message)
         harness.spin_until(lambda reason=reason: node.diagnostics.rejected(reason), what=reason)
-        np.testing.assert_array_equal(node.follower.sample(LATER_S), asked)
+        np.testing.assert_array_equal(node.commands.follower.sample(LATER_S), asked)
     harness.spin_until(lambda: near(states, HOME + SHIFT))
     for reason in bad_messages(1):
         harness.spin_until(

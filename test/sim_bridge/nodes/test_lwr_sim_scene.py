@@ -40,10 +40,10 @@ def test_plate_is_taken_and_given(harness):
     commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
     harness.connect(tasks, commands)
     tasks.publish(String(data=PLATE))
-    harness.spin_until(lambda: node.gripper.task == PLATE, what="the task")
+    harness.spin_until(lambda: node.scene.task == PLATE, what="the task")
     commands.publish(fetch_and_carry())
-    harness.spin_until(lambda: node.gripper.held == PLATE, what="the plate in the hand")
-    harness.spin_until(lambda: node.gripper.held == "", what="the plate given")
-    assert node.gripper.objects.holders[PLATE] is ObjectHolder.WORKER
+    harness.spin_until(lambda: node.scene.held == PLATE, what="the plate in the hand")
+    harness.spin_until(lambda: node.scene.held == "", what="the plate given")
+    assert node.scene.objects.holders[PLATE] is ObjectHolder.WORKER
     tasks.publish(String(data=""))
-    harness.spin_until(lambda: node.gripper.task == "", what="the end of the task")
+    harness.spin_until(lambda: node.scene.task == "", what="the end of the task")
