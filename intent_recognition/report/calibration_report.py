@@ -7,12 +7,13 @@ import numpy as np
 
 from intent_recognition.report import html
 from intent_recognition.report.drawing import readable, to_svg
-from intent_recognition.report.figures_calibration import (
+from intent_recognition.report.figures_evaluation import (
+    PHASE_NAMES,
     confusion_shares_figure,
     regions_figure,
+    reliability_figure,
     roc_figure,
 )
-from intent_recognition.report.figures_evaluation import PHASE_NAMES, reliability_figure
 
 SHOWN_FRACTIONS = ("0.2", "0.5")
 UNKNOWN_EXPLANATION = (

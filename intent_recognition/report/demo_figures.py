@@ -17,8 +17,7 @@ from intent_recognition.evaluation import (
 from intent_recognition.promp import NONE
 from intent_recognition.report import figures_session
 from intent_recognition.report.drawing import readable, to_svg
-from intent_recognition.report.figures_calibration import confusion_shares_figure
-from intent_recognition.report.figures_evaluation import reliability_figure
+from intent_recognition.report.figures_evaluation import confusion_shares_figure, reliability_figure
 from intent_recognition.report.figures_interaction import (
     joint_figure,
     posterior_over_time_figure,

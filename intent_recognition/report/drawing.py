@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.typing import LineStyleType
 
+Look: TypeAlias = dict[str, Any]
+"""Keyword arguments of matplotlib."""
 Drawing: TypeAlias = "Figure"
 """A figure of matplotlib, which is loaded when one is drawn."""
 
@@ -40,7 +42,7 @@ DASHED: "LineStyleType" = (0, (4, 2))
 """Of references: truths, baselines, the paper's figures."""
 
 LAYOUT: Literal["constrained"] | None = "constrained"
-"""How panels are placed where a figure has no margins of its own. Convention."""
+"""How panels are placed."""
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -98,22 +100,10 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return run
 
 
-def new_figure(
-    width_in: float, height_in: float, margins: Mapping[str, float] | None = None
-) -> "Figure":
-    """A blank matplotlib Figure, drawn without a display.
-
-    Args:
-        width_in: width in inches.
-        height_in: height in inches.
-        margins: of `subplots_adjust`; None measures every text, which doubles the time to draw.
-    """
+def new_figure(width_in: float, height_in: float) -> "Figure":
+    """A blank matplotlib Figure, sizes in inches, drawn without a display."""
     Figure = optional("matplotlib.figure").Figure
-    if margins is None:
-        return Figure(figsize=(width_in, height_in), layout=LAYOUT)
-    figure = Figure(figsize=(width_in, height_in))
-    figure.subplots_adjust(**margins)
-    return figure
+    return Figure(figsize=(width_in, height_in), layout=LAYOUT)
 
 
 def new_axes(width_in: float, height_in: float) -> "tuple[Figure, Axes]":

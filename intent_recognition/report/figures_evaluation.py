@@ -12,8 +12,10 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
+    Look,
     new_axes,
     new_figure,
+    readable,
     styled,
 )
 
@@ -83,18 +85,12 @@ def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
     """Share of true values within +-2 sigma; 95 % is right."""
     figure, axes = new_axes(5.6, 3.7)
     axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
-    axes.text(
-        0.01,
-        100 * TWO_SIGMA + 0.8,
-        "95.4 % is right",
-        color=SOFT,
-        fontsize=8.5,
-        transform=axes.get_yaxis_transform(),
-    )
+    look: Look = {"color": SOFT, "fontsize": 8.5, "transform": axes.get_yaxis_transform()}
+    axes.text(0.01, 100 * TWO_SIGMA + 0.8, "95.4 % is right", **look)
     percent = {name: (f, 100 * np.asarray(v, float)) for name, (f, v) in coverage.items()}
     _phases(axes, percent, segment)
-    axes.set_ylim(min(80.0, 100 * _lowest(coverage) - 5), 102)
-    axes.set_ylabel("inside \N{PLUS-MINUS SIGN}2 sigma [%]")
+    lowest = min(80.0, 100 * _lowest(coverage) - 5)
+    axes.set(ylim=(lowest, 102), ylabel="inside \N{PLUS-MINUS SIGN}2 sigma [%]")
     axes.legend(loc="lower right")
     return figure
 
@@ -112,31 +108,85 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
     figure, axes = new_axes(5.6, 3.7)
     axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="calibrated")
     used = counts > 0
-    axes.plot(
-        np.asarray(confidence)[used],
-        np.asarray(share_right)[used],
-        color=PALETTE[0],
-        linewidth=1.2,
-        alpha=0.6,
-    )
-    axes.scatter(
-        np.asarray(confidence)[used],
-        np.asarray(share_right)[used],
-        s=18 + 130 * np.sqrt(counts[used] / max(counts.max(initial=1.0), 1.0)),
-        color=PALETTE[0],
-        edgecolor="white",
-        label="observed (area: how many)",
-        zorder=3,
-    )
-    axes.set_xlim(-0.04, 1.04)
-    axes.set_ylim(-0.04, 1.04)
-    axes.set_xlabel("probability given to a task")
-    axes.set_ylabel("share of cases in which it was true")
+    x, y = np.asarray(confidence)[used], np.asarray(share_right)[used]
+    area = 18 + 130 * np.sqrt(counts[used] / max(counts.max(initial=1.0), 1.0))
+    axes.plot(x, y, color=PALETTE[0], linewidth=1.2, alpha=0.6)
+    look: Look = {"color": PALETTE[0], "edgecolor": "white", "label": "observed (area: how many)"}
+    axes.scatter(x, y, s=area, zorder=3, **look)
+    axes.set(xlabel="probability given to a task", ylabel="share of cases in which it was true")
+    axes.set(xlim=(-0.04, 1.04), ylim=(-0.04, 1.04))
     figure.legend(loc="outside upper center", ncols=2, markerscale=0.6)  # points may be anywhere
     return figure
 
 
-def draw_phase(axes: "Axes", phase: str, at: ScoreValues, values: ScoreValues) -> None:
+@styled
+def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> "Figure":
+    """Share of true values inside regions, against the share that they should hold.
+
+    Args:
+        regions: per phase knowledge, shares that should (L,) and that do (L,) lie inside.
+    """
+    figure, axes = new_axes(5.6, 3.7)
+    axes.plot([0.4, 1], [0.4, 1], color=SOFT, linewidth=1.2, linestyle=DASHED)
+    for phase, (should, does) in regions.items():
+        _draw_phase(axes, phase, should, does)
+    lowest = min((min(does) for _, does in regions.values()), default=0.5)
+    axes.set(xlim=(0.45, 1.02), ylim=(min(0.45, lowest - 0.03), 1.02))
+    axes.set(xlabel="share that the region should hold", ylabel="share of true values inside")
+    axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def confusion_shares_figure(
+    counts: Floats, true: Sequence[str], recognised: Sequence[str]
+) -> "Figure":
+    """How often each task (rows) was taken for which (columns), as shares of the row.
+
+    Args:
+        counts: (K, K + 1).
+        true: names of the rows.
+        recognised: names of the columns, none the last.
+    """
+    counts = np.asarray(counts, dtype=float)
+    share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    n_rows, n_columns = counts.shape
+    figure, axes = new_axes(2.3 + 0.62 * n_columns, 1.3 + 0.42 * n_rows)
+    axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.15, aspect="auto")
+    if n_columns <= 16:
+        for row in range(n_rows):
+            for column in np.flatnonzero(counts[row]):
+                colour = "white" if share[row, column] > 0.6 else INK
+                text = f"{counts[row, column]:.0f}"
+                axes.text(float(column), row, text, ha="center", va="center", color=colour)
+    axes.set_xticks(range(n_columns), [readable(name) for name in recognised])
+    axes.set_xticks(np.arange(n_columns - 1) + 0.5, minor=True)
+    axes.set_yticks(range(n_rows), [readable(name) for name in true])
+    axes.tick_params(axis="x", rotation=30, length=0)
+    axes.tick_params(axis="y", length=0)
+    for label in axes.get_xticklabels():
+        label.set_horizontalalignment("right")
+        label.set_rotation_mode("anchor")
+    axes.grid(False)
+    axes.axvline(n_columns - 1.5, color=SOFT, linewidth=1.0)
+    axes.set(xlabel="recognised as", ylabel="true task")
+    return figure
+
+
+@styled
+def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) -> "Figure":
+    """Share of known against share of unknown movements that reach each threshold, as steps."""
+    figure, axes = new_axes(5.0, 3.9)
+    axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="chance")
+    axes.plot(unknown, known, color=PALETTE[0], label=f"area {area:.3f}")
+    axes.fill_between(unknown, known, color=PALETTE[0], alpha=0.08, linewidth=0)
+    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.03))
+    axes.set(xlabel="share of unknown movements", ylabel="share of known movements")
+    axes.legend(loc="lower right")
+    return figure
+
+
+def _draw_phase(axes: "Axes", phase: str, at: ScoreValues, values: ScoreValues) -> None:
     """The curve of a kind of phase."""
     style = PHASE_STYLES.get(phase, {"color": PALETTE[2], "marker": "^"})
     style = {"markersize": 5.5, "clip_on": False, "zorder": 3} | style  # whole at the axis, too
@@ -146,7 +196,7 @@ def draw_phase(axes: "Axes", phase: str, at: ScoreValues, values: ScoreValues) -
 def _phases(axes: "Axes", series: Series, segment: str) -> None:
     for phase, (fractions, values) in series.items():
         percent = 100 * np.asarray(fractions, dtype=float)
-        draw_phase(axes, phase, percent, np.asarray(values, dtype=float))
+        _draw_phase(axes, phase, percent, np.asarray(values, dtype=float))
     axes.set(xlabel=_observed(segment), xlim=(0, 103))
 
 

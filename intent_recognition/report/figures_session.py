@@ -2,7 +2,7 @@
 """Figures of a session of interactions; each function turns arrays into a matplotlib Figure."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from intent_recognition.report.drawing import (
     INK,
     PAPER_COLOUR,
     SOFT,
+    Look,
     new_axes,
     new_figure,
     readable,
@@ -126,30 +127,14 @@ def timing_figure(
     for share, style in ((1.0, "-"), (0.5, DASHED)):
         axes.plot([0, longest], [0, share * longest], color=SOFT, linewidth=1.1, linestyle=style)
         text = "human's end" if share == 1.0 else "half of it"
-        axes.annotate(
-            text,
-            (longest, share * longest),
-            (-4, 3),
-            textcoords="offset points",
-            ha="right",
-            color=SOFT,
-            fontsize=8.5,
-        )
+        text_look: Look = {"color": SOFT, "fontsize": 8.5, "ha": "right"}
+        at = longest, share * longest
+        axes.annotate(text, at, (-4, 3), textcoords="offset points", **text_look)
     for task, movement_s in movements_s.items():
-        axes.scatter(
-            movement_s,
-            decisions_s[task],
-            s=24,
-            color=colours[task],
-            marker=markers[task],
-            alpha=0.75,
-            linewidths=0,
-            label=readable(task),
-        )
-    axes.set_xlim(0, 1.05 * longest)
-    axes.set_ylim(0, 1.12 * longest)
-    axes.set_xlabel("duration of the human's movement [s]")
-    axes.set_ylabel("decision after onset [s]")
+        look: Look = {"color": colours[task], "marker": markers[task], "label": readable(task)}
+        axes.scatter(movement_s, decisions_s[task], s=24, alpha=0.75, linewidths=0, **look)
+    axes.set(xlim=(0, 1.05 * longest), ylim=(0, 1.12 * longest))
+    axes.set(xlabel="duration of the human's movement [s]", ylabel="decision after onset [s]")
     figure.legend(loc="outside lower center", ncols=4)
     return figure
 
@@ -186,9 +171,7 @@ def posterior_figure(
         ticks = [100 * share for share in decided if share is not None]
         axes.plot(ticks, np.full(len(ticks), 1.06), "|", color=INK, markersize=7, alpha=0.6)
         axes.set_title(f"true task: {readable(true)} ({len(chosen)})")
-        axes.set_xlabel("share of the movement [%]")
-        axes.set_xlim(0, 100)
-        axes.set_ylim(-0.02, 1.1)
+        axes.set(xlabel="share of the movement [%]", xlim=(0, 100), ylim=(-0.02, 1.1))
     grid[0].set_ylabel("probability")
     _label_legend(figure, labels, colours)
     return figure
@@ -211,13 +194,8 @@ def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str) -
     """Thin lines, and their median; a line that stops early is held."""
     for share, values in lines:
         inside = np.asarray(share) <= 1.0
-        axes.plot(
-            100 * np.asarray(share)[inside],
-            np.asarray(values)[inside],
-            color=colour,
-            alpha=0.28,
-            linewidth=0.9,
-        )
+        x, y = 100 * np.asarray(share)[inside], np.asarray(values)[inside]
+        axes.plot(x, y, color=colour, alpha=0.28, linewidth=0.9)
     on_grid = [np.interp(SHARE_GRID, s, v) for s, v in lines if len(s)]
     if on_grid:
         axes.plot(100 * SHARE_GRID, np.median(on_grid, axis=0), color=colour, linewidth=2.4)
@@ -234,24 +212,15 @@ def _spread(values: Floats, half_width: float) -> Floats:
 def _whisker(
     axes: "Axes", x: float, mean: float, two_std: float, colour: str, label: str, marker: str = "o"
 ) -> None:
-    axes.errorbar(
-        [x],
-        [mean],
-        yerr=[[min(two_std, mean)], [two_std]],
-        fmt=marker,
-        color=colour,
-        markersize=6.5,
-        markeredgecolor="white",
-        capsize=4,
-        elinewidth=1.8,
-        label=label,
-    )
+    look: Look = {"color": colour, "markersize": 6.5, "markeredgecolor": "white", "label": label}
+    yerr = [[min(two_std, mean)], [two_std]]
+    axes.errorbar([x], [mean], yerr=yerr, fmt=marker, capsize=4, elinewidth=1.8, **look)
 
 
 def _mean_handles(several: bool, with_paper: bool) -> list["Line2D"]:
     from matplotlib.lines import Line2D
 
-    shared: dict[str, Any] = {"linestyle": "-", "markeredgecolor": "white", "markersize": 6.5}
+    shared: Look = {"linestyle": "-", "markeredgecolor": "white", "markersize": 6.5}
     handles = [
         Line2D([], [], color=SOFT, marker="o", linestyle="", alpha=0.55, label="one interaction")
     ]
@@ -267,15 +236,8 @@ def _mean_handles(several: bool, with_paper: bool) -> list["Line2D"]:
 def _vertical(axes: "Axes", x: float, text: str) -> None:
     axes.axvline(x, color=INK, linewidth=1.3, linestyle=DASHED)
     axes.margins(y=0.12)
-    axes.annotate(
-        text,
-        (x, 1.0),
-        (4, -2),
-        xycoords=axes.get_xaxis_transform(),
-        textcoords="offset points",
-        va="top",
-        fontsize=9,
-    )
+    places: Look = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
+    axes.annotate(text, (x, 1.0), (4, -2), va="top", fontsize=9, **places)
 
 
 def _histogram(
@@ -286,15 +248,13 @@ def _histogram(
 
     colours = task_colours({*values, *labels})
     figure, axes = new_axes(5.6, 3.7)
-    axes.hist(
-        list(values.values()),
-        bins=list(edges),
-        stacked=True,
-        color=[colours[task] for task in values],
-        label=[readable(task) for task in values],
-        edgecolor="white",
-        linewidth=0.6,
-    )
+    look: Look = {
+        "color": [colours[task] for task in values],
+        "edgecolor": "white",
+        "linewidth": 0.6,
+    }
+    names = [readable(task) for task in values]
+    axes.hist(list(values.values()), bins=list(edges), stacked=True, label=names, **look)
     axes.set_ylabel("interactions")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=False, axis="x")

@@ -20,8 +20,8 @@ from intent_recognition.report.drawing import (
     task_markers,
     to_svg,
 )
-from intent_recognition.report.figures_calibration import confusion_shares_figure
 from intent_recognition.report.figures_evaluation import (
+    confusion_shares_figure,
     coverage_figure,
     recognition_figure,
     reliability_figure,
