@@ -37,11 +37,12 @@ class Commands:
         notify: called with (whether it went well, what happened) when an answer has come.
 
     Attributes:
+        notify: the same, for who has something to say.
         helping: whether the activation is active, as it last reported; see `ask_for_help`.
     """
 
     def __init__(self, node: Node, notify: Notify):
-        self._node, self._notify = node, notify
+        self._node, self.notify = node, notify
         self._clients: dict[str, Client] = {}
         self._calls: dict[str, tuple[Future, float]] = {}
         self.helping = True
@@ -88,14 +89,14 @@ class Commands:
         def switch(future: Future) -> None:
             self._on_state(future)
             if future.cancelled():
-                (done or self._notify)(False, f"{ACTIVATION}/get_state did not answer")
+                (done or self.notify)(False, f"{ACTIVATION}/get_state did not answer")
             elif self.helping == enabled:
-                (done or self._notify)(True, "")
+                (done or self.notify)(True, "")
             else:
                 self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
 
         if not self._ask_for_state(switch):
-            (done or self._notify)(False, f"no node offers {ACTIVATION}/get_state")
+            (done or self.notify)(False, f"no node offers {ACTIVATION}/get_state")
 
     def ask_for_help(self) -> None:
         """Ask the activation whether it is active, whoever switched it; `helping` follows."""
@@ -123,7 +124,7 @@ class Commands:
 
     def _call(self, service: str, kind: type, request: object, done: Notify | None) -> None:
         client = self._client(service, kind)
-        notify = done or self._notify
+        notify = done or self.notify
         if not client.service_is_ready():
             notify(False, f"no node offers {service}")
         elif self._awaited(service) is not None:

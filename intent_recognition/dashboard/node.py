@@ -61,12 +61,8 @@ class Dashboard(Node):
         meet_all(self, f"human/{{}}/{body}", subscriptions.meet, set())
         self._commands = Commands(self, lambda ok, text: self.page.show_message(ok, text))
         teleoperation = Teleoperation(self, self.state, body, hand_link=hand_link)
-        session = TeachingSession(
-            teleoperation,
-            self._commands,
-            lambda ok, text: self.page.show_message(ok, text),
-            np.random.default_rng(given["seed"]),
-        )
+        rng = np.random.default_rng(given["seed"])
+        session = TeachingSession(teleoperation, self._commands, rng)
         self.page = DashboardPage(
             given["host"],
             given["port"],

@@ -22,6 +22,7 @@ from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.via_controls import ViaPointControls
 from intent_recognition.dashboard.watch_tab import WatchTab
 from intent_recognition.dashboard.welcome import ALWAYS, AUTO
+from intent_recognition.dashboard.widgets import PageAccess
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
 
@@ -119,18 +120,16 @@ class DashboardPage:
         self._banner = gui.add_html("", visible=False)
         self._now = gui.add_html("", visible=False)
         tabs = gui.add_tab_group()
-        do = self._ask
+        access = PageAccess(self._server, commands, self._ask)
         with tabs.add_tab("Watch") as tab:
-            self._watch = WatchTab(self._server, tab, commands, do, self.show_message)
-            self._via = ViaPointControls(self._server, commands, do)
+            self._watch = WatchTab(access, tab)
+            self._via = ViaPointControls(access)
         with tabs.add_tab("Teach"):
-            self._teach = TeachTab(self._server, teleoperation, session, commands, do)
+            self._teach = TeachTab(access, teleoperation, session)
         with tabs.add_tab("Skills"):
-            self._skills = SkillsTab(self._server, commands, do)
+            self._skills = SkillsTab(access)
         with tabs.add_tab("Replay"):
-            self._replay = ReplayTab(
-                self._server, bags, play, stop, commands, do, self.show_message
-            )
+            self._replay = ReplayTab(access, bags, play, stop)
         with tabs.add_tab("Compare"):
             self._compare = CompareTab(self._server, bags, models, lambda: self._colours)
         with tabs.add_tab("Nodes"):

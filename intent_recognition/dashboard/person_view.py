@@ -10,7 +10,7 @@ import viser
 from numpy.typing import NDArray
 
 from intent_recognition.dashboard.figure import Stance, bone_axes, reach
-from intent_recognition.dashboard.things_view import quaternions, set_position, set_turn
+from intent_recognition.dashboard.things_view import quaternions
 
 ROOT = "/person"
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
@@ -78,7 +78,7 @@ class PersonView:
             return
         self._wrist = wrist
         posture = reach(self._stance, wrist)
-        set_position(self._root, posture.hip)
+        self._root.position = posture.hip
         upper_arm = bone_axes(posture.elbow - posture.shoulder, self._stance.pole)
         forearm = bone_axes(wrist - posture.elbow, self._stance.pole)
         parents = (self._stance.rotation, posture.upper_body, upper_arm)
@@ -87,7 +87,7 @@ class PersonView:
         for handle, wxyz in zip(
             (self._upper_body, self._upper_arm, self._forearm), turned, strict=True
         ):
-            set_turn(handle, wxyz)
+            handle.wxyz = wxyz
         self._root.visible = True
 
     def remove(self) -> None:

@@ -9,8 +9,8 @@ import viser
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.commands import ESTIMATOR, Commands, Notify
-from intent_recognition.dashboard.widgets import set_value
+from intent_recognition.dashboard.commands import ESTIMATOR, Notify
+from intent_recognition.dashboard.widgets import PageAccess, set_value
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans import WorkPlan, moved, ordered, required, without, write_plan
 
@@ -30,18 +30,10 @@ class PlanPanel:
     """A folder that is there where there is a plan.
 
     The node that holds the plan checks each change: it is the parameter `plan` that is set.
-
-    Args:
-        gui: of the page; the folder is made where it is called.
-        commands: reaches the estimator.
-        do: runs a function in the thread of the graph.
-        notify: called with whether something went well, and a sentence.
     """
 
-    def __init__(
-        self, gui: viser.GuiApi, commands: Commands, do: Callable[[Callable], None], notify: Notify
-    ):
-        self._commands, self._notify = commands, notify
+    def __init__(self, page: PageAccess):
+        gui, self._commands = page.server.gui, page.commands
         self._plan: WorkPlan | None = None
         self._before: deque[WorkPlan] = deque(maxlen=MOST_UNDONE)
         self._folder = gui.add_folder("Plan of the assembly", visible=False)
@@ -57,10 +49,10 @@ class PlanPanel:
                     "Undo", disabled=True, icon=viser.Icon.ARROW_BACK_UP, color="gray"
                 )
                 self._save = gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY, color="gray")
-        self._change.on_click(lambda _: do(self._press_change))
-        self._wait.on_click(lambda _: do(self._press_wait))
-        self._undo.on_click(lambda _: do(self._press_undo))
-        self._save.on_click(lambda _: do(partial(commands.trigger, SAVE)))
+        page.on_click(self._change, self._press_change)
+        page.on_click(self._wait, self._press_wait)
+        page.on_click(self._undo, self._press_undo)
+        page.on_click(self._save, partial(page.commands.trigger, SAVE))
 
     def update(self, state: CellState) -> None:
         """Show the plan in force, and how far it is."""
@@ -96,7 +88,7 @@ class PlanPanel:
 
     def _press_undo(self) -> None:
         if self._before:
-            self._tell(self._before.pop(), self._notify)
+            self._tell(self._before.pop(), self._commands.notify)
 
     def _send(self, plan: WorkPlan) -> None:
         """Put a changed plan in force; the one of now can be taken back then."""
@@ -105,7 +97,7 @@ class PlanPanel:
         def done(ok: bool, why: str) -> None:
             if ok and before is not None:
                 self._before.append(before)
-            self._notify(ok, why or "the plan is changed")
+            self._commands.notify(ok, why or "the plan is changed")
 
         self._tell(plan, done)
 

@@ -8,8 +8,8 @@ import viser
 
 from intent_recognition.bags import read_metadata
 from intent_recognition.dashboard import markup
-from intent_recognition.dashboard.commands import ESTIMATOR, Commands
-from intent_recognition.dashboard.widgets import on_change, set_value, slider_value
+from intent_recognition.dashboard.commands import ESTIMATOR
+from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_value
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_player import BagPlayer
 
@@ -27,30 +27,23 @@ class ReplayTab:
     """The third tab.
 
     Args:
-        server: the page.
+        page: as of all tabs.
         bags: recordings to choose from.
         play: starts a player at (bag, offset [s], rate).
         stop: ends a player.
-        commands: reaches the other nodes.
-        do: runs a function in the thread of the graph.
-        notify: called with whether something went well, and a sentence.
     """
 
     def __init__(
         self,
-        server: viser.ViserServer,
+        page: PageAccess,
         bags: Sequence[Path],
         play: Play,
         stop: Callable[[BagPlayer], None],
-        commands: Commands,
-        do: Callable[[Callable], None],
-        notify: Callable[[bool, str], None],
     ):
         self._bags = names_of(bags)
-        self._play, self._stop, self._notify = play, stop, notify
-        self._commands = commands
+        self._play, self._stop, self._commands = play, stop, page.commands
         self._player: BagPlayer | None = None
-        gui = server.gui
+        gui = page.server.gui
         gui.add_html("" if self._bags else markup.ways("This folder has no recordings.", NO_BAGS))
         self._hint = gui.add_html("")
         self._bag = gui.add_dropdown("Recording", tuple(self._bags) or ("-",))
@@ -58,10 +51,10 @@ class ReplayTab:
         self._rate = gui.add_dropdown("Speed", tuple(RATES), initial_value="1 x")
         self._at = gui.add_slider("Position [s]", 0.0, 1.0, SHORTEST_S, 0.0)
         self._button = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
-        self._button.on_click(lambda _: do(self._press))
-        on_change(self._bag, lambda: do(self._chosen))
-        on_change(self._at, lambda: do(self._seek))
-        on_change(self._rate, lambda: do(self._seek))
+        page.on_click(self._button, self._press)
+        page.on_change(self._bag, self._chosen)
+        page.on_change(self._at, self._seek)
+        page.on_change(self._rate, self._seek)
         for field in (self._bag, self._rate, self._at, self._button):
             field.visible = bool(self._bags)
         if self._bags:
@@ -118,7 +111,7 @@ class ReplayTab:
         bag = self._bags[self._bag.value]
         self._player = self._play(bag, offset_s, RATES[self._rate.value])
         self._button.label, self._button.icon = "Pause", viser.Icon.PLAYER_PAUSE
-        self._notify(True, f"playing {self._bag.value}")
+        self._commands.notify(True, f"playing {self._bag.value}")
 
     def close(self) -> None:
         """End what is being played."""

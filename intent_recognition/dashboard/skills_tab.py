@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the tasks have done, and what a person thinks of it: keep, undo, thumbs."""
 
-from collections.abc import Callable
 from functools import partial
 
 import viser
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState, SkillRow
-from intent_recognition.dashboard.commands import TEACHER, Commands
+from intent_recognition.dashboard.commands import TEACHER
 from intent_recognition.dashboard.scene import rgb
+from intent_recognition.dashboard.widgets import PageAccess
 from intent_recognition.model import DOWN, UP
 from intent_recognition.report import readable
 
@@ -27,11 +27,8 @@ HEAD = ("change", "done", "arrived", "corrected", "good / bad", "spilled")
 class SkillsTab:
     """The third tab."""
 
-    def __init__(
-        self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]
-    ):
-        gui = server.gui
-        self._commands = commands
+    def __init__(self, page: PageAccess):
+        gui, self._commands = page.server.gui, page.commands
         self._task = ""
         self._hint = gui.add_html(markup.heading("Correct by hand") + markup.steps(HOW))
         self._keep = gui.add_button(
@@ -46,10 +43,9 @@ class SkillsTab:
         self._last = gui.add_html("")
         self._thumbs = gui.add_button_group("How was it?", tuple(THUMBS), visible=False)
         self._table = gui.add_html("")
-        keep, undo = (partial(commands.trigger, f"{TEACHER}/{name}") for name in ("keep", "undo"))
-        self._keep.on_click(lambda _: do(keep))
-        self._undo.on_click(lambda _: do(undo))
-        self._thumbs.on_click(lambda _: do(self._judge))
+        page.on_click(self._keep, partial(page.commands.trigger, f"{TEACHER}/keep"))
+        page.on_click(self._undo, partial(page.commands.trigger, f"{TEACHER}/undo"))
+        page.on_click(self._thumbs, self._judge)
 
     def update(self, state: CellState) -> None:
         """Show what changed, and what can be done now."""

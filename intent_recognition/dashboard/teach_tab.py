@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Teach a task without hardware: the wrist and the arm's hand are moved from the page."""
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import viser
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.commands import TEACHER, Commands
+from intent_recognition.dashboard.commands import TEACHER
 from intent_recognition.dashboard.drag_handles import DIRECT, GOALS, HAND, WRIST, DragHandles
 from intent_recognition.dashboard.scene import rgb
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
-from intent_recognition.dashboard.widgets import on_change, set_value, slider_value
+from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_value
 
 REST_M = np.array([1.05, 0.0, 0.25])
 """Where the wrist rests before a demonstration [m]. Convention."""
@@ -60,18 +60,11 @@ ARMS = (
 class TeachTab:
     """The second tab."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        teleoperation: Teleoperation,
-        session: TeachingSession,
-        commands: Commands,
-        do: Callable[[Callable], None],
-    ):
+    def __init__(self, page: PageAccess, teleoperation: Teleoperation, session: TeachingSession):
+        self._page, self._commands = page, page.commands
         self._teleoperation, self._session = teleoperation, session
-        self._commands, self._do = commands, do
         self._rested = self._helped = False
-        gui = server.gui
+        server, gui = page.server, page.server.gui
         self._hint = gui.add_html("")
         self._take = gui.add_checkbox("Take the wrist", False)
         self._how = gui.add_dropdown("Show by", (SET_GOALS, BY_HAND))
@@ -151,18 +144,18 @@ class TeachTab:
         self._rested = rests
 
     def _connect(self) -> None:
-        do, session = self._do, self._session
+        page, session = self._page, self._session
         teleoperation, handles = self._teleoperation, self._handles
-        on_change(self._take, lambda: do(self._take_or_release))
-        self._record.on_click(lambda _: do(self._press_record))
-        self._learn.on_click(lambda _: do(session.learn))
-        self._discard.on_click(lambda _: do(session.discard))
-        self._undo.on_click(lambda _: do(session.undo))
-        self._reach.on_click(lambda _: do(self._press_reach))
+        page.on_change(self._take, self._take_or_release)
+        page.on_click(self._record, self._press_record)
+        page.on_click(self._learn, session.learn)
+        page.on_click(self._discard, session.discard)
+        page.on_click(self._undo, session.undo)
+        page.on_click(self._reach, self._press_reach)
         for body, field in ((WRIST, self._wrist_goal), (HAND, self._hand_goal)):
             self._join(body, field)
-        handles.on_moved(DIRECT, WRIST, lambda place: do(lambda: teleoperation.drag_wrist(place)))
-        handles.on_moved(DIRECT, HAND, lambda place: do(lambda: teleoperation.drag_hand(place)))
+        handles.on_moved(DIRECT, WRIST, lambda to: page.do(partial(teleoperation.drag_wrist, to)))
+        handles.on_moved(DIRECT, HAND, lambda to: page.do(partial(teleoperation.drag_hand, to)))
 
     def _join(self, body: str, field: viser.GuiVector3Handle) -> None:
         """Let a goal's handle and its field of numbers follow one another."""
@@ -172,7 +165,8 @@ class TeachTab:
             set_value(field, (x, y, z))
 
         self._handles.on_moved(GOALS, body, dragged)
-        on_change(field, lambda: self._handles.place(GOALS, body, np.array(field.value)))
+        place = lambda: self._handles.place(GOALS, body, np.array(field.value))  # noqa: E731
+        self._page.on_change(field, place)
 
     def _take_or_release(self) -> None:
         if self._take.value:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.dashboard.commands import TEACHER, Commands, Notify
+from intent_recognition.dashboard.commands import TEACHER, Commands
 from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
     sample_demonstration,
@@ -25,19 +25,11 @@ class TeachingSession:
         learned: whether something was.
     """
 
-    def __init__(
-        self,
-        teleoperation: Teleoperation,
-        commands: Commands,
-        notify: Notify,
-        rng: np.random.Generator,
-    ):
-        self._teleoperation, self._commands = teleoperation, commands
-        self._notify, self._rng = notify, rng
-        self.busy = False
-        self.recording = False
+    def __init__(self, teleoperation: Teleoperation, commands: Commands, rng: np.random.Generator):
+        self._teleoperation, self._commands, self._rng = teleoperation, commands, rng
+        self._notify = commands.notify
+        self.busy = self.recording = self.learned = False
         self.recorded = 0
-        self.learned = False
 
     def show(
         self,

@@ -14,8 +14,6 @@ from intent_recognition.report import NONE_COLOUR
 
 Colour = tuple[int, int, int]
 Shape = viser.BoxHandle | viser.IcosphereHandle | viser.CylinderHandle
-MOVED = 1e-4
-"""What moves or turns less is not sent again [m or 1]. Convention: a pixel is more."""
 
 
 class ThingsView:
@@ -54,8 +52,7 @@ class _ShownBody:
         """Show it at a pose (4, 4)."""
         if pose is not self._pose:
             self._pose = pose
-            set_position(self._frame, pose[:3, 3])
-            set_turn(self._frame, quaternions(pose[:3, :3]))
+            self._frame.position, self._frame.wxyz = pose[:3, 3], quaternions(pose[:3, :3])
         if colour != self._colour:
             self._colour = colour
             for handle in self._tinted:
@@ -85,18 +82,6 @@ def _add_part(scene: viser.SceneApi, name: str, part: ScenePart, colour: Colour)
         return scene.add_icosphere(name, part.size[0], colour, wxyz=wxyz, position=position)
     radius, length = part.size
     return scene.add_cylinder(name, radius, length, colour, wxyz=wxyz, position=position)
-
-
-def set_position(handle: viser.SceneNodeHandle, position: NDArray[np.float64]) -> None:
-    """Move a thing to a position (3,) [m], where it is not there already."""
-    if np.abs(handle.position - position).max() > MOVED:
-        handle.position = position
-
-
-def set_turn(handle: viser.SceneNodeHandle, wxyz: NDArray[np.float64]) -> None:
-    """Turn a thing to a quaternion (4,), where it is not turned so already."""
-    if abs(handle.wxyz @ wxyz) < 1.0 - 0.5 * MOVED**2:
-        handle.wxyz = wxyz
 
 
 def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:

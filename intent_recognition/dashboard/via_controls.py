@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Via points on the page: the predicted path of the hand is dragged, and let go again."""
 
-from collections.abc import Callable
-
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from intent_recognition.composing import HAND, ViaPoint, write_via_points
-from intent_recognition.dashboard.commands import ESTIMATOR, Commands
+from intent_recognition.dashboard.commands import ESTIMATOR
 from intent_recognition.dashboard.drag_handles import BALL_M, MOVED_M, SIZE_M, Drag
 from intent_recognition.dashboard.scene import DARK
-from intent_recognition.dashboard.widgets import set_value, slider_value
+from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_value
 
 NOTHING = "none"
 """Stands in the list while no via point is in force."""
@@ -20,19 +18,10 @@ STDS_CM = (0.1, 10.0)
 
 
 class ViaPointControls:
-    """A folder of controls, and a handle on the path that was predicted last.
+    """A folder of controls, and a handle on the path that was predicted last."""
 
-    Args:
-        server: the page; the folder is made where it is called.
-        commands: reaches the estimator.
-        do: runs a function in the thread of the graph.
-    """
-
-    def __init__(
-        self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]
-    ):
-        gui, self._server = server.gui, server
-        self._commands, self._do = commands, do
+    def __init__(self, page: PageAccess):
+        server, gui, self._page = page.server, page.server.gui, page
         self._points: tuple[ViaPoint, ...] = ()
         self._path: tuple[str, NDArray[np.float64]] | None = None
         with gui.add_folder("Via points"):
@@ -50,7 +39,7 @@ class ViaPointControls:
         server.scene.add_label("/via/handle/name", "pass here", anchor="top-center")
         self._drawn: list[viser.SceneNodeHandle] = []
         self._dragged = Drag(server, self._handle, self._on_moved)
-        self._remove.on_click(lambda _: do(self.remove))
+        page.on_click(self._remove, self.remove)
 
     def update(
         self, points: tuple[ViaPoint, ...], path: tuple[str, NDArray[np.float64]] | None
@@ -90,11 +79,11 @@ class ViaPointControls:
         self._send(tuple(point for point in self._points if point.name != self._chosen.value))
 
     def _send(self, points: tuple[ViaPoint, ...]) -> None:
-        self._commands.set_parameter(ESTIMATOR, "via_points", write_via_points(points))
+        self._page.commands.set_parameter(ESTIMATOR, "via_points", write_via_points(points))
 
     def _on_moved(self, place: NDArray[np.float64], left: bool) -> None:
         if left:
-            self._do(lambda: self.drop(place))
+            self._page.do(lambda: self.drop(place))
 
     def _place(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
         at = slider_value(self._phase) * (len(path) - 1)
@@ -112,7 +101,7 @@ class ViaPointControls:
         self._drawn = []
         for k, point in enumerate(self._points):
             if point.of_hand:
-                scene, place = self._server.scene, np.array(point.values[HAND])
+                scene, place = self._page.server.scene, np.array(point.values[HAND])
                 ball = scene.add_icosphere(f"/via/point{k}", BALL_M, DARK, position=place)
                 text = f"{point.name}: {point.task or 'all tasks'}"
                 scene.add_label(f"/via/point{k}/name", text, anchor="bottom-center")

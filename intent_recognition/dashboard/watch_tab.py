@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is believed, how far the assembly is, what is felt; and the everyday controls."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 
 import viser
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR, Commands, Notify
+from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR
 from intent_recognition.dashboard.person_panel import PersonPanel
 from intent_recognition.dashboard.plan_panel import PlanPanel
-from intent_recognition.dashboard.widgets import TimePlot, on_change, set_value
+from intent_recognition.dashboard.widgets import PageAccess, TimePlot, set_value
 from intent_recognition.report import readable
 
 NO_INPUT = "No tracker, arm or estimator publishes yet."
@@ -27,41 +27,29 @@ class WatchTab:
     """The first tab.
 
     Args:
-        server: the page.
+        page: as of all tabs.
         tab: where it is shown.
-        commands: reaches the other nodes.
-        do: runs a function in the thread of the graph.
-        notify: called with whether something went well, and a sentence.
     """
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        tab: viser.GuiTabHandle,
-        commands: Commands,
-        do: Callable[[Callable], None],
-        notify: Notify,
-    ):
-        gui = server.gui
-        self._server, self._gui, self._tab = server, gui, tab
+    def __init__(self, page: PageAccess, tab: viser.GuiTabHandle):
+        gui, commands = page.server.gui, page.commands
+        self._page, self._gui, self._tab, self._commands = page, gui, tab, commands
         self._empty = gui.add_html(markup.ways(NO_INPUT, NEXT_STEPS))
-        self._people, self._n_met = {"": PersonPanel(server, "")}, 0
+        self._people, self._n_met = {"": PersonPanel(page.server, "")}, 0
         self._question = gui.add_folder("Which task is it?", visible=False)
         self._choices: dict[str, viser.GuiButtonHandle] = {}
-        self._do = do
-        self._plan = PlanPanel(gui, commands, do, notify)
+        self._plan = PlanPanel(page)
         self._transfer_line = gui.add_html("")
-        self._forces = TimePlot(server, "Forces at the hand over time [N]")
+        self._forces = TimePlot(page.server, "Forces at the hand over time [N]")
         with gui.add_folder("Controls"):
             self._reset = gui.add_button("Forget the movement", icon=viser.Icon.REFRESH)
             self._helps = gui.add_checkbox("Robot helps", True, hint="activation is active")
             self._guide = gui.add_checkbox(
                 "Guide the arm by hand", False, hint="gravity compensation"
             )
-        self._commands = commands
-        self._reset.on_click(lambda _: do(self._forget))
-        on_change(self._helps, lambda: do(self._set_help))
-        on_change(self._guide, lambda: do(self._set_guide))
+        page.on_click(self._reset, self._forget)
+        page.on_change(self._helps, lambda: commands.robot_helps(self._helps.value))
+        page.on_change(self._guide, lambda: commands.gravity_compensation(self._guide.value))
 
     def update(
         self,
@@ -79,7 +67,7 @@ class WatchTab:
                 with self._tab:  # above what follows the first one
                     self._n_met += 1
                     order = self._people[""].bars.order + 1e-6 * self._n_met
-                    self._people[name] = PersonPanel(self._server, name, people[name], order)
+                    self._people[name] = PersonPanel(self._page.server, name, people[name], order)
             self._people[name].update(state, colours, now_s)
         only = state.people[""]
         asked = only.posterior is not None and state.fresh(only.tasks_at_s, now_s)
@@ -118,18 +106,9 @@ class WatchTab:
         with self._question:
             self._choices = {task: self._gui.add_button(readable(task)) for task in tasks}
         for task, button in self._choices.items():
-            button.on_click(partial(self._answer, task))
-
-    def _answer(self, task: str, _: viser.GuiEvent) -> None:
-        self._do(partial(self._commands.answer, task))
+            self._page.on_click(button, partial(self._commands.answer, task))
 
     def _forget(self) -> None:
         for node in (ESTIMATOR, ACTIVATION):
             if self._commands.offers(f"{node}/reset"):
                 self._commands.trigger(f"{node}/reset")
-
-    def _set_help(self) -> None:
-        self._commands.robot_helps(self._helps.value)
-
-    def _set_guide(self) -> None:
-        self._commands.gravity_compensation(self._guide.value)

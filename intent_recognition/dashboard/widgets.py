@@ -2,7 +2,7 @@
 """What the tabs have in common: a plot over time, and small changes of viser's controls."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import viser
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from intent_recognition.dashboard.cell import PLOTTED_S
+from intent_recognition.dashboard.commands import Commands
 from intent_recognition.promp import NONE
 from intent_recognition.report import NONE_COLOUR, readable
 
@@ -21,14 +22,33 @@ PLOT_PERIOD_S = 0.2
 ControlValue = TypeVar("ControlValue")
 
 
-def on_change(handle: viser.GuiInputHandle, action: Callable[[], object]) -> None:
-    """Call `action` when a person changes a control, not when the program does."""
+class PageAccess(NamedTuple):
+    """What the parts of the page need; each is made on the page where it is called.
 
-    def update(event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            action()
+    Attributes:
+        server: of the page.
+        commands: reaches the other nodes, and notifies.
+        do: runs a function in the thread of the graph, at the next update.
+    """
 
-    handle.on_update(update)
+    server: viser.ViserServer
+    commands: Commands
+    do: Callable[[Callable[[], None]], None]
+
+    def on_click(
+        self, button: viser.GuiButtonHandle | viser.GuiButtonGroupHandle, action: Callable
+    ) -> None:
+        """Do something whenever a button is pressed."""
+        button.on_click(lambda _: self.do(action))
+
+    def on_change(self, handle: viser.GuiInputHandle, action: Callable) -> None:
+        """Do something whenever a person changes a control, not when the program does."""
+
+        def update(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                self.do(action)
+
+        handle.on_update(update)
 
 
 def set_value(handle: viser.GuiInputHandle[ControlValue], value: ControlValue) -> None:

@@ -32,12 +32,9 @@ class Watched:
         self.rng = np.random.default_rng(0)
         self.state = state = CellState(description=lwr_urdf())
 
-        def show_message(ok, text):
-            self.page.show_message(ok, text)
-
-        commands = Commands(harness.probe, show_message)
+        commands = Commands(harness.probe, lambda ok, text: self.page.show_message(ok, text))
         teleoperation = Teleoperation(harness.probe, state)
-        session = TeachingSession(teleoperation, commands, show_message, self.rng)
+        session = TeachingSession(teleoperation, commands, self.rng)
         self.page = DashboardPage(
             "127.0.0.1",
             free_port(),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page asks of other nodes, and what it learns of them."""
 
+import pytest
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -8,9 +9,17 @@ from intent_recognition.dashboard.commands import Commands
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 
 
-def test_page_knows_whether_the_robot_helps_whoever_switched_it(harness):
-    told = []
-    commands = Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+@pytest.fixture
+def told():
+    return []
+
+
+@pytest.fixture
+def commands(harness, told):
+    return Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+
+
+def test_page_knows_whether_the_robot_helps_whoever_switched_it(harness, commands, told):
     node = harness.add(PrimitiveActivation())
     harness.spin_until(commands.can_switch_help)
     for helps in (False, True):
@@ -22,9 +31,7 @@ def test_page_knows_whether_the_robot_helps_whoever_switched_it(harness):
     assert [ok for ok, _ in told] == [True, True]
 
 
-def test_what_is_switched_already_is_not_switched_again(harness):
-    told = []
-    commands = Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+def test_what_is_switched_already_is_not_switched_again(harness, commands, told):
     harness.add(PrimitiveActivation())
     harness.spin_until(commands.can_switch_help)
     commands.robot_helps(True)
@@ -32,9 +39,7 @@ def test_what_is_switched_already_is_not_switched_again(harness):
     assert told == [(True, "")]
 
 
-def test_a_service_that_does_not_answer_is_called_once(harness, monkeypatch):
-    told = []
-    commands = Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+def test_a_service_that_does_not_answer_is_called_once(harness, commands, told, monkeypatch):
     silent = Node("silent")
     try:
         silent.create_service(Trigger, "silent/undo", lambda _, answer: answer)
@@ -56,9 +61,7 @@ def test_a_service_that_does_not_answer_is_called_once(harness, monkeypatch):
         silent.destroy_node()
 
 
-def test_no_answer_is_awaited_of_a_node_that_is_gone(harness):
-    told = []
-    commands = Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+def test_no_answer_is_awaited_of_a_node_that_is_gone(harness, commands, told):
     dying = Node("dying")
     dying.create_service(Trigger, "dying/stop", lambda _, answer: answer)
     harness.spin_until(lambda: commands.offers("dying/stop"))
@@ -71,7 +74,6 @@ def test_no_answer_is_awaited_of_a_node_that_is_gone(harness):
     assert told == [(False, "dying/stop did not answer")]
 
 
-def test_nobody_there_is_told_at_once(harness):
-    told = []
-    Commands(harness.probe, lambda ok, text: told.append((ok, text))).trigger("nobody/start")
+def test_nobody_there_is_told_at_once(commands, told):
+    commands.trigger("nobody/start")
     assert told == [(False, "no node offers nobody/start")]

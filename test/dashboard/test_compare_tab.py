@@ -6,8 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import viser
-from dashboard.browser import free_port
 
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard.compare_tab import CompareTab, posterior_over
@@ -24,11 +22,10 @@ def recording(repository):
 
 
 @pytest.fixture
-def compare(recording, toolbox_model, tmp_path):
+def compare(server, recording, toolbox_model, tmp_path):
     """A tab with one recording, a good and a broken model, run to its end."""
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"no model")
-    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
     models = [toolbox_model, broken]
     tab = CompareTab(server, [recording], lambda: models, lambda: task_colours(["taught"]))
 
@@ -41,8 +38,7 @@ def compare(recording, toolbox_model, tmp_path):
                 thread.join()
         return tab
 
-    yield SimpleNamespace(tab=tab, run=run, models=models)
-    server.stop()
+    return SimpleNamespace(tab=tab, run=run, models=models)
 
 
 def test_the_posterior_is_that_of_the_recording(recording, toolbox_model):

@@ -5,11 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import viser
-from dashboard.browser import free_port
 
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.plan_panel import MUST, NEED_NOT, SAVE, PlanPanel
+from intent_recognition.dashboard.widgets import PageAccess
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans import WorkPlan, read_plan
 from intent_recognition.plans.work_plan import WorkStep
@@ -29,6 +28,9 @@ class Estimator:
             self.state.plan = read_plan(value)
         done(not self.refusal, self.refusal)
 
+    def notify(self, ok, text):
+        self.told.append((ok, text))
+
     def trigger(self, service):
         self.called.append(service)
 
@@ -37,11 +39,9 @@ class Estimator:
 
 
 @pytest.fixture
-def shown():
-    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
+def shown(server):
     estimator = Estimator()
-    notify = lambda ok, text: estimator.told.append((ok, text))  # noqa: E731
-    panel = PlanPanel(server.gui, estimator, lambda action: None, notify)
+    panel = PlanPanel(PageAccess(server, estimator, lambda action: None))
 
     def press(step, change="", wait="", other=""):
         panel.update(estimator.state)
@@ -56,8 +56,7 @@ def shown():
         panel.update_controls()
         return estimator.state.plan
 
-    yield SimpleNamespace(panel=panel, estimator=estimator, press=press)
-    server.stop()
+    return SimpleNamespace(panel=panel, estimator=estimator, press=press)
 
 
 def test_steps_are_moved_required_forgotten_and_made_to_wait(shown):

@@ -5,19 +5,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import viser
-from dashboard.browser import free_port
 
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.teach_tab import BY_GOALS, BY_HAND, BY_POINTER, TeachTab
 from intent_recognition.dashboard.teaching_session import TeachingSession
+from intent_recognition.dashboard.widgets import PageAccess
 
 TICK = "&#10003;"
 
 
 @pytest.fixture
-def tab():
-    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
+def tab(server):
     teleoperation = SimpleNamespace(
         holds_wrist=True,
         position=np.zeros(3),
@@ -25,12 +23,11 @@ def tab():
         others_move_wrist=lambda: False,
         can_move_arm=lambda: True,
     )
-    session = SimpleNamespace(busy=False, recording=False, recorded=0, learned=False)
-    commands = SimpleNamespace(offers=lambda name: True)
-    made = TeachTab(server, teleoperation, session, commands, lambda action: action())
+    commands = SimpleNamespace(offers=lambda name: True, notify=None)
+    session = TeachingSession(teleoperation, commands, None)
+    made = TeachTab(PageAccess(server, commands, lambda do: do()), teleoperation, session)
     made._task.value = "wave"
-    yield made
-    server.stop()
+    return made
 
 
 def ticks(tab, active=""):
@@ -75,8 +72,8 @@ def test_discarding_forgets_one_and_lets_go_on(by_hand):
         asked.append(service)
         done(True, "kept aside")
 
-    commands = SimpleNamespace(trigger=trigger)
-    session = TeachingSession(None, commands, lambda *what: said.append(what), None)
+    commands = SimpleNamespace(trigger=trigger, notify=lambda *what: said.append(what))
+    session = TeachingSession(None, commands, None)
     session.recorded, session.busy, session.recording = 2, by_hand, by_hand
     session.discard()
     assert asked == ["task_teacher/discard"] and said == [(True, "kept aside")]

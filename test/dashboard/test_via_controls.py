@@ -6,11 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import viser
-from dashboard.browser import free_port
 
 from intent_recognition.composing import ViaPoint, read_via_points
 from intent_recognition.dashboard.via_controls import ViaPointControls
+from intent_recognition.dashboard.widgets import PageAccess
 
 PATH = ("plate", np.outer(np.linspace(0.0, 1.0, 5), [0.4, 0.2, 0.1]))
 
@@ -27,13 +26,11 @@ class Estimator:
 
 
 @pytest.fixture
-def controls(monkeypatch):
-    server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
+def controls(server, monkeypatch):
     estimator = Estimator()
     monkeypatch.setattr(server, "get_clients", lambda: {0: None})
-    made = ViaPointControls(server, estimator, lambda action: action())
-    yield SimpleNamespace(made=made, estimator=estimator, handle=made._handle)
-    server.stop()
+    made = ViaPointControls(PageAccess(server, estimator, lambda action: action()))
+    return SimpleNamespace(made=made, estimator=estimator, handle=made._handle)
 
 
 def drag(controls, place, phase):
