@@ -14,12 +14,13 @@ from intent_recognition.signals import (
     Observation,
     Signal,
     learned_misfit,
+    other_units,
     time_misfit,
 )
 
 N_JUDGED = 50
-"""Good samples of a signal after which its units are no longer judged. Convention: half a second at
-100 Hz."""
+"""Samples of a signal that can be in no other unit, after which its units are no longer judged.
+Convention: half a second at 100 Hz. A hand that rests at the origin says nothing of its unit."""
 N_STEPS = 5
 """Samples that times are judged by. Convention: one lost sample among them changes nothing."""
 STD_LEARNED = 3.0
@@ -56,7 +57,7 @@ class FirstSamples:
         if group not in self._judges:
             self._judges[group] = _OfSignal(self._library, group)
         self.misfit = self._judges[group].misfit(observation)
-        if self.misfit is None:
+        if self.misfit is None and not self._judges[group].may_be_another(observation):
             self._left[group] -= 1
             if not self._left[group]:
                 del self._left[group], self._judges[group]
@@ -80,6 +81,12 @@ class _OfSignal:
         learned = Known(self._learned.lower[rows], self._learned.upper[rows])
         found = learned_misfit(names, self._unit, observation.values, learned)
         return found or self._late(observation.stamp_ns, names)
+
+    def may_be_another(self, observation: Observation) -> bool:
+        """Whether its numbers could be places that were learned in another unit, too."""
+        rows = slice(None) if observation.dofs is None else list(observation.dofs)
+        learned = Known(self._learned.lower[rows], self._learned.upper[rows])
+        return bool(other_units(self._unit, observation.values, learned))
 
     def _late(self, stamp_ns: int, names: tuple[str, ...]) -> Misfit | None:
         """What is certainly wrong with the times of the last samples."""

@@ -58,6 +58,7 @@ from intent_recognition.signals.units import (
     learned_misfit,
     length_misfit,
     misfit,
+    other_units,
     place_misfit,
     taken_for,
     time_misfit,

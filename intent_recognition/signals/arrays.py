@@ -9,6 +9,10 @@ from intent_recognition.errors import ArgumentError, ShapeError
 
 LATEST_S = 9.2e9
 """Latest time of a sample [s]: nanoseconds since then fill 64 bits."""
+FIRST_CLOCK_S = 1e9
+"""Times from here on are a computer's clock [s since 1970]: September 2001. Convention."""
+OFTEN_TIMES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+"""Units of time that are recorded in place of seconds, with how many of them make one."""
 
 
 def as_numbers(argument: str, values: ArrayLike) -> Floats:
@@ -28,6 +32,26 @@ def as_numbers(argument: str, values: ArrayLike) -> Floats:
         raise ShapeError.about(argument, "an array of numbers", got, cure) from error
 
 
+def as_seconds(argument: str, times: ArrayLike) -> Floats:
+    """A copy of times as seconds: numbers are seconds; dates and durations of numpy become them.
+
+    Raises:
+        ShapeError: they are neither.
+    """
+    array = np.asarray(times)
+    if array.dtype.kind not in "mM":
+        return as_numbers(argument, times)
+    return array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64).astype(np.float64) * 1e-9
+
+
+def _cure(time: float) -> str:
+    """What makes seconds of a time that is too large for them."""
+    for name, factor in OFTEN_TIMES.items():
+        if FIRST_CLOCK_S <= time / factor < LATEST_S:
+            return f"Likely {name} since 1970: divide them by {factor:g}."
+    return "Divide nanoseconds by 1e9."
+
+
 def as_stamp_ns(argument: str, time_s: float) -> int:
     """A time [s] as a stamp in nanoseconds.
 
@@ -40,7 +64,8 @@ def as_stamp_ns(argument: str, time_s: float) -> int:
         known = False
     if not known:
         expected = f"seconds, a finite number below {LATEST_S:g}"
-        cure = "Pass the time of one measurement; divide nanoseconds by 1e9."
+        is_number = isinstance(time_s, int | float | np.number)
+        cure = _cure(float(time_s)) if is_number else "Pass the time of one measurement."
         raise ArgumentError.about(argument, expected, repr(time_s), cure)
     return round(time_s * 1e9)
 
@@ -54,10 +79,12 @@ def check_times(argument: str, times_s: Floats) -> None:
     usable = np.abs(times_s) < LATEST_S  # False also for NaN
     if not np.all(usable):
         row = int(np.argmin(usable))
-        got, cure = f"{times_s[row]:g} in row {row}", "Pass seconds; divide nanoseconds by 1e9."
+        got, cure = f"{times_s[row]:g} in row {row}", _cure(float(times_s[row]))
         raise ArgumentError.about(argument, f"seconds, finite and below {LATEST_S:g}", got, cure)
     if not np.all(np.diff(times_s) > 0):
         row = 1 + int(np.argmax(np.diff(times_s) <= 0))
         got = f"{times_s[row]:.9g} after {times_s[row - 1]:.9g} in row {row}"
         cure = "Sort the samples and drop duplicates."
+        if times_s[row] == times_s[row - 1] >= FIRST_CLOCK_S:
+            cure = "Likely they were kept with 32 bits, which are too few since 1970: use float64."
         raise ArgumentError.about(argument, "strictly increasing times", got, cure)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
-from intent_recognition.signals.arrays import as_numbers, check_times
+from intent_recognition.signals.arrays import as_numbers, as_seconds, check_times
 from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
@@ -99,7 +99,8 @@ class Demonstration:
         gives reason to doubt, such as a human who does not move, is a warning.
 
         Args:
-            times_s: times of the samples, increasing, (T,) [s]; they are rounded to nanoseconds.
+            times_s: times of the samples, increasing, (T,) [s], or datetime64 or timedelta64; they
+                are rounded to nanoseconds.
             human: positions of the observed DOFs, (T, P), in `observed_unit`.
             robot: positions of the controlled DOFs, (T, Q), in `controlled_unit`; without a column
                 where the human alone was recorded.
@@ -195,7 +196,7 @@ def _signal(
     argument: str, times_s: ArrayLike, values: ArrayLike, names: Sequence[str] | None, unit: str
 ) -> Signal:
     """The signal of one agent, its arrays checked."""
-    times, samples = as_numbers(f"times of {argument}", times_s), as_numbers(argument, values)
+    times, samples = as_seconds(f"times of {argument}", times_s), as_numbers(argument, values)
     if times.ndim != 1:
         cure = "Pass one time for each sample."
         raise ShapeError.about(f"times of {argument}", "shape (T,)", times.shape, cure)

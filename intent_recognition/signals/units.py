@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Flags, Floats, Integers
+from intent_recognition.signals.arrays import OFTEN_TIMES
 from intent_recognition.signals.onset import peak_speed
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
@@ -44,9 +45,6 @@ and limits in software that are narrower."""
 SAME_SCALE = 3.0
 """Ratio by which recordings in one unit differ at most in level and extent. Convention: half of
 the step between any two units, on a scale of logarithms, is more."""
-
-OFTEN_TIMES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
-"""Units of time that are recorded in place of seconds, with how many of them make one."""
 SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 2e-4, 4.0
 """Steps between samples beyond which times are in another unit [s]. Convention: no tracker is
 faster than 5 kHz; a movement with a sample in four seconds cannot be learned from."""
@@ -182,11 +180,7 @@ def learned_misfit(
     excess = np.maximum(lower - values, values - upper)
     farthest = int(np.argmax(excess))
     far = excess[farthest] / max(float(np.max(upper - lower)), 1e-9)
-    likely = {
-        name: factor
-        for name, factor in OFTEN_TAKEN.get(unit, {}).items()
-        if np.all((values / factor >= lower) & (values / factor <= upper))
-    }
+    likely = other_units(unit, values, learned)
     if not likely or far <= FAR_SHARE * min(likely.values()):
         return None
     reason = (
@@ -194,6 +188,15 @@ def learned_misfit(
         f" {lower[farthest]:.3g} and {upper[farthest]:.3g} {unit}"
     )
     return Misfit(f"{reason}. {taken_for(unit, likely)}", next(iter(likely.values())), certain=True)
+
+
+def other_units(unit: str, values: Floats, learned: Known) -> dict[str, float]:
+    """Units, and their factors, in which a sample (d,) lies where the DOFs were."""
+    return {
+        name: factor
+        for name, factor in OFTEN_TAKEN.get(unit, {}).items()
+        if np.all((values / factor >= learned.lower) & (values / factor <= learned.upper))
+    }
 
 
 def place_misfit(position_m: Floats) -> Misfit | None:

@@ -14,6 +14,8 @@ LONG_STEP_S = 4.0
 the longest period that can be learned from."""
 LONG_STEPS = 50
 """Usual steps without a sample that are named. Convention: half a second at 100 Hz."""
+STILL_M = 0.002
+"""Extent of places [m] that is named. Convention: a reach of 2 m in the unit of a thousandth."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,12 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         found = None if part.entry.orientation else misfit(signal)
         if found is not None:
             yield f"{found.reason} Say in the map: columns_unit."
+        extent = float(np.ptp(values, axis=0).max(initial=0.0)) if values.size else 0.0
+        if part.entry.unit == "m" and not part.entry.context and 0.0 < extent < STILL_M:
+            yield (
+                f"{part.entry.topic} moves over {1e3 * extent:.3g} mm. Likely metres that are"
+                " called millimetres: say in the map columns_unit: m."
+            )
 
 
 def _never_measured(signal: Signal) -> str:

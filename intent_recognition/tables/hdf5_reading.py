@@ -3,6 +3,7 @@
 
 import importlib
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 MOST_BYTES = 2**28
 """Of one array. Convention: an hour of fifty values at 100 Hz takes 0.15 GB."""
+NUMBERED = re.compile(r"(.*?)[_-]?\d+")
+"""A group that may be one of several demonstrations."""
 ENDS = "meta.episode_ends"
 """Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
 
@@ -18,37 +21,47 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     """Arrays of numbers (T,), (T, d) or (T, n, 3) by path, with dots, demonstrations on end.
 
     `demonstration` says of each row of those which it is of; `#rate` is the control rate that
-    robomimic notes, 0 for none. Images and what has more dimensions are left out.
+    robomimic notes, 0 for none; `#left_out` names arrays that have no row for each sample. Images
+    and what has more dimensions are left out.
     """
     h5py = importlib.import_module("h5py")
     with h5py.File(path, "r") as file:
-        data = file.get("data")
-        # so robomimic and Isaac Lab name their demonstrations
-        names = [name for name in data if name.startswith("demo_")] if data is not None else []
+        top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
+        names = _demonstrations(h5py, top)
         rate = 0.0
-        if names:
-            names.sort(key=lambda name: (len(name), name))
-            groups = [_arrays(data[name]) for name in names]
-            if "env_args" in data.attrs:
-                about = json.loads(data.attrs["env_args"])
-                rate = float(about.get("env_kwargs", {}).get("control_freq", 0.0))
-        else:
-            names, groups = [], [_arrays(file)]
-            ends = groups[0].get(ENDS)
+        if not names:
+            arrays = _arrays(file)
+            ends = arrays.get(ENDS)
             if ends is not None and ends.ndim == 1:  # of a replay buffer: rows of all on end
-                return _numbered(groups[0], np.diff(ends, prepend=0)) | {"#rate": np.array(rate)}
+                arrays = _numbered(arrays, np.diff(ends, prepend=0))
+            return {**arrays, "#rate": np.array(rate)}
+        groups = [_arrays(top[name]) for name in names]
+        if "env_args" in top.attrs:
+            about = json.loads(top.attrs["env_args"])
+            rate = float(about.get("env_kwargs", {}).get("control_freq", 0.0))
     shared = [key for key in groups[0] if all(key in group for group in groups)]
-    found = {}
-    if names:
-        lengths = [max((len(group[key]) for key in shared), default=0) for group in groups]
-        equal = [
-            all(len(g[key]) == n for g, n in zip(groups, lengths, strict=True)) for key in shared
-        ]
-        shared = [key for key, same in zip(shared, equal, strict=True) if same]
-        found["demonstration"] = np.repeat(np.array(names), lengths)
-    for key in shared:
-        found[key] = np.concatenate([group[key] for group in groups])
-    return {**found, "#rate": np.array(rate)}
+    lengths = [max((len(group[key]) for key in shared), default=0) for group in groups]
+    whole = [
+        key
+        for key in shared
+        if all(len(group[key]) == n for group, n in zip(groups, lengths, strict=True))
+    ]
+    left_out = sorted({key for group in groups for key in group} - set(whole))
+    return {
+        "demonstration": np.repeat(np.array(names), lengths),
+        **{key: np.concatenate([group[key] for group in groups]) for key in whole},
+        "#rate": np.array(rate),
+        "#left_out": np.array(left_out),
+    }
+
+
+def _demonstrations(h5py: Any, top: Any) -> list[str]:
+    """Names of groups `demo_0`, `traj_0`, `episode_000`, ...; [] where there are others, too."""
+    groups = [name for name in top if isinstance(top[name], h5py.Group)]
+    matches = [NUMBERED.fullmatch(name) for name in groups]
+    alone = len({match[1] for match in matches if match}) == 1 and all(matches)
+    demos = [name for name in groups if name.startswith("demo_")]  # robomimic has masks beside
+    return sorted(groups if alone else demos, key=lambda name: (len(name), name))
 
 
 def _numbered(arrays: dict[str, NDArray[Any]], lengths: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -65,7 +78,7 @@ def _arrays(group: Any) -> dict[str, NDArray[Any]]:
         if not hasattr(item, "ndim") or item.size * 8 > MOST_BYTES or not item.size:
             return
         if item.dtype.names and item.ndim == 1:
-            fields = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
+            fields = [field for field in item.dtype.names if item.dtype[field].base.kind in "fiub"]
             found.update({f"{dotted}.{field}": np.asarray(item[field]) for field in fields})
         is_of_places = item.ndim == 3 and item.shape[2] <= 4
         # wider rows are compressed images, as ALOHA keeps them

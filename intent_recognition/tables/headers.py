@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Headers of several lines that motion capture and simulators write above a table of text."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -12,6 +13,12 @@ OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; of those in one file the first of these is read."""
 QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
 """By the ends of names."""
+MOST_LEVELS = 6
+"""Lines of names. Convention: those of Visual3D are five."""
+OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
+"""Lines of DeepLabCut that say who found the places, and which bodies they are of."""
+NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
+"""A number, or a time."""
 Rows = Sequence[Sequence[str]]
 
 
@@ -33,7 +40,7 @@ class Header:
 
 
 def known_header(rows: Rows) -> Header | None:
-    """The header of a file that Motive, Nexus, QTM or OpenSim exported; None of any other."""
+    """The header of a file that a program of motion capture exported; None of any other."""
     for read in READERS:
         try:
             if header := read(rows):
@@ -152,6 +159,35 @@ def opensim(rows: Rows) -> Header | None:
     return Header(names, at + 2, {"units": units, "defaults": {"time": {"column": "time"}}})
 
 
+def levels(rows: Rows) -> Header | None:
+    """Names in several lines, the last of axes, as DeepLabCut and Visual3D write: `BODY.x`."""
+    at = next((k for k, row in enumerate(rows) if any(map(_has_digits, row))), 0)
+    count = len(rows[at])
+    heads = [[cell.strip() for cell in (*row, *[""] * count)[:count]] for row in rows[:at]]
+    if len(heads) < 2 or not {"x", "y"} <= {cell.lower() for cell in heads[-1]}:
+        return None
+    if len(heads) > MOST_LEVELS or not all(any(row[1:]) for row in heads):
+        return None
+    above = [_spread(row) for row in heads[:-1] if row[0].lower() not in OF_ALL]
+    above = [row for row in above if len(set(row[1:])) > 1 or row[0].lower() in OF_BODY]
+    first = next(filter(None, (row[0] for row in heads[::-1])), "")
+    names = [".".join(filter(None, (row[k] for row in (*above, heads[-1])))) for k in range(count)]
+    names = [first, *names[1:]] if first else names
+    return Header(tuple(names), at, {"must_say": True})
+
+
+def _spread(row: Sequence[str]) -> list[str]:
+    """Labels of groups, of which only the first cell is filled in, in each of their cells."""
+    spread = [*row[:1]]
+    for cell in row[1:]:
+        spread.append(cell or (spread[-1] if len(spread) > 1 else ""))
+    return spread
+
+
+def _has_digits(cell: str) -> bool:
+    return bool(NUMBER.fullmatch(cell.strip()))
+
+
 def _of_markers(
     names: Sequence[str],
     skip: int,
@@ -165,4 +201,4 @@ def _of_markers(
     return Header(tuple(names), skip, {**about, "units": units, "must_say": True}, ends_blank)
 
 
-READERS: tuple[Callable[[Rows], Header | None], ...] = (motive, nexus, trc, qtm, opensim)
+READERS: tuple[Callable[[Rows], Header | None], ...] = (motive, nexus, trc, qtm, opensim, levels)

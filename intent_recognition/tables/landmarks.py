@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Landmarks of people in JSON: OpenPose's, a file for each frame, and MediaPipe's."""
+"""Landmarks of people in JSON: OpenPose's, MediaPipe's, and rows of numbers by name."""
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
-from intent_recognition.tables.table import Table, table_of, unusable
+from intent_recognition.tables.table import MOST_COLUMNS, Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
 
@@ -52,10 +52,14 @@ HAND_21 = (
         for joint in _names("cmc mcp ip tip" if finger == "thumb" else "mcp pip dip tip")
     ),
 )
-NAMED = {len(names): names for names in (BODY_25, COCO_18, POSE_33, HAND_21)}
+COCO_17 = _names(
+    "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow"
+    " left_wrist right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle"
+)
+NAMED = {len(names): names for names in (BODY_25, COCO_17, COCO_18, POSE_33, HAND_21)}
 """Landmarks by their count."""
 OPENPOSE = {
-    "pose_keypoints_2d": ("", 2), "pose_keypoints_3d": ("", 3),
+    "pose_keypoints": ("", 2), "pose_keypoints_2d": ("", 2), "pose_keypoints_3d": ("", 3),
     "hand_left_keypoints_2d": ("LHand.", 2), "hand_right_keypoints_2d": ("RHand.", 2),
 }  # fmt: skip
 """Groups of a person: what is before the names of their landmarks, and their dimensions."""
@@ -68,6 +72,9 @@ IMAGE = _names(
     " multi_hand_landmarks"
 )
 """Keys of MediaPipe's landmarks: those in metres come first."""
+ONE_PERSON = "Keep one person in the files."
+FEW_FRAMES = 0.1
+"""Share of frames with several people that are left out. Convention: passers-by, reflections."""
 OF_IMAGE = "the landmarks are places in the image, not in metres"
 Points = dict[str, Sequence[float]]
 Result = TypeVar("Result")
@@ -76,36 +83,52 @@ Result = TypeVar("Result")
 def open_frames(folder: Path) -> Table:
     """OpenPose's folder, a file for each frame: `RWrist.x`, `RWrist.y`, [pixels], of one person.
 
-    What has confidence 0 was not seen. A frame without a file is a gap.
+    What has confidence 0 was not seen. A frame without a file is a gap, and so are a few with
+    several people, of whom nobody says who is who.
     """
     files = sorted(folder.glob(f"*{FRAMES}"))
     numbers = [re.search(r"(\d+)" + re.escape(FRAMES), path.name) for path in files]
-    frames = []
-    for path in files:
-        content = _load(path)
-        people = content.get("people") if isinstance(content, dict) else None
-        if not isinstance(people, list) or len(people) > 1:
-            got = "none" if not isinstance(people, list) else f"{len(people)} people"
-            raise unusable(path, "one person of OpenPose", got, "Keep one person in the files.")
-        frames.append(_read(path, _openpose, people[0]) if people else {})
     rows = [int(number[1]) if number else k for k, number in enumerate(numbers)]
-    columns = _columns(frames, np.array(rows) - min(rows, default=0))
-    in_image = not any(len(point) > 2 for frame in frames for point in frame.values())
-    return table_of(folder, columns, notes=[OF_IMAGE] if in_image else [])
+    contents = [(path, _load(path)) for path in files]
+    return _of_openpose(folder, contents, np.array(rows) - min(rows, default=0))
+
+
+def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integers) -> Table:
+    """Frames of OpenPose, each with the file that it is in."""
+    frames, several = [], 0
+    for path, content in contents:
+        people = content.get("people") if isinstance(content, dict) else None
+        if not isinstance(people, list):
+            raise unusable(path, "one person of OpenPose", "none", ONE_PERSON)
+        several += len(people) > 1
+        frames.append(_read(path, _openpose, people[0]) if len(people) == 1 else {})
+    if several > FEW_FRAMES * len(frames):
+        got = f"several people in {several} of {len(frames)} frames"
+        raise unusable(source, "one person of OpenPose", got, ONE_PERSON)
+    notes = [f"{several} frames have several people, and are left out"] if several else []
+    if not any(len(point) > 2 for frame in frames for point in frame.values()):
+        notes.append(OF_IMAGE)
+    return table_of(source, _columns(frames, rows), notes=notes)
 
 
 def open_landmarks(path: Path) -> Table:
     """Frames of MediaPipe: `right_wrist.x`, ...; those in metres where the file has them."""
     content = _load(path)
     frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
-    if isinstance(content, dict) and all(key.isdigit() for key in content):
-        frames = [content[key] for key in sorted(content, key=int)]
+    if isinstance(content, dict) and (keys := _numbered(content)):
+        frames = [content[key] for key in keys]
+    if isinstance(content, dict) and not isinstance(frames, list):
+        return table_of(path, _read(path, _of_lists, content))
     if not isinstance(frames, list) or not frames:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
+    if all(isinstance(frame, dict) and "people" in frame for frame in frames):
+        return _of_openpose(path, [(path, frame) for frame in frames], np.arange(len(frames)))
+    images = [f.get("image_id") for f in frames if isinstance(f, dict)]
+    if len(set(map(str, images))) < len(images) and images.count(None) < len(images):
+        raise unusable(path, "one person in each image", "several results of one", ONE_PERSON)
     people = [_read(path, _people, frame) for frame in frames]
     if not any(people):
-        kinds = ", ".join((*WORLD[:2], *IMAGE[:2]))
-        raise unusable(path, f"landmarks under {kinds}", "none", "Check the file.")
+        return table_of(path, _read(path, _of_records, frames))
     notes = []
     if any(_has(frames, key) for key in IMAGE) and not any(_has(frames, k) for k in WORLD):
         notes.append(OF_IMAGE)
@@ -128,6 +151,55 @@ def open_landmarks(path: Path) -> Table:
         time = {"rate": _read(path, float, rate)}
     defaults = {"time": time} if time else {}
     return table_of(path, columns, defaults=defaults, notes=notes)
+
+
+def _numbered(content: Mapping[str, Any]) -> list[str]:
+    """Keys that are one word and a number, such as `frame_12`, in the order of their numbers."""
+    found = {key: re.fullmatch(r"(\D*)(\d+)", key) for key in content}
+    if not all(found.values()) or len({match[1] for match in found.values() if match}) != 1:
+        return []
+    return sorted(content, key=lambda key: int(found[key][2]))  # type: ignore[index]
+
+
+def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """Columns of lists by their names: numbers (T,), places (T, d) as `NAME.x`, `NAME.y`, ..."""
+    lists = {key: value for key, value in content.items() if isinstance(value, list) and value}
+    most = max(map(len, lists.values()), default=0)
+    columns = {}
+    for key, value in lists.items():
+        array = np.array(value, np.float64)
+        if len(array) != most or array.ndim > 2:
+            continue
+        axes = "xyz" if array.ndim == 2 and array.shape[1] in (2, 3) else ""
+        for k, column in enumerate(np.atleast_2d(array.T)):
+            columns[key if array.ndim == 1 else f"{key}.{axes[k] if axes else k}"] = column
+    if not columns:
+        raise ValueError("no lists of numbers")
+    return columns
+
+
+def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
+    """Columns of the numbers and texts of objects, one for each row: `wrist.x`."""
+    rows = [dict(_flat(frame, "")) for frame in frames]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    if not names or len(names) > MOST_COLUMNS:
+        raise ValueError("no landmarks, and no rows of numbers by name")
+    columns: dict[str, NDArray[Any]] = {}
+    for name in names:
+        cells = [row.get(name) for row in rows]
+        are_numbers = all(cell is None or isinstance(cell, int | float) for cell in cells)
+        columns[name] = np.array(cells, np.float64 if are_numbers else object)
+    return columns
+
+
+def _flat(content: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Numbers and texts in objects and lists within one another, by their paths."""
+    if isinstance(content, dict | list):
+        items = content.items() if isinstance(content, dict) else enumerate(content)
+        for key, value in items:
+            yield from _flat(value, f"{name}.{key}" if name else str(key))
+    elif name and isinstance(content, int | float | str | None):
+        yield name, content
 
 
 def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
@@ -170,6 +242,9 @@ def _people(frame: Any) -> list[Any]:
     if isinstance(frame, dict):
         keys = (key for key in (*WORLD, *IMAGE) if frame.get(key))
         frame = frame.get(next(keys, ""))
+    if isinstance(frame, list) and frame and isinstance(frame[0], int | float):  # as COCO has them
+        triples = np.array(frame, np.float64).reshape(-1, 3)
+        frame = np.where(triples[:, 2:] > 0.0, triples[:, :2], np.nan).tolist()
     people = [frame]
     while people and not _is_person(people[0]):
         people = [inner for one in people for inner in _inside(one) if inner]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns of Parquet files, by pyarrow."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from intent_recognition.untrusted import MOST_ARRAYS, UntrustedError, check_regu
 
 
 def open_parquet(path: Path) -> Table:
-    """A Parquet file; elements of a list column are `NAME.0`, `NAME.1`, ..."""
+    """A Parquet file; elements of lists are `NAME.0`, ..., fields of structs `NAME.FIELD`."""
     return parquet_table(path, [path], {})
 
 
@@ -54,28 +54,80 @@ def _places(
     places: dict[str, tuple[str, int | None, bool]] = {}
 
     def look(file: Any) -> None:
-        types = file.schema_arrow
-        for column in types.names:
-            kind = types.field(column).type
+        for column, kind in _leaves(file.schema_arrow):
             if not _is_list(kind):
                 if not _is_nested(kind):
                     places[column] = (column, None, False)
                 continue
             _check_size(parquet, [path], [column])
-            row = next(file.iter_batches(1, columns=[column]), None)
-            first = row.column(0)[0].as_py() if row is not None and row.num_rows else None
-            count = len(first or ())
+            elements = _elements(_first_list(file, column))
+            count = len(elements)
             check_columns(path, len(places) + count)
             named = list(names.get(column, ()))
-            for k in range(count):
+            for k, element in enumerate(elements):
                 if len(named) == count:
                     places[f"{column}.{named[k]}"] = (column, k, False)
-                places.setdefault(f"{column}.{k}", (column, k, len(named) == count))
+                places.setdefault(f"{column}.{element}", (column, k, len(named) == count))
             if count == 1:
                 places.setdefault(column, (column, 0, True))
 
     _with_file(parquet, path, look)
     return places
+
+
+def _leaves(schema: Any, before: str = "") -> Iterator[tuple[str, Any]]:
+    """Columns and their types, fields of structs by their paths."""
+    for field in map(schema.field, range(_size(schema))):
+        name = f"{before}{field.name}"
+        if str(field.type).startswith("struct<"):
+            yield from _leaves(field.type, f"{name}.")
+        else:
+            yield name, field.type
+
+
+def _size(fields: Any) -> int:
+    """Fields of a schema, or of a struct."""
+    return int(getattr(fields, "num_fields", 0)) or len(fields)
+
+
+def _leaf(table: Any, name: str) -> Any:
+    """The column of a name, which may be the path of a field of a struct."""
+    if name in table.column_names:
+        return table.column(name)
+    compute = optional("pyarrow.compute")
+    top = max((own for own in table.column_names if name.startswith(f"{own}.")), key=len)
+    column, rest = table.column(top), name.removeprefix(f"{top}.")
+    while rest:
+        fields = [column.type.field(k).name for k in range(column.type.num_fields)]
+        field = max((one for one in fields if f"{rest}.".startswith(f"{one}.")), key=len)
+        column, rest = compute.struct_field(column, [fields.index(field)]), rest[len(field) + 1 :]
+    return column
+
+
+def _first_list(file: Any, column: str) -> Any:
+    """The first list of a column that is there; [] where none is."""
+    for batch in file.iter_batches(64, columns=[column]):
+        table = optional("pyarrow").Table.from_batches([batch])
+        found = next(filter(None, _leaf(table, column).to_pylist()), None)
+        if found is not None:
+            return found
+    return []
+
+
+def _elements(content: Any) -> list[str]:
+    """Names of the numbers in lists and structs within one another: `0`, `1.x`, `0.2`."""
+    if not isinstance(content, list | dict):
+        return [""]
+    items = content.items() if isinstance(content, dict) else enumerate(content)
+    return [".".join(filter(None, (str(key), e))) for key, one in items for e in _elements(one)]
+
+
+def _flat(content: Any) -> list[Any]:
+    """The numbers of `_elements`."""
+    if not isinstance(content, list | dict):
+        return [content]
+    items = content.values() if isinstance(content, dict) else content
+    return [number for one in items for number in _flat(one)]
 
 
 def _read(
@@ -85,7 +137,7 @@ def _read(
 
     def load(file: Any) -> dict[str, Values]:
         table = file.read(columns=list(columns))
-        return {name: _values(table.column(name), path, name) for name in columns}
+        return {name: _values(_leaf(table, name), path, name) for name in columns}
 
     found: dict[str, Values] = _with_file(parquet, path, load, single)
     return found
@@ -120,13 +172,22 @@ def _values(column: Any, path: Path, name: str) -> Values:
         if column.null_count and str(column.type).startswith(("int", "uint")):
             return np.array([None if v is None else str(v) for v in column.to_pylist()], object)
         return np.asarray(column.to_numpy(zero_copy_only=False))
-    flat = np.asarray(column.flatten().to_numpy(zero_copy_only=False))
-    size = flat.size // max(1, len(column))
-    lengths = column.value_lengths().to_pylist() if hasattr(column, "value_lengths") else [size]
-    if column.null_count or len(set(lengths)) > 1:
-        got = ", ".join(sorted(map(str, set(lengths))))
+    there = column.drop_null()
+    if _is_nested(column.type.value_type) or _is_list(column.type.value_type):
+        listed = [_flat(row) for row in there.to_pylist()]
+        lengths, flat = [len(row) for row in listed], [number for row in listed for number in row]
+    else:
+        lengths = optional("pyarrow.compute").list_value_length(there).to_numpy()
+        flat = there.flatten().to_numpy(zero_copy_only=False)
+    if len(kinds := np.unique(lengths)) > 1:
+        got = ", ".join(map(str, kinds))
         raise unusable(path, f"lists of one length in {name}", got, "Leave that column out.")
-    return flat.reshape(len(column), size)
+    rows = np.asarray(flat).reshape(len(there), *kinds)
+    if not column.null_count:
+        return rows
+    found = np.full((len(column), *kinds), np.nan)
+    found[column.is_valid().to_numpy(zero_copy_only=False)] = rows
+    return found
 
 
 def _is_list(kind: Any) -> bool:

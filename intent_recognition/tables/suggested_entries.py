@@ -2,6 +2,7 @@
 """Entries of a suggested map, as lines of YAML with comments."""
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.signals import POSITION_FIELDS
 from intent_recognition.tables.cells import without_zeros
-from intent_recognition.tables.scales import spelled
+from intent_recognition.tables.scales import ANGLES, spelled
 from intent_recognition.tables.table import Table
 
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
@@ -38,16 +39,20 @@ class SeenColumn(NamedTuple):
 def body_entry(
     table: Table, columns: Mapping[str, SeenColumn], body: str, names: Sequence[str]
 ) -> list[str]:
-    """Lines of the entry of a body, by what it is called and its columns x, y, z."""
+    """Lines of the entry of a body, by what it is called and its columns x, y and z, if any."""
     values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
     extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
     unit, note = _unit_of(table, names[0], values, "m")
+    if len(names) == 2 and not note.startswith("from"):
+        unit, note = "mm", "a pixel counts as one"
     parts = [part for part in re.split(r"[\W_]+", body.lower()) if part not in NO_NAME]
     topic = "_".join(filter(None, parts))
+    topic = unicodedata.normalize("NFKD", topic).encode("ascii", "ignore").decode()
+    topic = f"body_{topic}" if topic[:1].isdigit() else topic
     return [
         f"  - topic: /mocap/{topic or 'wrist'}/pose  # moves over {extent:.3g} {unit or 'm'}",
         f"    type: {POSE}",
-        f"    fields: {flow(list(POSITION_FIELDS))}",
+        f"    fields: {flow(list(POSITION_FIELDS[: len(names)]))}",
         "    unit: m",
         f"    columns: {flow(list(names))}",
         *([f"    columns_unit: {unit}  # {note}"] if unit else []),
@@ -60,6 +65,8 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     called = [
         match["joint"] if match else joint.name for match, joint in zip(found, joints, strict=True)
     ]
+    if len(set(called)) < len(called):
+        called = [joint.name for joint in joints]
     names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
     values = np.column_stack([joint.values for joint in joints])
     unit, note = _unit_of(table, joints[0].name, values, "rad")
@@ -71,6 +78,12 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
         f"    columns: {flow([joint.name for joint in joints])}",
         *([f"    columns_unit: {unit}  # {note}"] if unit else []),
     ]
+
+
+def is_angle(table: Table, name: str) -> bool:
+    """Whether a column may be an angle, by the unit that the file says."""
+    number = table.find(name)
+    return spelled(table.units.get(number if number is not None else -1, "")) in ("", *ANGLES)
 
 
 def _unit_of(table: Table, name: str, values: Floats, base: str) -> tuple[str, str]:

@@ -16,7 +16,13 @@ from intent_recognition.tables.cells import numbers, texts
 from intent_recognition.tables.file_kinds import FileKind, file_kinds
 from intent_recognition.tables.files import find_tables, has_tables
 from intent_recognition.tables.suggested_bags import suggest_of_bags
-from intent_recognition.tables.suggested_entries import SeenColumn, body_entry, flow, joints_entry
+from intent_recognition.tables.suggested_entries import (
+    SeenColumn,
+    body_entry,
+    flow,
+    is_angle,
+    joints_entry,
+)
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, stamps_ns, usual_unit
 
@@ -32,14 +38,20 @@ MOST_BODIES = 8
 """Bodies that a suggestion has. Convention: a person is asked to delete the others."""
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
-TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|time|timestamp|stamp|secs?|seconds|zeit)([^a-z]|$)")
+TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|times?|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|\bacc|gyr|mag|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
     r"|[XYZ]position$"
 )
 """What columns are called that move and are no position of a joint."""
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
-ELEMENTS = re.compile(r"(?i)^(?P<body>.*(pos|position|xyz|translation))\.(?P<element>\d+)$")
+ELEMENTS = re.compile(
+    r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose))[._\[](?P<element>\d)\]?$"
+)
+POSE_SIZES = (3, 6, 7)
+"""Elements of a place: x, y, z, and a rotation vector or a quaternion."""
+UNIT_END = re.compile(r"\s*(?:[\[(][^\[\]()]*[\])]|(?<=[xyzXYZ])_(?:mm|cm|m))$")
+"""A unit at the end of a name."""
 NO_PLACE = re.compile(r"(?i)rotation|orientation|velocity|\bacc|gyr|mag|euler|[._ ]r$")
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[xXyYzZ])$")
 
@@ -63,8 +75,11 @@ def suggest_map(source: Path) -> str:
     parts.sort(key=lambda part: not part.bodies)  # the person first
     entries = _distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
     if not entries:
-        place = str(kinds[0].table.source)
-        raise BagError.about(place, "columns that move", "none", "Check the file.")
+        table = kinds[0].table
+        twice = [name for name, count in Counter(table.names).items() if name and count > 1]
+        got = f"none but {', '.join(twice[:MOST_LISTED])}, each twice" if twice else "none"
+        cure = " ".join([*table.notes, "Check the file."])
+        raise BagError.about(str(table.source), "columns that move", got, cure)
     others = [line for entry in entries[1:] for line in entry]
     lines = [
         *(f"# Suggested from {line}" for part in parts for line in part.sources),
@@ -118,8 +133,9 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     used |= {str(cut.get("column"))} if isinstance(cut, Mapping) else set()
     bodies = _bodies(columns)
     used |= {column for body in bodies.values() for column in body}
+    used |= _orientations(columns, bodies)
     joints = [c for c in columns.values() if c.moves and c.name not in used and not _counts(c)]
-    others = [c.name for c in joints if NO_JOINT.search(c.name)]
+    others = [c.name for c in joints if NO_JOINT.search(c.name) or not is_angle(table, c.name)]
     joints = [c for c in joints if c.name not in others]
     still = [c.name for c in columns.values() if not c.moves and c.name not in used]
     moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
@@ -177,6 +193,8 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]]]
         part = alone[start : start + READ_AT_ONCE]
         for k, cells in zip(part, table.read(part), strict=True):
             name = table.names[k]
+            if cells.dtype.kind == "m":
+                cells = cells / np.timedelta64(1, "s")
             try:
                 values = numbers(cells, table.source, name)
             except (BagError, ValueError, TypeError):
@@ -226,19 +244,28 @@ def _time(
 
 
 def _bodies(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
-    """Columns x, y, z of each body."""
+    """Columns x, y, z of each body, or x, y of one in an image."""
     found: dict[str, dict[str, str]] = {}
     for name in columns:
         if match := ELEMENTS.match(name):
             found.setdefault(match["body"], {})[match["element"]] = name
-        match = PLACES.match(name)
+        match = PLACES.match(UNIT_END.sub("", name))
         if match and not NO_PLACE.search(match["body"]):
             found.setdefault(match["body"], {})[match["axis"].lower()] = name
-    return {
-        body: [axes[a] for a in sorted(axes)]
-        for body, axes in found.items()
-        if set(axes) in (set("xyz"), set("012"))
-    }
+    bodies = {}
+    for body, axes in found.items():
+        is_pose = len(axes) in (POSE_SIZES if body.lower().endswith("pose") else POSE_SIZES[:1])
+        is_pose = is_pose and set(axes) == set(map(str, range(len(axes))))
+        in_image = set(axes) == set("xy") and body.rstrip("._ ")
+        if set(axes) == set("xyz") or is_pose or in_image:
+            bodies[body] = [axes[a] for a in sorted(axes)][:3]
+    return bodies
+
+
+def _orientations(columns: Mapping[str, SeenColumn], bodies: Collection[str]) -> set[str]:
+    """Columns of an array that is a place and an orientation, which are of the latter."""
+    matches = {name: match for name in columns if (match := ELEMENTS.match(name))}
+    return {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
 
 
 def _of_texts(

@@ -27,6 +27,34 @@ FIRST_CLOCK_NS = 10**18
 LAST_NS = 2**31 * NANOSECONDS
 """The first time [ns] that a stamp of ROS cannot hold: its seconds are int32."""
 DAY_NS = 86_400 * NANOSECONDS
+HOUR_NS = 3600 * NANOSECONDS
+CLOCK = (
+    r"(?P<hour>\d{1,2})(?P<mark>[:.])(?P<minute>\d\d)(?:(?P=mark)(?P<second>\d\d))?"
+    r"(?:(?:[.,]|:(?=\d{3}))(?P<digits>\d+))?(?:\s*(?P<half>[ap])\.?m\.?)?"
+)
+"""A time of day: 10:00:00.5, 10.00.00,500 or 10:00:00.5 PM."""
+ZONE = r"(?:\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<off_hours>\d\d):?(?P<off_minutes>\d\d)?))?"
+DATES = (
+    re.compile(
+        r"(?P<first>\d{1,4})(?P<between>[-/.])(?P<middle>\d{1,2})(?P=between)(?P<last>\d{1,4})"
+        rf"(?:T|,?\s+){CLOCK}{ZONE}",
+        re.IGNORECASE,
+    ),
+    re.compile(
+        r"(?P<first>\d{4})(?P<middle>\d\d)(?P<last>\d\d)[T_ ](?P<hour>\d\d)(?P<minute>\d\d)"
+        rf"(?P<second>\d\d)(?:[.,](?P<digits>\d+))?{ZONE}",
+        re.IGNORECASE,
+    ),
+)
+"""Dates and times: 2024-01-31T10:00:00.5+01:00, 31.01.2024 10:00:00,5, 1/31/2024 10:00:00.5 AM,
+20240131T100000.5."""
+TIME_OF_DAY = re.compile(
+    r"(?:(?P<hours>\d+):(?P<minutes>\d{1,2}):(?P<seconds>\d{1,2}(?:[.,]\d+|:\d{3,})?)"
+    r"|(?P<short>\d{1,2}):(?P<rest>\d\d[.,]\d+))(?:\s*(?P<half>[ap])\.?m\.?)?",
+    re.IGNORECASE,
+)
+"""A time of day, or minutes and seconds with decimals, as spreadsheets show them. What follows a
+third colon is milliseconds, or frames, whose rate is not said."""
 USUAL_PERIODS_S = 1e-3, 0.5
 """Steps between samples by which the unit of times is known [s]. Convention."""
 
@@ -58,8 +86,8 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     """Times as stamps, without rounding where the column holds whole numbers or decimal texts.
 
     Args:
-        values: times, (T,); dates, also as text in ISO 8601, are taken as they are. Times of day
-            go on after midnight.
+        values: times, (T,); dates, also as text (`DATES`), are taken as they are. Times of day
+            go on after midnight, minutes and seconds after an hour.
         unit: of the times, a key of `PER_UNIT`.
         since_ns: what they count from [ns]; None for 1970 where they are later than 2001, else
             `SINCE_NS`.
@@ -83,18 +111,19 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
             counts = np.rint(np.where(known, values, 0.0).astype(np.float64) * per)
     else:
         counts = np.zeros(values.size, object)
-        days = last = 0
+        rounds = last = 0
         for row, cell in enumerate(values):
             text = str(cell).strip()
             known[row] = text.lower() not in MISSING
             try:
                 if known[row]:
-                    is_date = _is_date(text)
-                    are_dates |= is_date
-                    counts[row] = _date_ns(text) if is_date else _nanoseconds(text, per)
-                    if not is_date and ":" in text:
-                        days += last - counts[row] > DAY_NS // 2
-                        last, counts[row] = counts[row], counts[row] + days * DAY_NS
+                    date_ns = _date_ns(text)
+                    are_dates |= date_ns is not None
+                    counts[row] = _nanoseconds(text, per) if date_ns is None else date_ns
+                    if date_ns is None and ":" in text:
+                        round_ns = DAY_NS if text.count(":") > 1 else HOUR_NS
+                        rounds += last - counts[row] > round_ns // 2
+                        last, counts[row] = counts[row], counts[row] + rounds * round_ns
             except (ArithmeticError, ValueError) as error:
                 got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
                 cure = "Name a column of numbers, 10:00:00.5 or 2024-01-31 10:00:00.5 under time."
@@ -135,21 +164,47 @@ def _checked(counts: NDArray[Any], known: Flags, since_ns: int, place: str, per:
     return np.where(known, counts, 0).astype(np.int64) + since_ns
 
 
-def _is_date(text: str) -> bool:
-    return "-" in text[1:] and ":" in text
+def _date_ns(text: str) -> int | None:
+    """A date and time as nanoseconds since 1970, without a zone in UTC; None where it is none.
 
-
-def _date_ns(text: str) -> int:
-    """A date and time in ISO 8601 as nanoseconds since 1970; without a zone it is UTC.
+    Between slashes the month comes first, unless it is above 12; between dots the day.
 
     Raises:
-        ValueError: it is none.
+        ValueError: there is no such day.
     """
-    whole, _, rest = text.replace("Z", "+00:00").replace(",", ".").partition(".")
-    digits = re.match(r"\d*", rest)[0]  # type: ignore[index]
-    day = datetime.fromisoformat(whole + rest[len(digits) :])
-    moment = day if day.tzinfo else day.replace(tzinfo=timezone.utc)
-    return int(moment.timestamp()) * NANOSECONDS + int(digits[:9].ljust(9, "0"))
+    match = next(filter(None, (form.fullmatch(text) for form in DATES)), None)
+    if match is None:
+        return None
+    said = {"between": "", "half": "", **match.groupdict()}
+    first, middle, last = (int(said[key]) for key in ("first", "middle", "last"))
+    if len(said["first"]) == 4:
+        year, month, day = first, middle, last
+    elif said["between"] == "." or first > 12:
+        year, month, day = last, middle, first
+    else:
+        year, month, day = last, first, middle
+    hour = _of_day(int(said["hour"]), said["half"])
+    moment = datetime(
+        year + 2000 * (year < 100),
+        month,
+        day,
+        hour,
+        int(said["minute"]),
+        int(said["second"] or 0),
+        tzinfo=timezone.utc,
+    )
+    zone_s = 3600 * int(said["off_hours"] or 0) + 60 * int(said["off_minutes"] or 0)
+    seconds = int(moment.timestamp()) - (-zone_s if said["sign"] == "-" else zone_s)
+    return seconds * NANOSECONDS + int((said["digits"] or "")[:9].ljust(9, "0"))
+
+
+def _of_day(hour: int, half: str | None) -> int:
+    """An hour from 0 to 23, of one from 1 to 12 before or after noon."""
+    if not half:
+        return hour
+    if not 1 <= hour <= 12:
+        raise ValueError(f"{hour} of a half day")
+    return hour % 12 + 12 * (half.lower() == "p")
 
 
 def _nanoseconds(text: str, per: int) -> int:
@@ -158,9 +213,11 @@ def _nanoseconds(text: str, per: int) -> int:
     Raises:
         ArithmeticError, ValueError: it is none, or far beyond any time.
     """
-    if text.count(":") == 2:
-        hours, minutes, seconds = text.split(":")
-        text, per = str(3600 * int(hours) + 60 * int(minutes) + Decimal(seconds)), NANOSECONDS
+    if day := TIME_OF_DAY.fullmatch(text):
+        hours = _of_day(int(day["hours"] or 0), day["half"])
+        minutes, rest = day["minutes"] or day["short"], day["seconds"] or day["rest"]
+        seconds = Decimal(re.sub("[,:]", ".", rest))
+        text, per = str(3600 * hours + 60 * int(minutes) + seconds), NANOSECONDS
     count = Decimal(with_point(text)) * per
     if not abs(count) < 10**30:
         raise OverflowError

@@ -42,6 +42,18 @@ def test_positions_in_another_unit_are_refused_with_the_factor(placed, truth, rn
     assert not estimator.observe(times_s[3], values[3]).moving
 
 
+def test_a_rest_at_the_origin_says_nothing_of_the_unit(library, truth, rng):
+    """However long it is, the movement after it is judged."""
+    times_s, values = samples(truth, rng)
+    values = 1000.0 * (values - values[0])
+    estimator = IntentEstimator(library)
+    for k in range(2 * first_samples.N_JUDGED):
+        estimator.observe(0.01 * k, np.zeros(3))
+    with pytest.raises(ArgumentError, match="metres"):
+        for stamp_s, value in zip(times_s + 10.0 - times_s[0], values, strict=True):
+            estimator.observe(stamp_s, value)
+
+
 @pytest.mark.parametrize(
     ("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")]
 )

@@ -61,7 +61,14 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
         (TIMES_S, HUMAN, ROBOT, {"observed_names": (1, 2)}, ArgumentError, r"got \[1, 2\]"),
         (TIMES_S[::-1], HUMAN, ROBOT, {}, ArgumentError, "got 0.9 after 1 in row 1"),
         (np.full(11, np.nan), HUMAN, ROBOT, {}, ArgumentError, "got nan in row 0"),
-        (TIMES_S * 1e9 + 1.7e18, HUMAN, ROBOT, {}, ArgumentError, "divide nanoseconds by 1e9"),
+        (
+            TIMES_S * 1e9 + 1.7e18,
+            HUMAN,
+            ROBOT,
+            {},
+            ArgumentError,
+            "Likely nanoseconds since 1970",
+        ),
         (TIMES_S, HUMAN, ROBOT, {"controlled_unit": 3}, ArgumentError, "unit of robot"),
         (TIMES_S, HUMAN, ROBOT, {"task": "none"}, ArgumentError, "task: expected a label"),
         (TIMES_S, HUMAN, ROBOT, {"task": "a/b"}, ArgumentError, "task: expected a label"),
@@ -142,3 +149,16 @@ def test_it_is_shown_on_one_line():
     assert shown == (
         "<Demonstration 'first': task 'reach', 1.00 s, 2 observed and 1 controlled DOFs>"
     )
+
+
+@pytest.mark.parametrize("kind", ["M", "m"])
+def test_dates_and_durations_are_times(kind):
+    times = (np.round(TIMES_S * 1e9)).astype(np.int64).astype(f"{kind}8[ns]")
+    made = Demonstration.from_arrays(times, HUMAN, ROBOT)
+    (signal,) = made.observed
+    np.testing.assert_allclose(signal.stamps_ns, np.round(TIMES_S * 1e9), atol=1)
+
+
+def test_times_that_32_bits_cannot_tell_apart_are_named():
+    with pytest.raises(ArgumentError, match="use float64"):
+        Demonstration.from_arrays((TIMES_S + 1.7e9).astype(np.float32), HUMAN, ROBOT)

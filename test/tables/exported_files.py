@@ -243,6 +243,12 @@ def lerobot(folder):
     return lerobot_set(folder / "set", np.stack([states] * 2), names)
 
 
+def deeplabcut(folder):
+    head = "scorer,a,a,a\nbodyparts,wrist,wrist,wrist\ncoords,x,y,z\n"
+    (folder / "dlc.csv").write_text(head + rows(lambda k: [f"{k}"]))
+    return folder / "dlc.csv"
+
+
 def parquet(folder):
     arrow, files = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
     columns = {"t": np.arange(ROWS) / 100, "wrist_pos": list(PLACE / 1000)}
@@ -265,6 +271,7 @@ EXAMPLES = {
     "OpenSim, TRC": (trc, three("RWR"), {}),
     "QTM, TSV": (qtm, three("wrist"), {}),
     "OpenSim, MOT": (opensim, [f"wrist_t{axis}" for axis in "xyz"], {}),
+    "DeepLabCut, CSV": (deeplabcut, three("wrist"), {"time": {"rate": 100}}),
     "Excel, CSV": (german_excel, ["x", "y", "z"], {"time": {"column": "Zeit [s]"}}),
     "Excel, text in UTF-16": (utf16, ["x", "y", "z"], {"time": {"column": "t"}}),
     "CSV without names": (without_names, [1, 2, 3], {"time": {"column": 0}}),
@@ -282,7 +289,7 @@ EXAMPLES = {
     "numpy, NPZ": (npz, [f"wrist_pos.{k}" for k in range(3)], {"time": {"column": "t"}}),
 }  # fmt: skip
 """By exporter and format: its file, the columns of the wrist, and what else the map must say."""
-SAY_MM = ("Excel, CSV", "Excel, text in UTF-16", "CSV without names", "BVH")
+SAY_MM = ("DeepLabCut, CSV", "Excel, CSV", "Excel, text in UTF-16", "CSV without names", "BVH")
 """Those whose files do not say the unit."""
 
 

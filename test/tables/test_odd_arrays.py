@@ -98,6 +98,79 @@ def test_landmarks_in_any_json(kind, tmp_path):
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=200)
 
 
+def test_people_in_frames_of_openpose(tmp_path):
+    """Those of one file; a few frames with two people are left out, and many are refused."""
+    person = [{"pose_keypoints": [100.0 + k, 200.0, 0.9] * 25} for k in range(ROWS)]
+    frames = [{"people": [one] * (2 if k in (7, 8) else 1)} for k, one in enumerate(person)]
+    columns, time = ["RWrist.x", "RWrist.y", "RWrist.y"], {"rate": 100}
+    options = {"columns": columns, "unit": "mm", "time": time}
+    samples, said = imported(tmp_path, "a.json", json.dumps(frames), **options)
+    assert "2 frames have several people" in said and np.isnan(samples.values[7:9]).all()
+    np.testing.assert_allclose(samples.values[9:, 0], 0.109 + np.arange(ROWS - 9) / 1000)
+    frames = [{"people": [one] * 2} for one in person]
+    samples, said = imported(tmp_path, "a.json", json.dumps(frames), **options)
+    assert samples is None and "several people in 200 of 200 frames" in said
+
+
+def test_keypoints_of_coco_are_of_one_person_in_each_image(tmp_path):
+    results = [{"image_id": k, "keypoints": [1.0, 2.0, 0.9] * 17} for k in range(ROWS)]
+    columns, time = ["right_wrist.x", "right_wrist.y", "right_wrist.y"], {"rate": 100}
+    samples, _ = imported(tmp_path, "a.json", json.dumps(results), columns, time=time)
+    assert samples.values.tolist() == [[1.0, 2.0, 2.0]] * ROWS
+    samples, said = imported(tmp_path, "a.json", json.dumps(results * 2), columns, time=time)
+    assert samples is None and "one person in each image" in said
+
+
+NESTED = {
+    "a struct": ([dict(zip("xyz", row, strict=True)) for row in (PLACE / 1000).tolist()], "w.{}"),
+    "a list of structs": (
+        [[{"p": dict(zip("xyz", row, strict=True))}] for row in (PLACE / 1000).tolist()],
+        "w.0.p.{}",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", NESTED)
+def test_structs_of_parquet(kind, tmp_path):
+    arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
+    values, name = NESTED[kind]
+    parquet.write_table(arrow.table({"t": TIMES_S, "w": values}), tmp_path / "made.parquet")
+    content = (tmp_path / "made.parquet").read_bytes()
+    columns = [name.format(axis) for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.parquet", content, columns, time={"column": "t"})
+    assert not said
+    np.testing.assert_array_equal(samples.values, PLACE / 1000)
+
+
+def test_a_list_that_is_missing_was_not_measured(tmp_path):
+    arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
+    lists = [None if k < 3 else row for k, row in enumerate((PLACE / 1000).tolist())]
+    parquet.write_table(arrow.table({"w": lists}), tmp_path / "made.parquet")
+    content = (tmp_path / "made.parquet").read_bytes()
+    columns, time = ["w.0", "w.1", "w.2"], {"rate": 100}
+    samples, _ = imported(tmp_path, "a.parquet", content, columns, time=time)
+    assert np.isnan(samples.values[:3]).all()
+    np.testing.assert_array_equal(samples.values[3:], PLACE[3:] / 1000)
+
+
+def test_numbered_groups_of_hdf5_are_demonstrations(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "made.h5", "w") as file:
+        for k in range(3):
+            file[f"traj_{k}/obs/tcp_pose"] = np.hstack(
+                [PLACE + k, np.tile([0, 0, 0, 1], (ROWS, 1))]
+            )
+            file[f"traj_{k}/actions"] = PLACE[1:]
+    columns = [f"obs.tcp_pose.{k}" for k in range(3)]
+    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
+    mapping = {"observed": [{**entry, "columns": columns, "columns_unit": "mm"}], "task": "t"}
+    content = ImportMap.from_dict({**mapping, "time": {"rate": 100}})
+    said, *found = import_demonstrations(tmp_path / "made.h5", content)
+    assert "left out: actions" in said.reason and len(found) == 3
+    for k, one in enumerate(found):
+        np.testing.assert_allclose(one.samples[0].values, (PLACE + k) / 1000)
+
+
 @pytest.mark.parametrize(
     "content",
     ["null", "3", "[[]]", '{"fps": "a", "frames": [[[0, 0]]]}', json.dumps([landmarks(0, "abc")])],

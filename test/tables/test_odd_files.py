@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of text as labs send them: read right, or refused with what is wrong."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, imported, plain, table
 
 from intent_recognition.tables import Doubt, import_demonstrations
 from intent_recognition.tables.import_map import ImportMap
+
+
+def dated(seconds, form):
+    """A time on the last of January, before noon; `{}` are milliseconds."""
+    at = datetime(2024, 1, 31, 11, 59, 59) + timedelta(seconds=float(seconds))
+    return at.strftime(form).format(f"{at.microsecond // 1000:03d}")
+
 
 PLAIN = {
     "thousands with a point": plain("{:,.3f}", 10.0, ";"),
@@ -25,6 +34,21 @@ PLAIN = {
     "Excel's line of the separator": "sep=;\n" + plain(scale=10.0, separator=";"),
     "titles": "Monday\n\nby me, of the plate\n".replace(",", "") + plain(scale=10.0),
     "times of day over midnight": plain(scale=10.0, at=lambda t: day_time(86_399.0 + t)),
+    **{
+        f"dates as {form}": plain(scale=10.0, at=lambda t, form=form: dated(t, form))
+        for form in (
+            "%d.%m.%Y %H:%M:%S.{}",
+            "%m/%d/%Y %I:%M:%S.{} %p",
+            "%Y/%m/%d %H:%M:%S.{}",
+            "%Y%m%dT%H%M%S.{}",
+            "%Y-%m-%d %I.%M.%S.{} %p",
+            "%Y-%m-%dT%H:%M:%S.{}+0100",
+            "%Y-%m-%d %H:%M:%S.{} UTC",
+            "%I:%M:%S.{} %p",
+            "%M:%S.{}",
+            "%H:%M:%S:{}",
+        )
+    },
     "dates with decimal commas": plain(
         scale=10.0, separator=";", at=lambda t: f"2024-01-31 {day_time(t)}"
     ).replace(".", ","),
@@ -130,3 +154,38 @@ def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
         *doubts, _ = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(content))
         assert [one.reason.count("degrees for radians") for one in doubts] == [1] * doubted
         assert all(isinstance(one, Doubt) for one in doubts)
+
+
+@pytest.mark.parametrize("text", ["10:00:00:12", "10:00", "13:00:00.5 PM", "31/31/2024 10:00:00"])
+def test_a_time_that_may_mean_several_things_is_refused(text, tmp_path):
+    content = plain(scale=10.0, at=lambda t: text)
+    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    assert samples is None and "expected times" in said
+
+
+LEVELS = {
+    "DeepLabCut": "scorer,D,D,D,D,D,D\nbodyparts,nose,nose,nose,wrist,wrist,wrist\n"
+    "coords,x,y,z,x,y,z",
+    "one body": "scorer,D,D,D,D,D,D\nbodyparts,nose,nose,nose,wrist,wrist,wrist\n"
+    "coords,x,y,likelihood,x,y,z",
+    "Visual3D": "\tc:\\a.c3d\t\t\t\t\t\n\tnose\tnose\tnose\twrist\twrist\twrist\n"
+    "\tTARGET\t\t\t\t\t\nITEM\tX\tY\tZ\tX\tY\tZ",
+    "pandas": "time,nose,,,wrist,,\n,x,y,z,x,y,z",
+}
+
+
+@pytest.mark.parametrize("kind", LEVELS)
+def test_names_in_several_lines(kind, tmp_path):
+    tab = "\t" if "\t" in LEVELS[kind] else ","
+    content = table(LEVELS[kind], lambda k: [str(k), *cells(k)[::-1], *cells(k)], tab)
+    columns = ["wrist.x", "wrist.y", "wrist.z"]
+    options = {"time": {"rate": 100}}
+    assert "the unit" in imported(tmp_path, "a.csv", content, columns, **options)[1]
+    samples, said = imported(tmp_path, "a.csv", content, columns, unit="mm", **options)
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-9)
+
+
+def test_metres_that_are_called_millimetres_are_named(tmp_path):
+    samples, said = imported(tmp_path, "a.csv", plain(scale=1e-3), unit="mm", time={"column": "t"})
+    assert samples is not None and "say in the map columns_unit: m." in said

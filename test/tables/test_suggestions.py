@@ -108,3 +108,33 @@ def test_a_suggested_map_reads_the_task_from_the_names(names, pattern, tmp_path)
 def find_stem(found):
     assert not isinstance(found, Rejection), found
     return found.name
+
+
+def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
+    """Of a robot's pose only its place; of a length that is no place nothing."""
+    names = ["t_s", "x_m", "y_m", "z_m", *(f"tcp_pose_{k}" for k in range(6)), "gripper [mm]"]
+
+    def row(k):
+        return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 3, f"{80 * SHARE[k, 0]}"]
+
+    (tmp_path / "a.csv").write_text(table(",".join(names), row))
+    content, text, _ = suggested(tmp_path / "a.csv")
+    entries = content["observed"] + content["controlled"]
+    assert [entry["columns"] for entry in entries] == [names[1:4], names[4:7]]
+    assert "# They move, and are no positions: gripper [mm]" in text
+
+
+def test_landmarks_of_an_image_are_places_of_two_axes(tmp_path):
+    head = "bodyparts,Händ,Händ,Händ,2nd,2nd,2nd\ncoords,x,y,likelihood,x,y,likelihood"
+    content = table(head, lambda k: [str(k), *(*cells(k)[:2], "0.9") * 2])
+    (tmp_path / "a.csv").write_text(content, encoding="utf-8")
+    content, _, _ = suggested(tmp_path / "a.csv")
+    entries = content["observed"] + content["controlled"]
+    assert [entry["topic"] for entry in entries] == ["/mocap/hand/pose", "/mocap/body_2nd/pose"]
+    assert all(entry["fields"] == ["pose.position.x", "pose.position.y"] for entry in entries)
+
+
+def test_names_that_are_there_twice_are_named(tmp_path):
+    (tmp_path / "a.csv").write_text(plain(head="t,x,x,x"))
+    with pytest.raises(BagError, match="none but x, each twice"):
+        suggest_map(tmp_path / "a.csv")
