@@ -8,7 +8,7 @@ arms of one length cannot be told apart.
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -23,6 +23,8 @@ _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
 """Likewise if it moves a link of such a name. Convention: `gripper_link` may be a palm."""
 _TOOL = re.compile("tool|tcp|flange|hand|grip|grasp|end_?effector|(^|_)ee(_|$)", re.IGNORECASE)
 """Frames at the end of an arm that are its hand, not a sensor's. Convention."""
+_STANDARD = re.compile("(^|_)tool0$")
+"""The frame of the tool of ROS-Industrial, which stands beside others."""
 
 
 class _Below(NamedTuple):
@@ -41,13 +43,19 @@ class _Below(NamedTuple):
     tool: bool = False
 
 
-def default_tip(base: str, joints: Sequence[ET.Element], masters: Mapping[str, str]) -> str:
+def default_tip(
+    base: str,
+    joints: Sequence[ET.Element],
+    masters: Mapping[str, str],
+    passed: Collection[str] = (),
+) -> str:
     """The link that is the hand of the one arm of a URDF, or the longest.
 
     Args:
         base: link at which the arm begins.
         joints: a tree.
         masters: by name of a joint that copies another, that other one.
+        passed: joints of the arm that lead to `base`.
     """
     at: dict[str, list[ET.Element]] = defaultdict(list)
     for joint in joints:
@@ -64,7 +72,7 @@ def default_tip(base: str, joints: Sequence[ET.Element], masters: Mapping[str, s
             frozenset().union(*(part.moving for part in parts)),
             any(part.tool for part in parts),
         )
-    return _walk(base, at, below, masters, frozenset())
+    return _walk(base, at, below, masters, frozenset(passed))
 
 
 def _with(joint: ET.Element, below: Mapping[str, _Below], masters: Mapping[str, str]) -> _Below:
@@ -106,6 +114,8 @@ def _walk(
             raise ArgumentError.about("tip", f"{tips}, as there are several arms", "none", cure)
         if not most:
             ways = _at_the_end(parts)
+            named = [k for k in ways if _STANDARD.search(end_of(joints[k], "child"))]
+            ways = named if len(named) == 1 else ways
             held = [joints[k].get("type") not in MOVING for k in ways]
             copies = [masters.get(joints[k].get("name", "")) in passed for k in ways]
             if len(ways) != 1 or not (held[0] or copies[0]):

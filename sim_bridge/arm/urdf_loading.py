@@ -88,7 +88,7 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
         flags |= pybullet.URDF_USE_SELF_COLLISION
     with TemporaryDirectory() as folder:
         path = Path(folder) / "arm.urdf"
-        path.write_text(urdf, encoding="utf-8")
+        path.write_text(urdf.replace("><", ">\n<"), encoding="utf-8")  # Bullet cuts long lines
         _try_meshes(urdf, path, flags)
         try:
             return client.loadURDF(

@@ -21,6 +21,11 @@ def test_the_hand_and_the_joints_of_an_arm_are_found(name):
     assert np.isfinite(arm.forward_kinematics(arm.rest)).all()
 
 
+def test_fingers_beyond_a_hand_that_is_named_are_no_arms():
+    arm = Arm.from_urdf(urdf(TREES["five_fingers"].branches), tip="palm", beyond=True)
+    assert " ".join(arm.joint_names) == TREES["five_fingers"].joints
+
+
 @pytest.mark.parametrize("name", SEVERAL)
 def test_of_two_arms_the_hands_are_named(name):
     with pytest.raises(ArgumentError, match=f"tip: expected {TREES[name].tip}, as .*--tip"):

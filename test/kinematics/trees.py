@@ -76,6 +76,20 @@ TREES = {
         "tool0",
         names("", 6),
     ),
+    "ur_of_two_frames": Tree(
+        (row("base_link", "", 6, after=" f ee_link"), "l6 f tool0"),
+        "tool0",
+        names("", 6),
+    ),
+    "five_fingers": Tree(
+        (
+            "base p:torso torso r head",
+            row("torso", "", 7, after=" f palm r:thumb_abd thumb"),
+            *(row("palm", f"{finger}_", 7) for finger in ("index", "middle", "ring", "little")),
+        ),
+        "palm",
+        "torso " + names("", 7),
+    ),
     "ur_robotiq": Tree(
         (
             row("base_link", "", 6, after=" f tool0 f coupler f robotiq_base"),
