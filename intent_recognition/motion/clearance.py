@@ -13,6 +13,7 @@ from intent_recognition.motion.bending import Spread, TouchingPath, bend
 from intent_recognition.motion.path import JointPath
 from intent_recognition.motion.plan import JointPlan
 from intent_recognition.motion.replanning import detours, replan
+from intent_recognition.motion.self_motion import HandKept, Turn
 
 LARGEST_BEND = 3.0
 """A path is bent by at most so many standard deviations. Convention: nearly all that was taught."""
@@ -49,12 +50,14 @@ class ClearPath(NamedTuple):
         away: how far it was moved at `N_SAMPLES` phases (T, n) [rad]; None where it was not.
         how: "", "bent" within the spread of its task, or "replanned".
         later_s: a command of it starts so much later, for finding it took its time [s].
+        turn: how the arm turned about its hand before it was moved; None where it did not.
     """
 
     path: JointPath
     away: Floats | None = None
     how: str = ""
     later_s: float = 0.0
+    turn: Turn | None = None
 
 
 class Clearance:
@@ -121,7 +124,44 @@ class Clearance:
 
         Returns:
             The path itself where it is clear; where no way is found, what is in the way of it.
+            Where a hand is predicted whose arm is redundant, and the end touches, the arm turns
+            about the hand first.
         """
+        hand = self._hand(label, limits)
+        if hand is None:
+            return self._moved(path, label, phase, limits, before, tries)
+        turn = None if before is None else before.turn
+        turned = None if turn is None else hand.turned(path, turn)
+        turn = None if turned is None else turn
+        found = self._moved(turned or path, label, phase, limits, before, tries)
+        if isinstance(found, Obstruction):
+            end = hand.clear_end(self.bodies, (turned or path).spline(1.0))
+            if end is not None:
+                turn = Turn(phase if turn is None else turn.since, end - path.spline(1.0))
+                turned = hand.turned(path, turn)
+                if turned is not None:
+                    found = self._moved(turned, label, phase, limits, before, tries)
+        if isinstance(found, Obstruction) or turn is None:
+            return found
+        return found._replace(how=found.how or "replanned", turn=turn)
+
+    def _hand(self, label: str, limits: JointLimits) -> HandKept | None:
+        """The hand that a task's arm may turn about; None where its joints are predicted."""
+        spread = self._spreads.get(label)
+        if spread is None or spread.arm is None or not self.replan_budget_s:
+            return None
+        return HandKept(spread.arm, bool(spread.reference), limits)
+
+    def _moved(
+        self,
+        path: JointPath,
+        label: str,
+        phase: float,
+        limits: JointLimits,
+        before: ClearPath | None,
+        tries: int | None,
+    ) -> ClearPath | Obstruction:
+        """The path moved so that it is clear, both ends fixed; arguments as of `clear`."""
         phases = np.linspace(0.0, 1.0, N_SAMPLES)
         first = min(int(phase * (N_SAMPLES - 1)), N_SAMPLES - 2)
         positions = path.spline(phases)
