@@ -43,8 +43,10 @@ What weighs less than twice that force is held by the least grip."""
 SLIP_GRIP = 2.0
 """Grip after a slip, by what the friction that was felt needs to hold. Convention: it must stop the
 object, too, and the load is still falling when the slip is noticed."""
-PRESENT_S = 0.15
-"""Time that the person must hold an object still before the fingers close [s]. Convention."""
+PRESENT_S = 0.6
+"""Time that the person's tracked hand must rest near before open fingers close [s]: it may be the
+wrist that is tracked, while the fingers still bring the object. A reaction to the arm that has come
+(0.23 s: Woods et al. 2015) and half a reach."""
 FIRST_N = 8.0
 """Force with which fingers close on what a person holds [N]. Convention: firm, and harmless."""
 GRIPPED_S = 0.15
@@ -144,6 +146,7 @@ class TransferMachine:
         self._patience_s = patience_s
         self.holding, self.weight_n = Holding.EMPTY, 0.0
         self._share, self._factor, self._waited_in_vain = 0.0, 1.0, False
+        self._opened_s, self._closed_in_vain = 0.0, False
         self._loads: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=REMEMBERED)
         self._since: dict[str, float] = {}
         self._entered_s, self._time_s = 0.0, np.nan
@@ -179,14 +182,17 @@ class TransferMachine:
         elif request is not Request.TAKE:
             self._waited_in_vain = False
         elif not (now.moving or self._waited_in_vain):
+            self._opened_s, self._closed_in_vain = now.time_s, False
             self._enter(Holding.RECEIVING, now.time_s)
 
     def _receiving(self, request: Request, now: Situation) -> None:
-        presented = self._presented(now)
-        self._waited_in_vain = not presented and now.time_s - self._entered_s > self._patience_s
+        """Wait for an object between fingers that stand open, also after they closed on nothing."""
+        presented, late = self._presented(now), now.time_s - self._opened_s > self._patience_s
+        self._waited_in_vain = late and (self._closed_in_vain or not presented)
+        ready = self._fingers_stand(now) and presented
         if request is not Request.TAKE or now.moving or self._waited_in_vain:
             self._enter(Holding.EMPTY, now.time_s)
-        elif self._lasts("present", presented, now.time_s, PRESENT_S):
+        elif self._lasts("present", ready, now.time_s, PRESENT_S):
             self._close(now)
 
     def _presented(self, now: Situation) -> bool:
@@ -196,7 +202,9 @@ class TransferMachine:
         """Wait until the fingers stand; on nothing they open again."""
         if self._lasts("gripped", self._fingers_stand(now), now.time_s, GRIPPED_S):
             if now.half_opening_m < EMPTY_M:
-                self._enter(Holding.EMPTY, now.time_s)
+                self._closed_in_vain = True
+                again = Holding.RECEIVING if request is Request.TAKE else Holding.EMPTY
+                self._enter(again, now.time_s)
             elif request is Request.TAKE:
                 self._enter(Holding.TAKING, now.time_s)
             else:

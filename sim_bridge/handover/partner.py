@@ -108,7 +108,7 @@ class Taker:
 
 
 class Giver:
-    """Brings an object to the robot's hand, and lets go of it when the robot holds it.
+    """Brings an object to the robot's hand, and lets go of it while the robot holds it.
 
     Attributes:
         to_m: where the hand brings it (3,); it may change on the way.
@@ -118,6 +118,7 @@ class Giver:
         self.hand, self._manner = hand, manner
         self._from_m, self.to_m = hand.position_m.copy(), to_m
         self._closed_s: float | None = None
+        self._opened_s: float | None = None
         self._gone_s = np.inf
         hand.lift_n = manner.weight_n
 
@@ -126,9 +127,9 @@ class Giver:
         manner, hand = self._manner, self.hand
         done = progress((time_s - manner.reaction_s) / manner.reach_s)
         hand.target_m = self._from_m + done * (self.to_m - self._from_m)
-        if not seen.closed and self._closed_s is None:
+        self._look(time_s, seen.closed)
+        if self._closed_s is None:
             return
-        self._closed_s = time_s if self._closed_s is None else self._closed_s
         lowering_s = time_s - self._closed_s - manner.reaction_s
         if hand.holds:
             hand.lift_n = manner.weight_n * (1.0 - progress(lowering_s / manner.load_s))
@@ -139,6 +140,17 @@ class Giver:
         if self._gone_s < np.inf:
             away = manner.brought_m * progress((time_s - self._gone_s) / manner.reach_s)
             hand.target_m = self.to_m + away * manner.toward
+
+    def _look(self, time_s: float, closed: bool) -> None:
+        """See whether the fingers have closed, or have opened again on what the person holds."""
+        if closed or not self.hand.holds:
+            self._opened_s = None
+            if closed and self._closed_s is None:
+                self._closed_s = time_s
+        elif self._closed_s is not None:
+            self._opened_s = time_s if self._opened_s is None else self._opened_s
+            if time_s - self._opened_s > self._manner.reaction_s:
+                self._closed_s, self.hand.lift_n = None, self._manner.weight_n
 
 
 def progress(share: float) -> float:

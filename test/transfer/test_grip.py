@@ -125,6 +125,22 @@ def test_a_giver_lets_go_only_of_what_the_robot_holds():
         assert one.holds is not closed
 
 
+def test_a_giver_keeps_what_the_fingers_closed_on_and_opened_again():
+    manner = Manner.draw(np.random.default_rng(2), WEIGHT_N)
+    one = hand()
+    one.grasp(np.zeros(3), LEVEL)
+    one.feel(WEIGHT_N)
+    giver, body = Giver(one, manner, np.array([-0.2, 0.0, 0.0])), Falling(one)
+    touched = (2.0, 2.1 + manner.reaction_s)
+
+    def act(t, point):
+        giver.step(t, SeenRobot(point, LEVEL, rests=True, closed=touched[0] < t < touched[1]))
+
+    body.run(4.0, act)
+    assert one.holds
+    assert one.lift_n == pytest.approx(manner.weight_n)
+
+
 def test_progress_is_minimum_jerk():
     assert [progress(x) for x in (-1.0, 0.0, 0.5, 1.0, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
     assert progress(-np.inf) == 0.0

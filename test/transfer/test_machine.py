@@ -12,6 +12,7 @@ from intent_recognition.transfer import (
     TransferMachine,
     carrying_grip,
 )
+from intent_recognition.transfer.machine import PRESENT_S
 from intent_recognition.transfer.sharing import MOST_N
 
 STEP_S, WEIGHT_N = 0.005, 6.0
@@ -140,7 +141,8 @@ def test_what_a_person_holds_out_is_taken_when_the_person_lets_go():
     course.run(0.3, take, (0, 0, 0), near=False, half_opening_m=0.04)
     course.run(0.3, take, (0, 0, 0), person_m_s=0.4, half_opening_m=0.04)
     assert course.machine.holding is Holding.RECEIVING
-    outputs = course.run(0.5, take, (0, 0, 0), half_opening_m=0.03)
+    outputs = course.run(PRESENT_S + 0.3, take, (0, 0, 0), half_opening_m=0.03)
+    assert states(outputs).count(Holding.RECEIVING) * STEP_S >= PRESENT_S  # it is being brought
     assert outputs[-1].holding is Holding.TAKING
     assert outputs[-1].grip_n > 0.0
     outputs = course.run(1.0, take, (0.3, 0, 0.2), half_opening_m=0.03)
@@ -160,7 +162,7 @@ def test_the_noise_of_filtered_loads_does_not_hide_that_the_person_let_go():
         return np.add(force, noise)
 
     course, take = Course(), Request.TAKE
-    course.run(0.2, take, (0, 0, 0), half_opening_m=0.04)
+    course.run(PRESENT_S, take, (0, 0, 0), half_opening_m=0.04)
     outputs = course.run(3.0, take, lambda t: noisy((0.3, 0.0, 0.2)), half_opening_m=0.03)
     assert outputs[-1].holding is Holding.TAKING
     outputs = course.run(1.5, take, lambda t: noisy((0.0, 0.0, -WEIGHT_N)), half_opening_m=0.03)
@@ -171,9 +173,45 @@ def test_the_noise_of_filtered_loads_does_not_hide_that_the_person_let_go():
 
 def test_fingers_that_close_on_nothing_open_again():
     course = Course()
-    course.run(0.3, Request.TAKE, (0, 0, 0), half_opening_m=0.04)
+    course.run(PRESENT_S + 0.15, Request.TAKE, (0, 0, 0), half_opening_m=0.04)
     outputs = course.run(0.25, Request.TAKE, (0, 0, 0), half_opening_m=0.0)
-    assert Holding.EMPTY in states(outputs)
+    assert outputs[-1].holding is Holding.RECEIVING  # the arm stays
+    assert outputs[-1].grip_n == 0.0
+
+
+class Opening(Course):
+    """With fingers that take their time: 0.15 m/s to open, 0.1 m/s to close on nothing."""
+
+    def __init__(self):
+        super().__init__()
+        self.half_m, self.openings_m = 0.04, []
+
+    def receive(self, length_s):
+        """The states of a time; notes how far open the fingers were when they began to close."""
+        passed = []
+        for _ in range(round(length_s / STEP_S)):
+            output = self.run(STEP_S, Request.TAKE, (0, 0, 0), half_opening_m=self.half_m)[-1]
+            if output.holding is Holding.CLOSING and passed[-1] is not Holding.CLOSING:
+                self.openings_m.append(self.half_m)
+            speed = 0.15 if output.grip_n == 0.0 else -0.1
+            self.half_m = float(np.clip(self.half_m + speed * STEP_S, 0.0, 0.04))
+            passed.append(output.holding)
+        return passed
+
+
+def test_fingers_that_closed_on_nothing_stand_open_before_they_close_again():
+    """What they closed in front of needs room, and time to come between them."""
+    course = Opening()
+    course.receive(3.0)
+    assert len(course.openings_m) > 1
+    np.testing.assert_allclose(course.openings_m, 0.04)
+
+
+def test_the_arm_stays_between_two_tries_and_not_longer_than_the_patience():
+    passed = Opening().receive(PATIENCE_S + 2.0)
+    patient = round((PATIENCE_S - 0.1) / STEP_S)
+    assert {*passed[:patient]} == {Holding.RECEIVING, Holding.CLOSING}
+    assert passed[-1] is Holding.EMPTY
 
 
 def test_nobody_who_gives_is_waited_for_longer_than_the_patience():

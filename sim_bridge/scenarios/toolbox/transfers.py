@@ -56,6 +56,9 @@ then [m]. Convention: out of their way."""
 ALIGNED_M = 0.02
 """Distance from the line on which the fingers point, from which on an object is brought between
 them [m]. Convention: their opening leaves 2.4 cm to each side of the screwdriver."""
+BETWEEN = 0.5
+"""Share of an object's thickness that fingers which hold it are apart. Convention: pads yield, and
+fingers that closed in front of it touch one another."""
 BROUGHT_M, FOLLOW_S = 0.1, 0.5
 """How far the person pulls an object toward the own wrist [m], and time constant in which the hand
 is where the wrist is again [s]. Convention."""
@@ -102,6 +105,7 @@ class ToolboxTransfers:
         self._person: Taker | Giver | None = None
         self._manner: Manner | None = None
         self._offset_m, self._since_m, self._since_s = np.zeros(3), np.zeros(3), 0.0
+        self._blocked_s = 0.0
         self._closed_on = self._served = False
         self.task = ""
         arm.before_step.append(self._act)
@@ -116,7 +120,7 @@ class ToolboxTransfers:
         hand, thing = self._hand, self._thing
         if thing is None or hand is None:
             return HandContact(Holder.STAND if self.task in STANDS_M else Holder.NONE, np.zeros(3))
-        robot = self._fingers.touching(thing.body) == 2
+        robot = self._gripped(thing)
         if robot and hand.holds:
             holder = Holder.BOTH
         elif robot:
@@ -124,6 +128,11 @@ class ToolboxTransfers:
         else:
             holder = Holder.PERSON if hand.holds else Holder.NOBODY
         return HandContact(holder, hand.force_n.copy())
+
+    def _gripped(self, thing: HandedThing) -> bool:
+        """Whether the object is between both fingers, and not in front of them."""
+        between = self._fingers.half_opening_m() > BETWEEN * thing.what.half_edges_m[1]
+        return between and self._fingers.touching(thing.body) == 2
 
     @property
     def _hand(self) -> CompliantHand | None:
@@ -255,29 +264,43 @@ class ToolboxTransfers:
         near = np.linalg.norm(grip_m - self._wrist_m) < NEAR_M
         if self._manner is None or not near or self._speed() >= REST_M_S:
             return
-        if gives and self._off_line_m(hand, thing) < ALIGNED_M:
+        room_m = self._fingers.half_opening_m() - thing.what.half_edges_m[1]
+        if gives and room_m > ALIGNED_M > self._off_line_m(hand, thing):
             self._person = Giver(hand, self._manner, self._place(thing))
-        elif not gives and self._fingers.touching(thing.body) == 2:
+        elif not gives and self._gripped(thing):
             self._person = Taker(hand, self._manner)
         self._since_m, self._since_s = self._wrist_m.copy(), self._arm.time_s
+        self._blocked_s = 0.0
 
     def _go_on(self, hand: CompliantHand, person: Taker | Giver) -> None:
         """Let the person see, and end where the object has changed hands or somebody leaves."""
         thing = self._thing
         assert thing is not None
-        gripped = self._fingers.touching(thing.body)
-        if isinstance(person, Giver) and gripped < 2 and hand.holds:
+        gripped = self._gripped(thing)
+        if isinstance(person, Giver) and not gripped and hand.holds:
             person.to_m = self._place(thing)
         point, turn = thing.held_point()
         rests = self._speed() < REST_M_S
         now_s = self._arm.time_s - self._since_s
-        person.step(now_s, SeenRobot(point, turn, rests, gripped == 2))
+        person.step(now_s, SeenRobot(point, turn, rests, gripped))
+        if isinstance(person, Giver) and self._gives_way(hand, thing):
+            self._person, self._offset_m = None, hand.position_m - self._wrist_m
+            return
         leaves = np.linalg.norm(self._wrist_m - self._since_m) > AWAY_M
         gave = isinstance(person, Giver) and not hand.holds
-        took = isinstance(person, Taker) and hand.holds and not gripped
+        touched = self._fingers.touching(thing.body)
+        took = isinstance(person, Taker) and hand.holds and not touched
         if leaves or gave or took:
             self._person, self._served = None, bool(gave or took)
             self._offset_m = hand.target_m - self._wrist_m
+
+    def _gives_way(self, hand: CompliantHand, thing: HandedThing) -> bool:
+        """Whether a giver has seen that the fingers closed in front of the object: it is taken back
+        until they are open.
+        """
+        blocked = self._fingers.half_opening_m() < BETWEEN * thing.what.half_edges_m[1]
+        self._blocked_s = self._blocked_s + TIME_STEP_S if blocked and hand.holds else 0.0
+        return self._manner is not None and self._blocked_s > self._manner.reaction_s
 
     def _place(self, thing: HandedThing) -> NDArray[np.float64]:
         """Where the person's hand is with the object between the fingers (3,)."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.kinematics import Arm
-from intent_recognition.transfer import LoadEstimator, Request, Situation, TransferMachine
+from intent_recognition.transfer import Holding, LoadEstimator, Request, Situation, TransferMachine
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 from sim_bridge.handover import GRIP_M, with_fingers
@@ -113,6 +113,26 @@ def test_the_worker_brings_it_between_fingers_that_are_not_where_they_were_expec
     one = cell(HOLD, 20, off_m=(0.0, -0.04, 0.0))  # more than their opening
     one.world.set_task(HOLD)
     one.run(lambda: one.holders[-1:] == [Holder.ROBOT])
+    assert one.holders[-1] is Holder.ROBOT
+    assert Holder.NOBODY not in one.holders
+
+
+@pytest.mark.slow
+def test_a_worker_gives_way_to_fingers_that_closed_too_early_and_comes_again(cell):
+    one = cell(HOLD, 3)
+    one.world.move_wrist(WRIST_M + [0.3, 0.0, 0.0])
+    one.world.set_task(HOLD)
+    one.run(lambda: one.machine.holding is Holding.CLOSING)
+    one.world.move_wrist(WRIST_M)
+    narrowest_m = 1.0
+
+    def taken() -> bool:
+        nonlocal narrowest_m
+        narrowest_m = min(narrowest_m, float(np.mean(one.arm.other_positions())))
+        return one.holders[-1:] == [Holder.ROBOT]
+
+    one.run(taken, 12.0)
+    assert narrowest_m < 0.002  # they closed on nothing
     assert one.holders[-1] is Holder.ROBOT
     assert Holder.NOBODY not in one.holders
 
