@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from intent_recognition.evaluation import run_online
 from intent_recognition.learning import TrainingSettings, learn
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.promp import TaskLibrary, minimum_jerk
 from intent_recognition.recognition import predict_controlled
 from intent_recognition.signals import Demonstration, Signal
-from sim_bridge.coworker import minimum_jerk
 
 RATE_HZ = 50.0
 """Samples of a simulated reach [Hz]. Convention."""

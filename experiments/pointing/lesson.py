@@ -13,8 +13,9 @@ from experiments.teaching.lesson import HOME_STD_RAD, SENSOR_NOISE
 from experiments.teaching.path import TEACHING_STD_M, TEACHING_STD_RAD
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
 from intent_recognition.kinematics import frame_poses
+from intent_recognition.promp import minimum_jerk
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
-from sim_bridge.coworker import bow_profile, minimum_jerk
+from sim_bridge.coworker import bow_profile
 from sim_bridge.scenarios.toolbox import arm_posture, pose
 
 GRIP = Grip()

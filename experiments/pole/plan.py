@@ -22,7 +22,7 @@ from experiments.pole.geometry import (
 )
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import LWR_LIMITS
-from sim_bridge.coworker import minimum_jerk
+from intent_recognition.promp import minimum_jerk
 
 CLEARANCE_M = 0.065
 """A person leading the arm keeps it so far from the pole, where there is room [m]."""

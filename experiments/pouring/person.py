@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.promp import minimum_jerk
 from intent_recognition.warping import References, from_warped
-from sim_bridge.coworker import minimum_jerk
 from sim_bridge.scenarios.pouring import PourPath
 
 SAMPLE_S = 0.05

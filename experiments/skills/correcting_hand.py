@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
 from intent_recognition.kinematics import frame_poses
+from intent_recognition.promp import minimum_jerk
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.coworker import minimum_jerk
 
 GRIP = Grip(
     stiffness_n_m=400.0, damping_n_s_m=12.0, elbow_stiffness_n_m=0.0, elbow_damping_n_s_m=0.0

@@ -13,7 +13,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.coworker import HOLD, PLATE, SCREW, bow_profile, minimum_jerk
+from intent_recognition.promp import minimum_jerk
+from sim_bridge.coworker import HOLD, PLATE, SCREW, bow_profile
 from sim_bridge.scenarios.toolbox import (
     LIFT_M,
     STANDS_M,

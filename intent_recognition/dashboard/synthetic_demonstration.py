@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import Offset
+from intent_recognition.promp import minimum_jerk
 
 REST_S = 0.9
 """Both rest so long before and after [s]: the onset is found from rest."""
@@ -61,16 +62,9 @@ class SyntheticDemonstration:
 
     def wrist(self, time_s: float) -> NDArray[np.float64]:
         """Where the wrist is (3,) [m]."""
-        share = progress(np.array([(time_s - self.rest_s) / self.duration_s]))[0]
+        share = minimum_jerk((time_s - self.rest_s) / self.duration_s)
         straight = self.start_m + share * (self.goal_m - self.start_m)
         return straight + 4.0 * share * (1.0 - share) * self.bow_m
-
-
-def progress(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Minimum-jerk progress (T,) after shares (T,) of the time; 0 before and 1 after."""
-    way = Offset(np.array([-1.0]), np.zeros(1), np.zeros(1), 1.0)
-    inside = np.clip(share, 0.0, 1.0)
-    return 1.0 + way.sample(inside)[0][:, 0]
 
 
 def sample_demonstration(

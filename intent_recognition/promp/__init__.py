@@ -2,7 +2,14 @@
 """The interaction primitive: basis functions, weights, their prior, and prediction."""
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.combining import Blend, blend, co_activate, smooth_switch, via_point
+from intent_recognition.promp.combining import (
+    Blend,
+    blend,
+    co_activate,
+    minimum_jerk,
+    smooth_switch,
+    via_point,
+)
 from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_context
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.control_points import (

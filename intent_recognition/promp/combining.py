@@ -210,11 +210,20 @@ def blend(
     return Blend(times, positions, velocities, symmetrize(covariance))
 
 
+def minimum_jerk(share: ArrayLike) -> Floats:
+    """Progress 10 s^3 - 15 s^4 + 6 s^5 (Flash and Hogan 1985) after shares s of the time (...).
+
+    It is 0 before and 1 after; velocity and acceleration are zero at both ends.
+    """
+    s = np.clip(np.asarray(share, dtype=np.float64), 0.0, 1.0)
+    return np.minimum(s**3 * (10.0 + s * (-15.0 + 6.0 * s)), 1.0)  # rounding may go beyond
+
+
 def smooth_switch(times_s: ArrayLike, at_s: float, over_s: float) -> tuple[Floats, Floats]:
     """Activations of two primitives, the second taking over from the first.
 
-    The second's is 10 s^3 - 15 s^4 + 6 s^5 of the share s of the time that has passed (minimum
-    jerk, Flash and Hogan 1985), the first's the rest: continuous up to the second derivative.
+    The second's is `minimum_jerk` of the share of the time that has passed, the first's the rest:
+    continuous up to the second derivative.
 
     Args:
         times_s: (T,) [s].
@@ -231,7 +240,7 @@ def smooth_switch(times_s: ArrayLike, at_s: float, over_s: float) -> tuple[Float
         raise ArgumentError.about("over_s", "a time above zero", over_s, "Give a longer one.")
     share = (np.asarray(times_s, dtype=np.float64) - at_s) / over_s + 0.5
     share = np.clip(share, 0.0, 1.0)
-    second = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    second = minimum_jerk(share)
     rate = 30.0 * share**2 * (1.0 - share) ** 2 / over_s
     return np.column_stack([1.0 - second, second]), np.column_stack([-rate, rate])
 

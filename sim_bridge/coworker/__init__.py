@@ -9,7 +9,6 @@ from sim_bridge.coworker.reach import (
     draw_hesitations,
     draw_reach,
     draw_rest,
-    minimum_jerk,
 )
 from sim_bridge.coworker.session import (
     WITHOUT_PAUSE,

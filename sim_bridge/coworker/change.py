@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.promp import minimum_jerk
 from sim_bridge.coworker.reach import (
     Reach,
     WristMovement,
     depart,
     draw_reach,
-    minimum_jerk,
     state_at,
 )
 from sim_bridge.coworker.styles import STYLES

@@ -7,7 +7,7 @@ All processes are sampled at a fixed rate and drawn from the generator handed in
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.coworker.reach import minimum_jerk
+from intent_recognition.promp import minimum_jerk
 
 TREMOR_HZ = 10.0
 """Middle frequency of physiological tremor [Hz]: 8 to 12 Hz are usual."""

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One reach of the wrist: minimum jerk along an individual curve, with hesitation.
 
-Minimum jerk (Flash and Hogan 1985): progress s(tau) = 10 tau^3 - 15 tau^4 + 6 tau^5, with zero
-velocity and acceleration at both ends. A reach that begins in motion adds what minimum jerk makes
-of the velocity and the acceleration that the wrist has then.
+A reach that begins in motion adds what minimum jerk makes of the velocity and the acceleration
+that the wrist has then.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.promp import minimum_jerk
 from sim_bridge.coworker.styles import (
     DURATION_RANGE_S,
     LONGEST_MOVEMENT_S,
@@ -154,13 +154,6 @@ def depart(reach: Reach, state: WristState) -> Reach:
     return replace(
         reach, velocity_m_s=state.velocity_m_s, acceleration_m_s2=state.acceleration_m_s2
     )
-
-
-def minimum_jerk(tau: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Progress s in [0, 1] at normalised time tau, clipped to the movement; any shape."""
-    tau = np.clip(tau, 0.0, 1.0)
-    # Rounding may go beyond 1, where the bow's root has no value.
-    return np.minimum(tau**3 * (10.0 + tau * (-15.0 + 6.0 * tau)), 1.0)
 
 
 def bow_profile(progress: NDArray[np.float64], skew: float) -> NDArray[np.float64]:

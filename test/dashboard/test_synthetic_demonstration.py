@@ -10,7 +10,6 @@ from hypothesis.extra.numpy import arrays
 from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
     arm_motion,
-    progress,
     sample_demonstration,
     shortest_s,
 )
@@ -29,12 +28,6 @@ def test_wrist_rests_at_its_start_and_at_its_goal(start, goal, duration):
         assert np.allclose(show.wrist(at), start)
     for at in (show.rest_s + duration, show.length_s):
         assert np.allclose(show.wrist(at), goal)
-
-
-def test_progress_is_minimum_jerk():
-    share = np.linspace(-0.5, 1.5, 401)
-    inside = np.clip(share, 0.0, 1.0)
-    assert np.allclose(progress(share), 10 * inside**3 - 15 * inside**4 + 6 * inside**5)
 
 
 @given(POINTS, POINTS, st.integers(0, 1000))

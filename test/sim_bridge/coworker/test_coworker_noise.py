@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
+from intent_recognition.promp import minimum_jerk
 from sim_bridge.coworker.noise import (
     TREMOR_STD_M,
     occlusions,
@@ -12,7 +13,7 @@ from sim_bridge.coworker.noise import (
     smooth_noise,
     tremor,
 )
-from sim_bridge.coworker.reach import draw_reach, draw_rest, minimum_jerk
+from sim_bridge.coworker.reach import draw_reach, draw_rest
 from sim_bridge.coworker.timeline import sample_wrist
 
 
