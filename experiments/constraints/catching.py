@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge import GRAVITY_M_S2
-from sim_bridge.balls import STEP_S, BallWorld, Tilted, WallGuard
+from sim_bridge.balls import STEP_S, BallWorld, Tilted, WallGuard, tilt_along
 
 LAST_WAIT_S = 0.6
 """Balls are watched so long after the last one was thrown [s]: several falls from the rim."""
@@ -19,6 +19,10 @@ RADII_BEYOND = 1.5
 """A ball this many radii beyond the wall has missed the container. Convention."""
 _STEPS_PER_LOOK = 4
 """Physics steps between two looks at the balls: 17 ms, in which none crosses a wall."""
+TURN_RAD_S = 2.0
+"""How fast a container is tilted [rad/s]. Convention."""
+HOLD_S = 0.3
+"""The tilt is held so long at its end [s]. Convention."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,23 @@ class Caught:
 
     success: bool
     through_wall: int
+
+
+def tilt(
+    world: BallWorld, balls_m: NDArray[np.float64], tilt_rad: float, *, hold_s: float = HOLD_S
+) -> Tilted:
+    """Fill a container, tilt it toward +x about its lip and wait, or until it is empty.
+
+    Args:
+        world: its balls are replaced.
+        balls_m: settled centres (N, 3).
+        tilt_rad: angle to turn to.
+        hold_s: time to wait there.
+    """
+    turning = round(abs(tilt_rad) / TURN_RAD_S / STEP_S)
+    steps = range(turning + round(hold_s / STEP_S))
+    share = [min((k + 1) / turning, 1.0) if turning else 1.0 for k in steps]
+    return tilt_along(world, balls_m, tilt_rad * np.array(share))
 
 
 def catch(

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.constraints.catching import catch
-from sim_bridge.balls import BallWorld, ball_radius_m, bulk_m3, hollow_of, settled, tilt
+from experiments.constraints.catching import catch, tilt
+from sim_bridge.balls import BallWorld, ball_radius_m, balls_in, hollow_of, settled
 from sim_bridge.containers import CONTAINER_NAMES, CONTAINER_SEED, Container, make_container
 
 TRIALS_PER_OBJECT = 1000
@@ -118,7 +118,7 @@ def pouring_block(block: TrialBlock) -> NDArray[np.float64]:
             angle = rng.uniform(0.0, TILT_MAX_RAD)
             result = tilt(world, full[:count], angle)
             rows.append(
-                (block.object_index, bulk_m3(count, radius), angle, result.left.sum(),
+                (block.object_index, count / balls_in(1.0, radius), angle, result.left.sum(),
                  result.through_wall)
             )  # fmt: skip
     return np.array(rows, dtype=np.float64)
@@ -143,8 +143,8 @@ def filling_block(block: TrialBlock) -> NDArray[np.float64]:
             lip = _place(rng, second)
             caught = catch(second_world, full[:count], poured, lip + second.opening_centre)
             rows.append(
-                (block.object_index, bulk_m3(len(ten), POURED_RADIUS_M),
-                 bulk_m3(count, POURED_RADIUS_M), *lip, poured.left.sum(), caught.success,
+                (block.object_index, len(ten) / balls_in(1.0, POURED_RADIUS_M),
+                 count / balls_in(1.0, POURED_RADIUS_M), *lip, poured.left.sum(), caught.success,
                  poured.through_wall + caught.through_wall)
             )  # fmt: skip
     return np.array(rows, dtype=np.float64)

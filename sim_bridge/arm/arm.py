@@ -7,7 +7,7 @@ another base position is given. Units: m, rad, s, N, Nm.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,29 +16,26 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.kinematics import check_position
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import guiding_torque, impedance_torque, limit_torque
+from sim_bridge.arm.held_joints import HeldJoints
 from sim_bridge.arm.robots import Robot, derived_gains, find_robot
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
 from sim_bridge.arm.trajectory_follower import ArmReference
-from sim_bridge.arm.urdf_loading import Joint, free_joints, load_urdf, stop_at_fixtures
+from sim_bridge.arm.urdf_loading import free_joints, load_urdf, stop_at_fixtures
 from sim_bridge.physics import end_world, pybullet, start_world
 
 TIME_STEP_S = 0.001
 """Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
 STEPS_PER_SAMPLE = 10
 """Physics steps between two recorded samples: 100 samples a second."""
-FINGER_FORCE_N = 20.0
-"""Largest force of a finger, or torque of another joint beside the chain [N, Nm]. Convention."""
-
 AccelerationLaw = Callable[[float, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """From time [s], joint angles and velocities (n,) to the joint accelerations wanted (n,)."""
 
 
-@dataclass
-class _Push:
+class _Push(NamedTuple):
+    until_step: int
     link: int
     force: tuple[float, float, float]
     point: tuple[float, float, float]
-    steps_left: int
 
 
 class SimulatedArm:
@@ -50,8 +47,7 @@ class SimulatedArm:
     `before_step` are called with the arm before every physics step and may set references, push
     the arm, or act on other bodies of the world.
 
-    Joints that are not of the chain, such as fingers, are held by PyBullet's own motors. What the
-    URDF fixes to its root, such as a table, stops the arm (`fixtures`, by link number).
+    What the URDF fixes to its root, such as a table, stops the arm (`fixtures`, by link number).
 
     Args:
         initial_position: joint angles at the start (n,) [rad]; ready by default.
@@ -60,6 +56,9 @@ class SimulatedArm:
         noise: standard deviations of the sensors; None measures exactly.
         rng: random generator of the sensor noise; required with `noise`.
         headless: False opens PyBullet's window (needs a display).
+
+    Attributes:
+        others: joints beside the chain, such as fingers.
 
     Raises:
         KinematicsError: initial_position is outside the joint limits.
@@ -92,9 +91,9 @@ class SimulatedArm:
         self._n_moving = len(moving)
         self._columns = np.array([[j.name for j in moving].index(name) for name in names])
         self._order = np.argsort(self._columns)
-        self._others = [joint for joint in moving if joint.name not in names]
-        self._other_columns = [moving.index(joint) for joint in self._others]
-        self._half_width_m = np.inf
+        others = [joint for joint in moving if joint.name not in names]
+        self.others = HeldJoints(self.client, self.body, others)
+        self._other_columns = [moving.index(joint) for joint in others]
         self.client.setTimeStep(TIME_STEP_S)
         self.client.setGravity(0.0, 0.0, -GRAVITY_M_S2)
         self._payload_mass_kg = 0.0
@@ -105,22 +104,6 @@ class SimulatedArm:
         self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
         gains = self.robot.gains or derived_gains(self.limits.torque, self._joint_inertia())
         self.gains = gains.scaled(stiffness_scale)
-
-    @property
-    def other_joints(self) -> tuple[str, ...]:
-        """Names of the moving joints beside the chain, such as fingers."""
-        return tuple(joint.name for joint in self._others)
-
-    def other_positions(self) -> list[float]:
-        """Where they are [rad or m]."""
-        numbers = [joint.number for joint in self._others]
-        states = self.client.getJointStates(self.body, numbers) if numbers else ()
-        return [state[0] for state in states]
-
-    def set_gripper(self, half_width_m: float = np.inf) -> None:
-        """Bring each finger so far from the middle, or open them; nothing without fingers."""
-        self._half_width_m = half_width_m
-        self._hold_others()
 
     @property
     def n_steps(self) -> int:
@@ -146,9 +129,7 @@ class SimulatedArm:
         """Put the arm at rest at q (n,) [rad], hold there, set its time to zero, end all pushes."""
         q = self._joint_array(self.robot.ready if q is None else q, "q")
         check_position(q, self.limits, self.robot.joint_names)
-        for joint in self._others:
-            self.client.resetJointState(self.body, joint.number, self._held(joint), 0.0)
-        self._hold_others()
+        self.others.reset()
         for index, angle in zip(self.joint_indices, q, strict=True):
             self.client.resetJointState(self.body, index, float(angle), 0.0)
         self._n_steps = 0
@@ -260,7 +241,8 @@ class SimulatedArm:
             raise ArgumentError.about("force_n", "three finite numbers", force_n, "Check the push.")
         link = self.hand_link if link is None else link
         point = (float(point_m[0]), float(point_m[1]), float(point_m[2]))
-        self._pushes.append(_Push(link, tuple(force.tolist()), point, int(n_steps)))
+        until = self._n_steps + int(n_steps)
+        self._pushes.append(_Push(until, link, tuple(force.tolist()), point))
 
     def close(self) -> None:
         """Disconnect from the world."""
@@ -321,34 +303,16 @@ class SimulatedArm:
 
     def _all_joints(self, values: NDArray[np.float64], measured: bool = False) -> list[float]:
         """Values of all moving joints in PyBullet's order, from those of the chain (n,)."""
-        if not self._others:
+        if not self._other_columns:
             return values[self._order].tolist()
         every = np.zeros(self._n_moving)
         every[self._columns] = values
         if measured:
-            every[self._other_columns] = self.other_positions()
+            every[self._other_columns] = self.others.positions()
         return every.tolist()
 
-    def _held(self, joint: Joint) -> float:
-        """Where a joint beside the chain is held: a finger as asked for, others near zero."""
-        wanted = 0.0
-        if joint.kind == pybullet.JOINT_PRISMATIC:
-            wanted = joint.lower + self._half_width_m
-        return min(max(wanted, joint.lower), joint.upper) if joint.lower < joint.upper else 0.0
-
-    def _hold_others(self) -> None:
-        for joint in self._others:
-            self.client.setJointMotorControl2(
-                self.body,
-                joint.number,
-                pybullet.POSITION_CONTROL,
-                targetPosition=self._held(joint),
-                force=FINGER_FORCE_N,
-            )
-
     def _apply_pushes(self) -> None:
-        if not self._pushes:
-            return
+        self._pushes = [push for push in self._pushes if self._n_steps < push.until_step]
         for push in self._pushes:
             link = self.client.getLinkState(self.body, push.link)
             point, _ = self.client.multiplyTransforms(
@@ -357,8 +321,6 @@ class SimulatedArm:
             self.client.applyExternalForce(
                 self.body, push.link, push.force, point, pybullet.WORLD_FRAME
             )
-            push.steps_left -= 1
-        self._pushes = [push for push in self._pushes if push.steps_left > 0]
 
     def _read(self) -> None:
         states = self.client.getJointStates(self.body, self.joint_indices)

@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped URDF of the LWR 4+, and how a URDF is added to."""
+"""How a URDF is changed for the simulation and for viewers."""
 
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from intent_recognition.share import share_path
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import package_shares
 
-LWR_URDF = "config/robots/lwr.urdf"
-"""Place of the shipped LWR 4+."""
-
-
-def lwr_urdf() -> str:
-    """The LWR's URDF as text; `describe_robot` gives it for viewers."""
-    return share_path(LWR_URDF).read_text(encoding="utf-8")
+WORLD = "world"
+"""Root link of a description."""
+BLOCK_WIDTH_M = 0.2
+"""Of the block that is drawn below a raised base [m]. Convention: wider than a small arm's foot."""
 
 
 def end_of(joint: ET.Element, end: str) -> str:
@@ -49,3 +51,120 @@ def add_inertial(
 def text_of(values: tuple[float, ...]) -> str:
     """Numbers as a URDF has them."""
     return " ".join(repr(float(value)) for value in values)
+
+
+def written(root: ET.Element) -> str:
+    """A URDF as text."""
+    return ET.tostring(root, encoding="unicode")
+
+
+def hold_others(root: ET.Element, joint_names: Sequence[str]) -> None:
+    """Let only the joints of an arm move, and those of what its last link carries."""
+    joints = root.findall("joint[@type]")
+    (carrier,) = (end_of(j, "child") for j in joints if j.get("name") == joint_names[-1])
+    carried, added = {carrier}, 1
+    while added:
+        beyond = {end_of(j, "child") for j in joints if end_of(j, "parent") in carried} - carried
+        carried, added = carried | beyond, len(beyond)
+    for joint in joints:
+        if joint.get("name") not in joint_names and end_of(joint, "parent") not in carried:
+            joint.set("type", "fixed")
+            for mimic in joint.findall("mimic"):
+                joint.remove(mimic)
+
+
+def find_meshes(root: ET.Element, folder: Path) -> None:
+    """Name the meshes of a URDF in this folder by absolute paths.
+
+    Raises:
+        ArgumentError: a mesh is nowhere.
+    """
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str(_find_mesh(mesh.get("filename", ""), folder)))
+
+
+def _find_mesh(name: str, folder: Path) -> Path:
+    """A mesh beside the URDF, in a folder above it, or in an installed ROS package."""
+    _, scheme, rest = name.rpartition("://")
+    shares = map(Path, package_shares()) if scheme else ()
+    places = [folder, *folder.parents[:3], *shares]
+    for place in places:
+        with suppress(OSError):  # such as a name that is too long
+            if (place / rest).is_file():
+                return (place / rest).resolve()
+    cure = "Source the workspace that has its package, or put it beside the URDF."
+    raise ArgumentError.about("robot", f"the mesh {name}", "no such file", cure)
+
+
+def add_rotors(root: ET.Element, rotors: Mapping[str, float]) -> None:
+    """Add the inertia of joints' motors behind their gears [kg m^2] to their links.
+
+    As massless discs: J about the joint's axis, J/2 across it, since a body with J about one axis
+    only does not exist, and PyBullet zeroes such an inertia. Joints further down the chain feel it
+    too where their axes line up: at most J, where a real gear of 1:100 passes on a hundredth.
+    """
+    links = {link.get("name"): link for link in root.findall("link")}
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    for name, rotor in rotors.items():
+        joint = joints[name]
+        if joint.get("type") == "prismatic":
+            continue
+        axis, link = joint.find("axis"), links[end_of(joint, "child")]
+        direction = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
+        _add_rotor(link, direction / np.linalg.norm(direction), float(rotor))
+
+
+def _add_rotor(link: ET.Element, axis: NDArray[np.float64], rotor: float) -> None:
+    """Add to a link's inertia, which is along the axes of its inertial frame."""
+    inertial = link.find("inertial")
+    inertia = None if inertial is None else inertial.find("inertia")
+    if inertial is None or inertia is None:
+        cure = "Write its <inertial> into the URDF: without mass and inertia nothing moves."
+        raise ArgumentError.about(link.get("name", "link"), "an inertia", "none", cure)
+    origin = inertial.find("origin")
+    rpy = _numbers("0 0 0" if origin is None else origin.get("rpy", "0 0 0"))
+    axis = Rotation.from_euler("xyz", rpy).inv().apply(axis)
+    added = 0.5 * rotor * (np.eye(3) + np.outer(axis, axis))
+    for i, j, key in ((0, 0, "ixx"), (1, 1, "iyy"), (2, 2, "izz"), (0, 1, "ixy")) + (
+        (0, 2, "ixz"),
+        (1, 2, "iyz"),
+    ):
+        inertia.set(key, repr(float(inertia.get(key, "0")) + float(added[i, j])))
+
+
+def add_world(root: ET.Element, base_position_m: tuple[float, float, float]) -> None:
+    """Let a URDF begin at `world`, for viewers: meshes are URIs, a raised base is on a block."""
+    links, joints = root.findall("link"), root.findall("joint[@type]")
+    children = {end_of(joint, "child") for joint in joints}
+    base = next(name for name in (link.get("name", "") for link in links) if name not in children)
+    if base != WORLD:
+        root.insert(0, ET.Element("link", name=WORLD))
+        joint = ET.SubElement(root, "joint", name="world_to_base", type="fixed")
+        ET.SubElement(joint, "parent", link=WORLD)
+        ET.SubElement(joint, "child", link=base)
+        joints.append(joint)
+    for joint in joints:
+        if end_of(joint, "parent") == WORLD:
+            origin = joint.find("origin")
+            origin = ET.SubElement(joint, "origin") if origin is None else origin
+            moved = _numbers(origin.get("xyz", "0 0 0")) + base_position_m
+            origin.set("xyz", " ".join(map(repr, moved.tolist())))
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", Path(mesh.get("filename", "")).as_uri())
+    if base_position_m[2] > 0.0:
+        world = next(link for link in root.findall("link") if link.get("name") == WORLD)
+        world.append(_block(*base_position_m))
+
+
+def _block(x: float, y: float, height: float) -> ET.Element:
+    """What is drawn from the ground to a base."""
+    visual = ET.Element("visual")
+    ET.SubElement(visual, "origin", xyz=f"{x} {y} {0.5 * height}")
+    size = f"{BLOCK_WIDTH_M} {BLOCK_WIDTH_M} {height}"
+    ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=size)
+    ET.SubElement(ET.SubElement(visual, "material", name="block"), "color", rgba="0.4 0.44 0.48 1")
+    return visual
+
+
+def _numbers(text: str) -> NDArray[np.float64]:
+    return np.array([float(number) for number in text.split()])

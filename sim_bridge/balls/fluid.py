@@ -32,13 +32,6 @@ def hollow_of(container: Container) -> Hollow:
     return Hollow(sections.inner[chosen][:, ::every], sections.heights_m[chosen])
 
 
-def bulk_m3(
-    n_balls: int | NDArray[np.float64], ball_radius_m: float
-) -> float | NDArray[np.float64]:
-    """Volume that settled balls fill, the spaces between them included."""
-    return n_balls * 4.0 / 3.0 * np.pi * ball_radius_m**3 / PACKING
-
-
 def ball_radius_m(volume_m3: float, n_full: int) -> float:
     """Radius of balls of which `n_full` fill a volume."""
     return float((3.0 * PACKING * volume_m3 / (4.0 * np.pi * n_full)) ** (1.0 / 3.0))

@@ -14,12 +14,8 @@ from numpy.typing import NDArray
 from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import STEP_S, BallWorld
 
-TURN_RAD_S = 2.0
-"""How fast a container is tilted [rad/s]. Convention."""
 CALM_S = 0.05
 """Wait between settling and tilting [s]. Convention."""
-HOLD_S = 0.3
-"""The tilt is held so long at its end [s]. Convention."""
 _STEPS_PER_LOOK = 4
 """Physics steps between two looks at the balls: 17 ms, in which none crosses a wall."""
 
@@ -55,23 +51,6 @@ def level_axes(tilt_rad: float) -> NDArray[np.float64]:
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def tilt(
-    world: BallWorld, balls_m: NDArray[np.float64], tilt_rad: float, *, hold_s: float = HOLD_S
-) -> Tilted:
-    """Fill a container, tilt it toward +x about its lip and wait, or until it is empty.
-
-    Args:
-        world: its balls are replaced.
-        balls_m: settled centres (N, 3).
-        tilt_rad: angle to turn to.
-        hold_s: time to wait there.
-    """
-    turning = round(abs(tilt_rad) / TURN_RAD_S / STEP_S)
-    steps = range(turning + round(hold_s / STEP_S))
-    share = [min((k + 1) / turning, 1.0) if turning else 1.0 for k in steps]
-    return tilt_along(world, balls_m, tilt_rad * np.array(share))
-
-
 def tilt_along(
     world: BallWorld, balls_m: NDArray[np.float64], tilts_rad: NDArray[np.float64]
 ) -> Tilted:
@@ -84,15 +63,24 @@ def tilt_along(
     """
     world.fill(balls_m)
     world.step(round(CALM_S / STEP_S))
-    watch = _FallWatch(world)
-    for k, angle in enumerate(tilts_rad.tolist()):
+    lip_m = world.hollow.lip_m(np.array([1.0, 0.0]))
+    guard = WallGuard(world.hollow, world.ball_radius_m, world.positions_m())
+    exit_time_s = np.full(len(balls_m), np.nan)
+    position, velocity = np.full((2, len(balls_m), 3), np.nan)
+    for k, angle in enumerate(tilts_rad.tolist(), 1):
         world.set_gravity(gravity_at(angle))
         world.step()
-        if (k + 1) % _STEPS_PER_LOOK == 0:
-            watch.look((k + 1) * STEP_S, angle)
-            if watch.empty:
-                break
-    return watch.result()
+        if k % _STEPS_PER_LOOK:
+            continue
+        positions, axes = world.positions_m(), level_axes(angle)
+        inside, from_lip = guard.look(positions), (positions - lip_m) @ axes.T
+        fell = ~inside & (from_lip[:, 2] < -world.ball_radius_m) & np.isnan(exit_time_s)
+        if fell.any():
+            exit_time_s[fell], position[fell] = k * STEP_S, from_lip[fell]
+            velocity[fell] = (world.velocities_m_s() @ axes.T)[fell]
+        if np.isfinite(exit_time_s).all():
+            break
+    return Tilted(np.isfinite(exit_time_s), exit_time_s, position, velocity, guard.count)
 
 
 class WallGuard:
@@ -125,38 +113,3 @@ class WallGuard:
     def _deep(self, positions_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         z = positions_m[:, 2]
         return (z < self._opening_m) & (z >= self._hollow.heights_m[0])
-
-
-class _FallWatch:
-    """Notes when each ball is below the lip and outside for the first time."""
-
-    def __init__(self, world: BallWorld) -> None:
-        self._world = world
-        self._lip_m = world.hollow.lip_m(np.array([1.0, 0.0]))
-        positions = world.positions_m()
-        self._guard = WallGuard(world.hollow, world.ball_radius_m, positions)
-        count = len(positions)
-        self._time = np.full(count, np.nan)
-        self._position = np.full((count, 3), np.nan)
-        self._velocity = np.full((count, 3), np.nan)
-
-    @property
-    def empty(self) -> bool:
-        return bool(np.all(np.isfinite(self._time)))
-
-    def look(self, time_s: float, tilt_rad: float) -> None:
-        positions = self._world.positions_m()
-        inside = self._guard.look(positions)
-        axes = level_axes(tilt_rad)
-        from_lip = (positions - self._lip_m) @ axes.T
-        fell = ~inside & (from_lip[:, 2] < -self._world.ball_radius_m) & np.isnan(self._time)
-        if not fell.any():
-            return
-        self._time[fell] = time_s
-        self._position[fell] = from_lip[fell]
-        self._velocity[fell] = (self._world.velocities_m_s() @ axes.T)[fell]
-
-    def result(self) -> Tilted:
-        return Tilted(
-            np.isfinite(self._time), self._time, self._position, self._velocity, self._guard.count
-        )

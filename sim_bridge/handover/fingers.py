@@ -70,10 +70,10 @@ class Fingers:
             arm.client.getJointInfo(arm.body, k) for k in range(arm.client.getNumJoints(arm.body))
         )
         numbers = {j[1].decode(): j[0] for j in joints if j[2] == pybullet.JOINT_PRISMATIC}
-        self.links = tuple(numbers[name] for name in arm.other_joints if name in numbers)
+        self.links = tuple(numbers[name] for name in arm.others.names if name in numbers)
         if len(self.links) != 2:
             cure = "Give it a gripper by `with_fingers`."
-            raise ArgumentError.about("arm", "two fingers", arm.other_joints, cure)
+            raise ArgumentError.about("arm", "two fingers", arm.others.names, cure)
         for link in self.links:
             self._client.changeDynamics(
                 self._body,

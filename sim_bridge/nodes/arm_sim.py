@@ -92,7 +92,7 @@ class ArmSim(Node):
         self._answers = ClockAnswers(self, self._answering, self.diagnostics, takes)
         self.scene = self._make_scene(pouring, lever_m)
         self._tracking_error_rad = 0.0
-        self._others = self.arm.other_joints
+        self._others = self.arm.others.names
         self._message = JointState(name=[*self.arm.robot.joint_names, *self._others])
         self._make_topics()
         self._noise_begun = False
@@ -208,7 +208,7 @@ class ArmSim(Node):
         message = self._message
         message.header.stamp = stamp
         n_others = len(self._others)
-        message.position = state.q.tolist() + self.arm.other_positions()
+        message.position = state.q.tolist() + self.arm.others.positions()
         message.velocity = state.qd.tolist() + [0.0] * n_others
         message.effort = state.torque.tolist() + [0.0] * n_others
         if self._clock_out is not None:

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from kinematics.robots import lwr_urdf
 from model_builder import make_dofs, true_library
 from online_stream import feed, humans, learned, movement, same
 from simulation import make_library
@@ -26,7 +27,6 @@ from intent_recognition.promp import controlled_at, via_point
 from intent_recognition.promp.control_points import condition_response
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import merge
-from sim_bridge.arm.urdf import lwr_urdf
 
 
 @cache

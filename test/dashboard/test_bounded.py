@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from dashboard.browser import free_port
+from kinematics.robots import lwr_urdf
 
 from intent_recognition.dashboard.cell import (
     CellState,
@@ -18,7 +19,6 @@ from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.kinematics.lwr import JOINT_NAMES
-from sim_bridge.arm.urdf import lwr_urdf
 
 STEP_S = 0.2
 LABELS = ("a", "b", "none"), ("a", "b", "c", "none")

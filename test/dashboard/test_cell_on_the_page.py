@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from dashboard.test_hostile_messages import Fed
 from geometry_msgs.msg import PoseStamped
+from kinematics.robots import lwr_urdf
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -14,7 +15,6 @@ from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.server import WINDOW
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.report import task_colours
-from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.scenarios.toolbox.scene import HOME, arm_posture, stand_pose
 
 FOREARM = "/person/upper_body/upper_arm/forearm"

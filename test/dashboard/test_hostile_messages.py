@@ -9,6 +9,7 @@ from dashboard.test_bounded import Watched
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hostile.random_messages import TEXTS as ANY_TEXTS
 from hostile.random_messages import random_message
+from kinematics.robots import lwr_urdf
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -22,7 +23,6 @@ from intent_recognition.dashboard.subscriptions import (
     CellSubscriptions,
 )
 from intent_recognition.kinematics.lwr import JOINT_NAMES
-from sim_bridge.arm.urdf import lwr_urdf
 
 TEXTS = (*ANY_TEXTS, *JOINT_NAMES)
 SHAPE = '<link name="a"><visual><geometry>{}</geometry></visual></link>'

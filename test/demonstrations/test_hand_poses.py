@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag
+from kinematics.robots import lwr_urdf
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.bags.writer import BagWriter
@@ -19,7 +20,6 @@ from intent_recognition.kinematics.lwr import DH
 from intent_recognition.share import share_path
 from intent_recognition.signals import from_tangent, mean_orientation
 from sim_bridge.arm import describe_robot, find_robot
-from sim_bridge.arm.urdf import lwr_urdf
 
 HAND = load_dofs(share_path("config/dofs_hand.yaml"))
 POSE_OF_A_LINK = load_dofs(share_path("config/examples/link_pose.dofs.yaml"))

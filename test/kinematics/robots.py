@@ -5,7 +5,12 @@ from pathlib import Path
 
 import pybullet_data
 
-from sim_bridge.arm.urdf import lwr_urdf
+from intent_recognition.share import share_path
+
+
+def lwr_urdf():
+    return share_path("config/robots/lwr.urdf").read_text()
+
 
 DATA = Path(pybullet_data.getDataPath())
 ROBOTS = {

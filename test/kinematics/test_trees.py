@@ -41,7 +41,7 @@ def test_only_the_arm_and_its_gripper_move_in_the_simulation(name, tmp_path):
     again = find_robot(str(path), tip=robot.tip)
     assert again.joint_names == robot.joint_names == tuple(tree.joints.split())
     with SimulatedArm(robot=again) as arm:
-        assert not [j for j in arm.other_joints if any(w in j for w in ("head", "wheel", "l_j"))]
+        assert not [j for j in arm.others.names if any(w in j for w in ("head", "wheel", "l_j"))]
         arm.step(50)
         expected = Arm.from_urdf(again.description, base="world", tip=again.tip)
         pose = expected.forward_kinematics(arm.state().q)

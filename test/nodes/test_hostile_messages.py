@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from hostile.random_messages import TEXTS, random_message, spoiled_message
 from joint_trajectories import build_joint_trajectory
+from kinematics.robots import lwr_urdf
 from nav_msgs.msg import Odometry
 from nodes.test_object_warper import message_of
 from nodes.test_warped_primitive import LIP_M, told
@@ -27,7 +28,6 @@ from intent_recognition.nodes.pouring_observer import PouringObserver
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.nodes.session_observer import SessionObserver
 from intent_recognition.nodes.warped_primitive import WarpedPrimitiveNode
-from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.nodes.coworker_sim import CoworkerSim
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.pouring import start_posture

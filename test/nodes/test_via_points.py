@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from estimator_graph import DOFS, Folder, Graph
+from kinematics.robots import lwr_urdf
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
@@ -17,7 +18,6 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.promp import controlled_at
-from sim_bridge.arm.urdf import lwr_urdf
 
 
 @pytest.fixture(scope="module")

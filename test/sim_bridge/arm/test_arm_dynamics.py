@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 from hypothesis.strategies import floats
+from kinematics.robots import lwr_urdf
 
 from intent_recognition.kinematics.forward import forward_kinematics, jacobian
 from intent_recognition.kinematics.lwr import DH, JOINT_NAMES
 from sim_bridge.arm import describe_robot
 from sim_bridge.arm.arm import GRAVITY_M_S2, SimulatedArm
-from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.scenarios.toolbox.scene import HOME
 
 ROTORS_KG_M2 = (0.20, 0.20, 0.12, 0.12, 0.08, 0.04, 0.04)

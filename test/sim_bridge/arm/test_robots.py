@@ -10,7 +10,8 @@ import pytest
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.robots import NAMES, ROTOR_KG_M2_PER_NM, find_robot, with_meshes, with_rotors
+from sim_bridge.arm.robots import NAMES, find_robot
+from sim_bridge.arm.urdf import add_rotors, find_meshes
 
 ONE = """<robot name="one">
 <link name="base"/>
@@ -93,19 +94,19 @@ def test_a_push_does_not_take_it_beyond_its_limits(arm):
 
 
 def test_fingers_open_and_close_and_the_chain_does_not_feel_it(arm):
-    if not arm.other_joints:
-        arm.set_gripper(0.0)
-        assert arm.other_positions() == []
+    if not arm.others.names:
+        arm.others.set_gripper(0.0)
+        assert arm.others.positions() == []
         return
-    assert arm.other_joints == ("panda_finger_joint1", "panda_finger_joint2")
-    np.testing.assert_allclose(arm.other_positions(), 0.04, atol=1e-6)
-    arm.set_gripper(0.01)
+    assert arm.others.names == ("panda_finger_joint1", "panda_finger_joint2")
+    np.testing.assert_allclose(arm.others.positions(), 0.04, atol=1e-6)
+    arm.others.set_gripper(0.01)
     arm.step(500)
-    np.testing.assert_allclose(arm.other_positions(), 0.01, atol=2e-3)
+    np.testing.assert_allclose(arm.others.positions(), 0.01, atol=2e-3)
     np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-3)
-    arm.set_gripper()
+    arm.others.set_gripper()
     arm.step(500)
-    np.testing.assert_allclose(arm.other_positions(), 0.04, atol=2e-3)
+    np.testing.assert_allclose(arm.others.positions(), 0.04, atol=2e-3)
 
 
 def test_a_description_begins_at_the_world_and_finds_its_meshes(arm):
@@ -140,10 +141,10 @@ def test_a_users_urdf_by_path(tmp_path):
 
 def test_rotors_turn_about_the_axis_of_their_joint():
     """The joint's x axis is -y of the inertial frame, which is turned by 90 degrees."""
-    text = with_rotors(ONE, ["turn"], np.array([50.0]))
-    found = ET.fromstring(text).find("link/inertial/inertia")
+    root, rotor = ET.fromstring(ONE), 0.05
+    add_rotors(root, {"turn": rotor})
+    found = root.find("link/inertial/inertia")
     moments = [float(found.get(key)) for key in ("ixx", "iyy", "izz")]
-    rotor = 50.0 * ROTOR_KG_M2_PER_NM
     np.testing.assert_allclose(moments, [0.3 + rotor / 2, 0.2 + rotor, 0.1 + rotor / 2])
     products = [float(found.get(key)) for key in ("ixy", "ixz", "iyz")]
     np.testing.assert_allclose(products, 0.0, atol=1e-15)
@@ -173,5 +174,6 @@ def test_meshes_of_installed_packages_are_found(tmp_path, monkeypatch):
     mesh.parent.mkdir(parents=True)
     mesh.write_text("solid")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path / 'install'}")
-    text = '<robot><link><mesh filename="package://arm_description/link.stl"/></link></robot>'
-    assert str(mesh) in with_meshes(text, tmp_path / "elsewhere")
+    root = ET.fromstring('<robot><mesh filename="package://arm_description/link.stl"/></robot>')
+    find_meshes(root, tmp_path / "elsewhere")
+    assert root[0].get("filename") == str(mesh)

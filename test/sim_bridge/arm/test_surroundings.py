@@ -2,10 +2,10 @@
 """Boxes and fixtures about the simulated arm: it cannot get through them, and touches count."""
 
 import pytest
+from kinematics.robots import lwr_urdf
 
 from intent_recognition.kinematics import Box, hand_position
 from sim_bridge.arm import NAMES, SimulatedArm, Surroundings, find_robot
-from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.arm.urdf_loading import fixtures_of
 
 READY = find_robot("lwr").ready

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.constraints.catching import catch
+from experiments.constraints.catching import catch, tilt
 from sim_bridge.balls.collision import HULL_MARGIN_M, WALL_M, wall_pieces, write_obj
-from sim_bridge.balls.fluid import ball_radius_m, bulk_m3, settled
+from sim_bridge.balls.fluid import ball_radius_m, balls_in, settled
 from sim_bridge.balls.hollow import Hollow, offset
-from sim_bridge.balls.tilting import WallGuard, tilt
+from sim_bridge.balls.tilting import WallGuard
 from sim_bridge.balls.world import BallWorld
 
 RADIUS_M = 0.008
@@ -75,7 +75,7 @@ def test_wall_is_beyond_the_hollow(tmp_path):
 
 def test_a_full_container_holds_what_its_volume_says():
     radius = ball_radius_m(cup().volume_m3, 60)
-    assert bulk_m3(60, radius) == pytest.approx(cup().volume_m3)
+    assert balls_in(cup().volume_m3, radius) == pytest.approx(60)
     with BallWorld(cup(), radius) as world:
         stayed = settled(world, 60, np.random.default_rng(1))
     assert 48 <= len(stayed) <= 60

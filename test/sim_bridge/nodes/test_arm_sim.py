@@ -22,9 +22,9 @@ def make(harness, **parameters):
 def test_a_panda_follows_a_trajectory_and_shows_its_fingers(harness):
     robot = find_robot("panda")
     states = harness.collect(JointState, "joint_states", STATE)
-    descriptions = harness.collect(String, "robot_description", LATCHED)
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
     node = make(harness, robot="panda", real_time_factor=5.0)
+    descriptions = harness.collect(String, "robot_description", LATCHED)  # late
     harness.spin_until(lambda: states and descriptions and sender.get_subscription_count())
     fingers = ["panda_finger_joint1", "panda_finger_joint2"]
     assert list(states[0].name) == [*robot.joint_names, *fingers]
@@ -86,6 +86,9 @@ def test_where_it_stands_and_begins_can_be_told(harness):
 @pytest.mark.parametrize(
     ("parameters", "error", "message"),
     [
+        ({"joint_state_rate": 0.0}, ArgumentError, "joint_state_rate"),
+        ({"real_time_factor": -1.0}, ArgumentError, "real_time_factor"),
+        ({"stiffness_scale": 0.0}, ArgumentError, "stiffness_scale"),
         ({"robot": "/no/such.urdf"}, ArgumentError, "robot"),
         ({"robot": "panda", "tip": "hand"}, ArgumentError, "tip"),
         ({"robot": "panda", "base_position": [1.0]}, ArgumentError, "base_position"),

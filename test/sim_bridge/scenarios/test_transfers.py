@@ -56,7 +56,7 @@ class Cell:
         state = arm.state()
         force = self.load.update(state.time_s, state.q, state.qd, state.torque)
         request = Request.TAKE if self.task == HOLD else Request.GIVE
-        half_m = float(np.mean(arm.other_positions()))
+        half_m = float(np.mean(arm.others.positions()))
         now = Situation(state.time_s, force, share < 1.0, self.load.speed_m_s, half_m, True)
         out = self.machine.step(request, now)
         self.world.follow(out.holding, out.share, out.weight_n, out.grip_n)
