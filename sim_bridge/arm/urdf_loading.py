@@ -16,6 +16,8 @@ from intent_recognition.kinematics import check_meshes
 from sim_bridge.arm.urdf import end_of
 from sim_bridge.physics import BulletClient, pybullet
 
+MOST_LINKS = 128
+"""Links of which PyBullet tells the states."""
 LOADED_S = 15.0
 """Longest time for a URDF to be loaded [s]. Convention: large meshes take seconds."""
 _TRY = """
@@ -83,6 +85,9 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
     Raises:
         ArgumentError: PyBullet cannot load it.
     """
+    if (count := urdf.count("<link ")) > MOST_LINKS:
+        cure = "Leave out links beside the arm, such as those of another hand."
+        raise ArgumentError.about("robot", f"at most {MOST_LINKS} links", count, cure)
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE
     if fixtures_of(urdf):
         flags |= pybullet.URDF_USE_SELF_COLLISION

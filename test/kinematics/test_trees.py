@@ -8,6 +8,7 @@ from kinematics.trees import LIMITS, TREES, row, urdf
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED, Arm, Bodies
 from sim_bridge.arm import SimulatedArm, find_robot
+from sim_bridge.arm.urdf_loading import MOST_LINKS
 
 ONE = [name for name, tree in TREES.items() if tree.joints]
 SEVERAL = [name for name in TREES if name not in ONE]
@@ -46,6 +47,19 @@ def test_only_the_arm_and_its_gripper_move_in_the_simulation(name, tmp_path):
         expected = Arm.from_urdf(again.description, base="world", tip=again.tip)
         pose = expected.forward_kinematics(arm.state().q)
         np.testing.assert_allclose(arm.hand_pose().position, pose[:3, 3], atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [MOST_LINKS - 7, MOST_LINKS - 6])
+def test_more_links_than_the_simulation_takes_are_refused(count, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf((row("base", "", 6), *(f"base f frame{k}" for k in range(count)))))
+    robot = find_robot(str(path))
+    if robot.urdf.count("<link ") > MOST_LINKS:
+        with pytest.raises(ArgumentError, match="at most 128 links, got 129"):
+            SimulatedArm(robot=robot)
+    else:
+        with SimulatedArm(robot=robot) as arm:
+            arm.step(1)
 
 
 def test_a_link_is_meant_where_a_joint_has_its_name():
