@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.filtering import TaskPosterior
 from intent_recognition.signals import (
@@ -81,6 +82,7 @@ class Stops:
     def clear(self) -> None:
         """Forget everything."""
         self._moved_ns = self._again_ns = 0
+        self._velocity: NDArray[np.float64] | None = None
 
     def stopped_ns(self, samples: Samples) -> int | None:
         """Stamp of a stop after which the signal, just now, surely moves again.
@@ -95,10 +97,12 @@ class Stops:
         velocity = end_velocity(settings, *samples.arrays(settings.window_s))
         if velocity is None:
             return None
-        if np.linalg.norm(velocity) < settings.start_share * settings.reference_speed:
+        before, self._velocity = self._velocity, velocity
+        limit = settings.start_share * settings.reference_speed
+        if np.linalg.norm(velocity) < limit:
             self._again_ns = 0
             return None
-        if not self._again_ns:
+        if not self._again_ns or (before is not None and least_speed(before, velocity) < limit):
             self._again_ns = now_ns
         if now_ns - self._again_ns < settings.persistence_s * 1e9:
             return None
@@ -109,6 +113,13 @@ class Stops:
             return None
         stood_ns = min(stood_ns, round(settings.max_backdate_s * 1e9))
         return again_ns - (stood_ns + round(settings.window_s * 1e9)) // 2
+
+
+def least_speed(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
+    """Least norm on the line from one velocity to another, (P,) each: what a gap may hide."""
+    change = after - before
+    into = np.clip(-(before @ change) / np.fmax(change @ change, 1e-300), 0.0, 1.0)
+    return float(np.linalg.norm(before + into * change))
 
 
 class MotionDetector:

@@ -2,13 +2,13 @@
 """The movement under way, and the one that may have begun where the hand last stopped.
 
 Work flows: on the way back from one goal the worker reaches for the next, and never rests. At each
-momentary stop a filter starts anew. It takes over once it recognises a task, where the movement
-under way was done at the stop, or of no task, and is so now. Where nothing is recognised after a
-stop, as in a wave of the hand or a hesitation, the movement under way goes on as if there had been
-none.
+momentary stop filters start anew, one for each onset that the next movement may have had. The most
+probable one takes over once they recognise a task, where the movement under way was done at the
+stop, or of no task, and is so now. Where nothing is recognised after a stop, as in a wave of the
+hand or a hesitation, the movement under way goes on as if there had been none.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
@@ -19,12 +19,12 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.motion_detection import MotionDetector
 from intent_recognition.signals import Observation
 
-STOP_LEAD = 0.06
-"""A reach after a stop began so much earlier than the stop, per usual duration of the tasks: it
-first had to halt the hand (docs/decisions/change_of_mind.md)."""
+STOP_LEADS = (0.035, 0.06, 0.085)
+"""A reach after a stop began one of these earlier than the stop, per usual duration of the tasks:
+it first had to halt the hand (docs/decisions/change_of_mind.md)."""
 RECOGNISED = 0.9
-"""Probability of a task after a stop from which it takes over. Convention: the usual threshold of
-the decision."""
+"""Probability of the known tasks together from which a movement after a stop takes over.
+Convention: what the decision asks for; it also says which task."""
 DONE_PHASE = 0.85
 """Expected phase of the movement under way from which another may have begun. Convention."""
 
@@ -41,9 +41,10 @@ class Movements:
     def __init__(self, library: TaskLibrary, grid: PriorGrid, *, switching: bool):
         self._make = partial(MovementFilter, library, grid, 0, prune=True, switching=switching)
         self._filter, self._switching = self._make(), switching
-        self._after_stop: MovementFilter | None = None  # made at the first stop
+        self._after_stop: list[MovementFilter] = []  # made at the first stop
         self._stopped = False
-        self._lead_ns = round(STOP_LEAD * float(np.exp(np.mean(library.log_duration_mean))) * 1e9)
+        usual_s = float(np.exp(np.mean(library.log_duration_mean)))
+        self._leads_ns = [round(lead * usual_s * 1e9) for lead in STOP_LEADS]
 
     def begin(
         self,
@@ -78,18 +79,31 @@ class Movements:
             self._stopped = done
         if not self._stopped:
             return None
-        after = self._after_stop = self._after_stop or self._make()
-        if stopped_ns is not None:
-            onset_ns = stopped_ns - self._lead_ns
-            after.restart(onset_ns, task_weight, detector.since(onset_ns))
-        else:
-            after.observe(observation)
-        known = after.posterior(observation.stamp_ns).probabilities[:-1]
-        if not done or np.max(known) < RECOGNISED:
+        after = self._after_stop = self._after_stop or [self._make() for _ in STOP_LEADS]
+        for each, lead_ns in zip(after, self._leads_ns, strict=True):
+            if stopped_ns is not None:
+                onset_ns = stopped_ns - lead_ns
+                each.restart(onset_ns, task_weight, detector.since(onset_ns))
+            else:
+                each.observe(observation)
+        odds = odds_over_none([each.posterior(observation.stamp_ns) for each in after])
+        known = odds.mean(axis=0).sum()
+        if not done or known < RECOGNISED * (1.0 + known):
             return None
-        self._filter, self._after_stop = after, self._filter
+        best = int(np.argmax(odds.sum(axis=1)))
+        self._filter, after[best] = after[best], self._filter
         self._stopped = detector.waits_for_rest = False
-        return after
+        return self._filter
+
+
+def odds_over_none(posteriors: Sequence[TaskPosterior]) -> NDArray[np.float64]:
+    """Odds of the known tasks over none, (n, K).
+
+    None is what explains observations from before an onset, too, so that odds compare filters that
+    have seen other parts of a movement.
+    """
+    p = np.array([posterior.probabilities for posterior in posteriors])
+    return np.asarray(p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny))
 
 
 def is_done(posterior: TaskPosterior | None) -> bool:

@@ -9,7 +9,7 @@ from simulation import draw_weights, make_library
 
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import IntentEstimator
-from intent_recognition.recognition.motion_detection import Stops
+from intent_recognition.recognition.motion_detection import Stops, least_speed
 from intent_recognition.signals import OnsetSettings, Samples
 
 SETTINGS = OnsetSettings(reference_speed=1.0)
@@ -59,6 +59,28 @@ def test_a_stop_is_told_only_once_the_hand_has_moved_on_for_long_enough(again_s,
     assert len(found) == n_stops
 
 
+@pytest.mark.parametrize(("away", "n_stops"), [(-1.0, 1), (1.0, 0)], ids=["back", "on"])
+def test_a_turn_while_nothing_is_seen_is_a_stop(away, n_stops):
+    times_s = np.r_[np.arange(0.0, 1.0, STEP_S), np.arange(1.3, 2.0, STEP_S)]
+    stamps_ns = np.round(times_s * 1e9).astype(np.int64) + 1
+    values = np.stack([np.minimum(times_s, 1.15) + away * np.maximum(times_s - 1.15, 0.0)] * 2, 1)
+    seen, found = Stops(SETTINGS), []
+    for last in range(1, len(times_s) + 1):
+        recent = times_s[:last] > times_s[last - 1] - SETTINGS.window_s
+        samples = Samples(stamps_ns[:last][recent], values[:last][recent])
+        found += [stop_ns] if (stop_ns := seen.stopped_ns(samples)) is not None else []
+    assert len(found) == n_stops
+    np.testing.assert_allclose(np.array(found) * 1e-9, [1.15] * n_stops, atol=SETTINGS.window_s)
+
+
+def test_least_speed_is_that_of_the_nearest_of_all_velocities_between(rng):
+    before, after = rng.normal(size=(2, 3))
+    between = before + np.linspace(0.0, 1.0, 10001)[:, None] * (after - before)
+    slowest = np.linalg.norm(between, axis=1).min()
+    assert least_speed(before, after) == pytest.approx(slowest, abs=1e-6)
+    assert least_speed(before, before) == pytest.approx(np.linalg.norm(before))
+
+
 def blended(first, second, share):
     done = np.clip(share, 0.0, 1.0)[:, None]
     return first + done**3 * (10.0 - 15.0 * done + 6.0 * done**2) * (second - first)
@@ -92,6 +114,7 @@ def recognised(estimator, values):
 @pytest.mark.slow
 def test_reaches_without_a_rest_are_recognised_one_after_the_other(rng):
     library = make_library(rng, n_basis=8, spread=0.02, correlation_time_s=0.05)
+    library = replace(library, none_margin=4.0)  # as training learns one
     tasks = (0, 2, 1, 2, 0)
     labels = [library.labels[task] for task in tasks]
     values = flowing(library, rng, tasks)
