@@ -104,7 +104,7 @@ def execute(
         for index, q, qd in zip(arm.joint_indices, start[:n], start[n:], strict=True):
             arm.client.resetJointState(arm.body, index, float(q), float(qd))
         if not low_gain:
-            arm.set_acceleration_law(lambda t, q, qd: policy.acceleration(t, q, qd) + kick)
+            arm.acceleration_law = lambda t, q, qd: policy.acceleration(t, q, qd) + kick
         arm.before_step.append(before_step)
         positions, hands = [start[:n]], [arm.hand_pose().position]
         for _ in range(round(length_s / TIME_STEP_S) // STEPS_PER_SAMPLE):

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
 from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
-from .pacing import Pacer
 from .robots import NAMES, Robot, describe_robot, find_robot
 from .spread_control import BANDWIDTH_RAD_S, DISTURBANCE, SpreadControl
 from .state import ArmState
@@ -23,7 +22,6 @@ __all__ = [
     "ArmState",
     "Edge",
     "LockStep",
-    "Pacer",
     "RejectedTrajectoryError",
     "Robot",
     "SensorNoise",

@@ -59,6 +59,12 @@ class SimulatedArm:
 
     Attributes:
         others: joints beside the chain, such as fingers.
+        n_steps: physics steps of 1 ms since the last reset.
+        reference: the one being followed; in gravity compensation the last one.
+        gravity_compensation: whether the arm may be guided by hand.
+        acceleration_law: its accelerations are done by inverse dynamics alone, in place of the
+            reference and its stiffness; None: low gains.
+        rng: of the sensor noise.
 
     Raises:
         KinematicsError: initial_position is outside the joint limits.
@@ -81,7 +87,7 @@ class SimulatedArm:
         self.limits = self.robot.limits
         self.before_step: list[Callable[[SimulatedArm], None]] = []
         self.saturated_steps = 0
-        self._noise, self._rng = noise, rng
+        self._noise, self.rng = noise, rng
         self.client = start_world(headless=headless)
         self.body = load_urdf(self.client, self.robot.urdf, self.robot.base_position_m)
         names = self.robot.joint_names
@@ -98,32 +104,17 @@ class SimulatedArm:
         self.client.setGravity(0.0, 0.0, -GRAVITY_M_S2)
         self._payload_mass_kg = 0.0
         self._payload_com_m = (0.0, 0.0, 0.0)
-        self._gravity_compensation = False
-        self._law: AccelerationLaw | None = None
+        self.gravity_compensation = False
+        self.acceleration_law: AccelerationLaw | None = None
         self.reset(initial_position)
         self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
         gains = self.robot.gains or derived_gains(self.limits.torque, self._joint_inertia())
         self.gains = gains.scaled(stiffness_scale)
 
     @property
-    def n_steps(self) -> int:
-        """Physics steps of 1 ms since the last reset."""
-        return self._n_steps
-
-    @property
     def time_s(self) -> float:
         """Simulated time since the last reset."""
-        return self._n_steps * TIME_STEP_S
-
-    @property
-    def reference(self) -> ArmReference:
-        """The reference being followed (while in gravity compensation: the last one)."""
-        return self._reference
-
-    @property
-    def gravity_compensation(self) -> bool:
-        """Whether the arm may be guided by hand."""
-        return self._gravity_compensation
+        return self.n_steps * TIME_STEP_S
 
     def reset(self, q: NDArray[np.float64] | Sequence[float] | None = None) -> None:
         """Put the arm at rest at q (n,) [rad], hold there, set its time to zero, end all pushes."""
@@ -132,7 +123,7 @@ class SimulatedArm:
         self.others.reset()
         for index, angle in zip(self.joint_indices, q, strict=True):
             self.client.resetJointState(self.body, index, float(angle), 0.0)
-        self._n_steps = 0
+        self.n_steps = 0
         self._pushes: list[_Push] = []
         self._torque = np.zeros(self.robot.n_joints)
         self.saturated_steps = 0
@@ -147,19 +138,15 @@ class SimulatedArm:
             self._apply_torque()
             self._apply_pushes()
             self.client.stepSimulation()
-            self._n_steps += 1
+            self.n_steps += 1
             self._read()
-
-    def begin_noise(self, rng: np.random.Generator) -> None:
-        """Draw the sensor noise from another generator from now on."""
-        self._rng = rng
 
     def state(self) -> ArmState:
         """Return the measured joint state, with sensor noise if the arm was given any."""
         exact = ArmState(self._q.copy(), self._qd.copy(), self._torque.copy(), self.time_s)
-        if self._noise is None or self._rng is None:
+        if self._noise is None or self.rng is None:
             return exact
-        return self._noise.measure(exact, self._rng)
+        return self._noise.measure(exact, self.rng)
 
     def hand_pose(self) -> HandPose:
         """Return the true pose of the hand (the link `robot.tip`) in the world."""
@@ -186,20 +173,13 @@ class SimulatedArm:
         q = np.clip(self._joint_array(q, "q"), self.limits.lower, self.limits.upper)
         qd = np.zeros(self.robot.n_joints) if qd is None else self._joint_array(qd, "qd")
         qdd = np.zeros(self.robot.n_joints) if qdd is None else self._joint_array(qdd, "qdd")
-        self._reference = ArmReference(q, qd, qdd)
-
-    def set_acceleration_law(self, law: AccelerationLaw | None) -> None:
-        """Do the accelerations a law asks for, by inverse dynamics alone; None: low gains again.
-
-        The law replaces the reference and its stiffness, as a `FeedbackPolicy.acceleration` does.
-        """
-        self._law = law
+        self.reference = ArmReference(q, qd, qdd)
 
     def set_gravity_compensation(self, enabled: bool) -> None:
         """Let go of the reference, or take hold again of the position where the arm is now."""
-        if self._gravity_compensation and not enabled:
+        if self.gravity_compensation and not enabled:
             self.set_reference(self._q)
-        self._gravity_compensation = enabled
+        self.gravity_compensation = enabled
 
     def set_payload(
         self, mass_kg: float, com_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -241,7 +221,7 @@ class SimulatedArm:
             raise ArgumentError.about("force_n", "three finite numbers", force_n, "Check the push.")
         link = self.hand_link if link is None else link
         point = (float(point_m[0]), float(point_m[1]), float(point_m[2]))
-        until = self._n_steps + int(n_steps)
+        until = self.n_steps + int(n_steps)
         self._pushes.append(_Push(until, link, tuple(force.tolist()), point))
 
     def close(self) -> None:
@@ -257,21 +237,22 @@ class SimulatedArm:
         self.close()
 
     def _apply_torque(self) -> None:
-        q, qd = self._q, self._qd
-        guided = self._gravity_compensation
+        q, qd, law = self._q, self._qd, self.acceleration_law
+        guided = self.gravity_compensation
+        wanted = self.reference.qdd if law is None else law(self.time_s, q, qd)
         # Guided: gravity only (no velocity, no acceleration terms), the arm's inertia is felt.
         none = np.zeros(len(q))
         model = self.client.calculateInverseDynamics(
             self.body,
             self._all_joints(q, measured=True),
             self._all_joints(none if guided else qd),
-            self._all_joints(none if guided else self._wanted_acceleration()),
+            self._all_joints(none if guided else wanted),
         )
         torque = np.array(model)[self._columns] + limit_torque(self.gains, self.limits, q, qd)
         if guided:
             torque += guiding_torque(self.gains, qd)
-        elif self._law is None:
-            ref = self._reference
+        elif law is None:
+            ref = self.reference
             torque += impedance_torque(self.gains, q, qd, ref.q, ref.qd)
         if self._payload_mass_kg > 0.0:
             torque += self._payload_torque()
@@ -282,11 +263,6 @@ class SimulatedArm:
         self.client.setJointMotorControlArray(
             self.body, self.joint_indices, pybullet.TORQUE_CONTROL, forces=self._torque.tolist()
         )
-
-    def _wanted_acceleration(self) -> NDArray[np.float64]:
-        if self._law is None:
-            return self._reference.qdd
-        return self._law(self.time_s, self._q, self._qd)
 
     def _payload_torque(self) -> NDArray[np.float64]:
         zeros = [0.0] * self._n_moving
@@ -312,7 +288,7 @@ class SimulatedArm:
         return every.tolist()
 
     def _apply_pushes(self) -> None:
-        self._pushes = [push for push in self._pushes if self._n_steps < push.until_step]
+        self._pushes = [push for push in self._pushes if self.n_steps < push.until_step]
         for push in self._pushes:
             link = self.client.getLinkState(self.body, push.link)
             point, _ = self.client.multiplyTransforms(

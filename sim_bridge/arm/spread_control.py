@@ -80,7 +80,7 @@ class SpreadControl:
     def control(self, arm: SimulatedArm) -> None:
         """Choose the controller of the coming step."""
         if not self.in_force(arm.time_s):
-            arm.set_acceleration_law(None)
+            arm.acceleration_law = None
             return
 
         def law(
@@ -90,7 +90,7 @@ class SpreadControl:
             reference = arm.reference
             return reference.qdd + stiffness * (reference.q - q) + damping * (reference.qd - qd)
 
-        arm.set_acceleration_law(law)
+        arm.acceleration_law = law
 
 
 def resting_gains(

@@ -198,7 +198,7 @@ class ArmSim(Node):
         counts = self._answers.hear(message)
         if not self._noise_begun and counts.get("mocap/wrist/pose"):
             self._noise_begun = True
-            self.arm.begin_noise(np.random.default_rng(self._given["seed"]))
+            self.arm.rng = np.random.default_rng(self._given["seed"])
         if self._answers.all_came():
             self._tick()
 

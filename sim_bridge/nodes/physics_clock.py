@@ -7,12 +7,73 @@ from builtin_interfaces.msg import Time as TimeMessage
 from rclpy.node import Node
 from rclpy.time import Time
 
-from sim_bridge.arm import TIME_STEP_S, Pacer, SimulatedArm
+from intent_recognition.errors import ArgumentError
+from sim_bridge.arm import TIME_STEP_S, SimulatedArm
 
 STEP_NS = 1_000_000
 """Physics step [ns]."""
 BURST = 8
 """Joint states sent at once when catching up: fewer than their queue holds (`qos.STATE`)."""
+
+
+LONGEST_LAG_S = 0.1
+"""Simulated time to catch up at most [s]. Convention."""
+
+
+class Pacer:
+    """Counts steps due against a clock that the caller reads; pure arithmetic, no clock inside.
+
+    When the physics falls behind by more than `LONGEST_LAG_S` of simulated time, the backlog is
+    dropped instead of chased, so that a slow machine gives slow motion and not a spiral.
+
+    Args:
+        step_s: simulated time of one step.
+        factor: simulated seconds per second of the clock.
+        start_s: the clock now.
+        largest_batch: most steps to hand out at once, so that messages are served in between.
+    """
+
+    def __init__(
+        self, step_s: float, factor: float, start_s: float, largest_batch: int = 40
+    ) -> None:
+        if not (step_s > 0.0 and factor > 0.0):
+            raise ArgumentError.about(
+                "step_s, factor", "positive numbers", (step_s, factor), "Check them."
+            )
+        self._step_s, self.factor = step_s, factor
+        self._origin_s = start_s
+        self._largest_batch = largest_batch
+        self._window = (start_s, 0)
+        self.dropped_s = 0.0
+
+    def due(self, now_s: float, n_done: int) -> int:
+        """Return how many steps to do now, with n_done done since the start."""
+        lag_s = self.lag(now_s, n_done)
+        if lag_s > LONGEST_LAG_S:
+            excess_s = lag_s - LONGEST_LAG_S
+            self._origin_s += excess_s / self.factor
+            self.dropped_s += excess_s
+            lag_s = LONGEST_LAG_S
+        elif lag_s < -LONGEST_LAG_S:  # the clock was set back: go on from there
+            self._origin_s += lag_s / self.factor
+            lag_s = 0.0
+        return max(0, min(int(lag_s / self._step_s + 1e-6), self._largest_batch))
+
+    def lag(self, now_s: float, n_done: int) -> float:
+        """Return the simulated time by which the physics is behind the clock [s]."""
+        return (now_s - self._origin_s) * self.factor - n_done * self._step_s
+
+    def change_factor(self, factor: float, now_s: float, n_done: int) -> None:
+        """Go on at another factor from now; the lag, in simulated time, stays what it is."""
+        lag_s = self.lag(now_s, n_done)
+        self.factor = factor
+        self._origin_s = now_s - (n_done * self._step_s + lag_s) / factor
+
+    def achieved_factor(self, now_s: float, n_done: int) -> float:
+        """Return simulated seconds per second of the clock since this was last asked."""
+        since_s, n_then = self._window
+        self._window = (now_s, n_done)
+        return (n_done - n_then) * self._step_s / max(now_s - since_s, 1e-9)
 
 
 class PhysicsClock:

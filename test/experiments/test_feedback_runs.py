@@ -59,13 +59,13 @@ def test_same_generator_same_run_and_a_push_moves_the_hand():
 
 def test_the_law_gives_way_to_guiding_and_to_low_gains():
     with SimulatedArm(HOME) as arm:
-        arm.set_acceleration_law(lambda t, q, qd: 400.0 * (HOME + 0.1 - q) - 40.0 * qd)
+        arm.acceleration_law = lambda t, q, qd: 400.0 * (HOME + 0.1 - q) - 40.0 * qd
         arm.step(1500)
         np.testing.assert_allclose(arm.state().q, HOME + 0.1, atol=2e-3)
-        arm.set_acceleration_law(None)
+        arm.acceleration_law = None
         arm.step(3000)
         np.testing.assert_allclose(arm.state().q, HOME, atol=2e-3)
-        arm.set_acceleration_law(lambda t, q, qd: np.full(7, 5.0))
+        arm.acceleration_law = lambda t, q, qd: np.full(7, 5.0)
         arm.set_gravity_compensation(True)
         arm.step(200)
         np.testing.assert_allclose(arm.state().q, HOME, atol=2e-3)

@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
-from intent_recognition.kinematics.forward import hand_position, jacobian
+from intent_recognition.kinematics.forward import jacobian
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from sim_bridge.arm.arm import SensorNoise, SimulatedArm
 from sim_bridge.arm.controllers import ControllerGains
 from sim_bridge.arm.robots import READY_POSITION
-from sim_bridge.arm.trajectory_command import TrajectoryCommand
-from sim_bridge.arm.trajectory_follower import TrajectoryFollower
 
 
 @pytest.fixture(scope="module")
@@ -31,12 +29,6 @@ def arm(world):
 
 def displacement_mm(arm, start):
     return 1000.0 * float(np.linalg.norm(arm.hand_pose().position - start))
-
-
-def test_gravity_compensation_does_not_drift(arm):
-    arm.set_gravity_compensation(True)
-    arm.step(5000)
-    assert np.allclose(arm.state().q, READY_POSITION, atol=1e-9)
 
 
 @pytest.mark.parametrize(("force_n", "least_mm", "most_mm"), [(10.0, 15, 70), (30.0, 50, 200)])
@@ -102,31 +94,6 @@ def test_payload_is_carried(arm):
         sag.append(displacement_mm(arm, start))
     assert 3.0 < sag[0] < 30.0
     assert sag[1] < 0.1
-
-
-def test_tracks_a_smooth_trajectory(arm):
-    """Rest to rest over 1.5 s: less than 5 mm rms at the hand."""
-    start = np.array(READY_POSITION)
-    goal = start + np.array([0.6, 0.3, -0.3, -0.4, 0.3, 0.4, 0.5])
-    follower = TrajectoryFollower(start)
-    names = [f"lwr_a{i}_joint" for i in range(1, 8)]
-    z = np.linspace(0.0, 1.0, 31)
-    shape = 10 * z**3 - 15 * z**4 + 6 * z**5
-    rate = (30 * z**2 - 60 * z**3 + 30 * z**4) / 1.5
-    follower.accept(
-        TrajectoryCommand.validated(
-            names, 1.5 * z, start + shape[:, None] * (goal - start), rate[:, None] * (goal - start)
-        ),
-        0.0,
-    )
-    arm.before_step.append(lambda a: a.set_reference(*follower.sample(a.time_s)))
-    errors = []
-    for _ in range(2000):
-        arm.step()
-        wanted = hand_position(follower.sample(arm.time_s).q)
-        errors.append(np.linalg.norm(arm.hand_pose().position - wanted))
-    assert np.sqrt(np.mean(np.square(errors))) < 0.005
-    assert errors[-1] < 0.0005
 
 
 def test_a_spring_like_hand_guides_the_arm(arm):

@@ -4,7 +4,7 @@
 import pytest
 
 from intent_recognition.errors import ArgumentError
-from sim_bridge.arm.pacing import Pacer
+from sim_bridge.nodes.physics_clock import Pacer
 
 
 @pytest.mark.parametrize("factor", [0.25, 1.0, 3.0])
@@ -19,7 +19,7 @@ def test_keeps_the_factor(factor):
 
 
 def test_catches_up_a_short_pause_in_batches():
-    pacer = Pacer(0.001, 1.0, 0.0, longest_lag_s=0.1, largest_batch=40)
+    pacer = Pacer(0.001, 1.0, 0.0, largest_batch=40)
     done, batches = 0, []
     while due := pacer.due(0.09, done):
         batches.append(due)
@@ -29,7 +29,7 @@ def test_catches_up_a_short_pause_in_batches():
 
 
 def test_drops_a_backlog_instead_of_chasing_it():
-    pacer = Pacer(0.001, 2.0, 0.0, longest_lag_s=0.1, largest_batch=1000)
+    pacer = Pacer(0.001, 2.0, 0.0, largest_batch=1000)
     assert pacer.due(5.0, 0) == 100
     assert pacer.dropped_s == pytest.approx(9.9)
     assert pacer.due(5.0, 100) == 0
