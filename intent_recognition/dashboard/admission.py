@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may open the page, who may operate it, and what either may send. No ROS, no viser."""
+"""Who may open the page, and who may operate it. No ROS, no viser."""
 
 import base64
 import hashlib
@@ -11,8 +11,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from urllib.parse import unquote
 from urllib.request import urlopen
 
@@ -28,25 +27,6 @@ IDLE_S = 60.0
 """An operator that has done nothing for so long may be followed by another [s]. Convention."""
 ANSWER_S = 2.0
 """Longest wait for an answer of the page [s]. Convention."""
-GRAB, DRAG, LEAVE = (
-    f"TransformControls{phase}Message" for phase in ("DragStart", "Update", "DragEnd")
-)
-UPDATE = "GuiUpdateMessage"
-CAMERA = "wxyz position fov near far image_height image_width look_at up_direction"
-WATCHES = {"ViewerCameraMessage": frozenset(CAMERA.split())}
-"""What an onlooker's browser may send, with its fields: where it looks from."""
-ACTS = {
-    UPDATE: frozenset({"uuid", "updates"}),
-    GRAB: frozenset({"name"}),
-    DRAG: frozenset({"name", "wxyz", "position"}),
-    LEAVE: frozenset({"name"}),
-}
-"""What the controls and handles of this page send, with its fields. viser knows more (uploads, a
-public tunnel): nothing here asks for them."""
-LONGEST_TEXT = 1000
-"""Characters of a text that is typed into the page. Convention."""
-MOST_NUMBERS = 64
-"""Numbers in one message from a browser. Convention."""
 _HOST = re.compile(r"(?:\[(?P<number>[0-9A-Fa-f:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
 """A `Host`: an address of IPv6 or a name, and a port."""
 _SCRIPT = re.compile(r"<script\b[^>]*>(.*?)</script>", re.DOTALL | re.IGNORECASE)
@@ -195,38 +175,6 @@ class Operator:
         return f"An onlooker's action was not done: one browser operates the page, {free}."
 
 
-def is_well_formed(message: Mapping[str, Any]) -> bool:
-    """Whether a message from a browser holds only what this page's controls send."""
-    kind = message.get("type")
-    fields = (WATCHES | ACTS).get(kind) if isinstance(kind, str) else None
-    if fields is None or set(message) - {"type", "owner"} != fields:
-        return False
-    if kind in ACTS and not isinstance(message["uuid" if kind == UPDATE else "name"], str):
-        return False
-    if kind == UPDATE:
-        updates = message["updates"]
-        if not isinstance(updates, Mapping) or set(updates) != {"value"}:
-            return False
-    if kind == DRAG and not (_is_vector(message["position"], 3) and _is_vector(message["wxyz"], 4)):
-        return False
-    return _count_numbers(list(message.values()), 0) <= MOST_NUMBERS
-
-
-def can_become(value: Any, present: Any, options: Sequence[str] | None = None) -> bool:
-    """Whether a browser can give a control this value.
-
-    Args:
-        value: that was sent.
-        present: value that the control has.
-        options: that it offers; None: any of the same kind.
-    """
-    if isinstance(present, tuple):
-        return _is_vector(value, len(present))
-    if isinstance(present, (bool, str)):
-        return type(value) is type(present) and (options is None or value in options)
-    return _is_vector([value], 1)
-
-
 def new_token(environment: Mapping[str, str] = os.environ) -> str:
     """The token of `TOKEN_VARIABLE`, or a new one.
 
@@ -283,27 +231,3 @@ def script_sources(page: str) -> list[str]:
 def _same_origin(origin: str, host: str) -> bool:
     """Whether an origin is the page that is served at this `Host`, by itself or behind TLS."""
     return origin.lower() in (f"http://{host}".lower(), f"https://{host}".lower())
-
-
-def _is_vector(value: Any, size: int) -> bool:
-    """Whether a value is a list of so many numbers."""
-    return (
-        isinstance(value, list)
-        and len(value) == size
-        and all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in value)
-    )
-
-
-def _count_numbers(value: Any, depth: int) -> float:
-    """How many numbers a value holds; infinite where it holds what no control sends."""
-    if value is None or isinstance(value, bool):
-        return 0
-    if isinstance(value, (int, float)):
-        return 1 if math.isfinite(value) and abs(value) < 1e9 else math.inf
-    if isinstance(value, str):
-        return 0 if len(value) <= LONGEST_TEXT else math.inf
-    if isinstance(value, Mapping):
-        value = [*value, *value.values()]
-    if not isinstance(value, (list, tuple)) or depth > 3:
-        return math.inf
-    return sum(_count_numbers(part, depth + 1) for part in value)

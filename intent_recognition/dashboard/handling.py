@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.dashboard.scene_file import PERSON, ROBOT, Body
@@ -239,7 +239,7 @@ class _Followed:
             self.pose = between(self._glides_from, target, share)
 
 
-def with_position(pose: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_position(pose: NDArray[np.float64], position: ArrayLike) -> NDArray[np.float64]:
     """A pose (4, 4) turned like another, at a position (3,)."""
     moved = pose.copy()
     moved[:3, 3] = position

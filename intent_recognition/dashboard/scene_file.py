@@ -6,24 +6,28 @@ A page knows no more of a cell than this file and the topics say. docs/dashboard
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.dashboard.figure import Stance
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
-SHAPES = {"box": "edges along x, y and z", "cylinder": "radius and length", "sphere": "radius"}
-"""Shapes of parts, and what their numbers are [m]."""
-N_NUMBERS: dict[str, tuple[int, ...]] = {"box": (3,), "cylinder": (2,), "sphere": ()}
 MOST_THINGS = 100
 """Things of a scene, and parts of each. Convention."""
 LARGEST_M = 100.0
 """Farthest place and longest edge [m]. Convention: a mistake in the unit is farther."""
+Coordinate = Annotated[float, Meta(ge=-LARGEST_M, le=LARGEST_M)]
+Size = Annotated[float, Meta(gt=0.0, le=LARGEST_M)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
 SHIPPED = "config/scenes"
 VIEW = ((1.72, -1.38, 1.05), (0.48, 0.0, 0.33))
 """Where the camera is, and what it looks at, of an arm at the origin [m]. Convention."""
@@ -31,55 +35,100 @@ GREY = "#9aa5b1"
 ROBOT, PERSON = "robot", "person"
 
 
-@dataclass(frozen=True)
-class ScenePart:
-    """A shape with a colour.
+class Placed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict=True):
+    """Something with a place: xyz [m], and rpy [rad] about the fixed axes x, y and z."""
+
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+
+    @cached_property
+    def pose(self) -> NDArray[np.float64]:
+        """As in a URDF (4, 4)."""
+        pose = np.eye(4)
+        pose[:3, 3] = self.xyz
+        pose[:3, :3] = Rotation.from_euler("xyz", self.rpy).as_matrix()
+        return pose
+
+
+class ScenePart(Placed, frozen=True):
+    """A shape with a colour, placed in the frame of its thing; a cylinder lies along z.
 
     Attributes:
-        shape: one of `SHAPES`.
-        size: its numbers [m].
-        pose: of its middle in the frame of the thing (4, 4); a cylinder lies along z.
+        box: its edges [m].
+        cylinder: its radius and length [m].
+        sphere: its radius [m]; of the three there is one.
         colour: #rrggbb; empty: that of the thing's task.
     """
 
-    shape: str
-    size: tuple[float, ...]
-    pose: NDArray[np.float64]
-    colour: str
+    box: tuple[Size, Size, Size] | None = None
+    cylinder: tuple[Size, Size] | None = None
+    sphere: Size | None = None
+    colour: Annotated[str, Meta(pattern=r"^#[0-9a-fA-F]{6}\Z")] = ""
+
+    def __post_init__(self) -> None:
+        if sum(shape is not None for shape in (self.box, self.cylinder, self.sphere)) != 1:
+            raise ValueError("Expected one of box, cylinder, sphere")
 
 
-@dataclass(frozen=True)
-class Thing:
-    """Something that stays where it is.
+class Thing(Placed, frozen=True):
+    """Something that stays where it is, in the world.
 
     Attributes:
         name: one word, unique in the scene.
-        pose: in the world (4, 4).
         parts: what it is made of.
     """
 
-    name: str
-    pose: NDArray[np.float64]
-    parts: tuple[ScenePart, ...]
+    name: Annotated[str, Meta(pattern=r"^\w+\Z")]
+    parts: Annotated[tuple[ScenePart, ...], Meta(min_length=1, max_length=MOST_THINGS)]
 
 
-@dataclass(frozen=True)
-class Body(Thing):
+class Body(Thing, frozen=True):
     """Something that is taken and given in a task, and whose place is `pose` before.
 
     Attributes:
         task: label.
         brought_by: `robot` fetches it for the person, or `person` for the robot.
-        grasp: where the robot's hand is when it takes it from its place (3,) [m], world.
-        in_hand: its middle from the wrist of a person who brings it (3,) [m], world axes.
-        laid: where a person puts it down (3,) [m], world; None: back to its place.
+        grasp: where the robot's hand is when it takes it from its place [m], world.
+        in_hand: its middle from the wrist of a person who brings it [m], world axes.
+        laid: where a person puts it down [m], world; None: back to its place.
     """
 
-    task: str = ""
-    brought_by: str = ROBOT
-    grasp: NDArray[np.float64] | None = None
-    in_hand: NDArray[np.float64] | None = None
-    laid: NDArray[np.float64] | None = None
+    task: Annotated[str, Meta(min_length=1)]
+    brought_by: Literal["robot", "person"] = "robot"
+    grasp: Vector | None = None
+    in_hand: Vector | None = None
+    laid: Vector | None = None
+
+    def __post_init__(self) -> None:
+        needed = "grasp" if self.brought_by == ROBOT else "in_hand"
+        if getattr(self, needed) is None:
+            raise ValueError(f"Expected {needed}: x, y, z of what the {self.brought_by} brings")
+
+
+class _Person(Struct, forbid_unknown_fields=True):
+    stands: tuple[Coordinate, Coordinate]
+    faces: Coordinate = 0.0
+    height: Annotated[float, Meta(ge=0.5, le=2.5)] = 1.75
+    hand: Literal["left", "right"] = "right"
+
+    def stance(self, floor_m: float) -> Stance:
+        return Stance(
+            np.array([*self.stands, floor_m]), self.faces, self.height, self.hand == "left"
+        )
+
+
+class _SceneFile(Struct, forbid_unknown_fields=True):
+    floor: Coordinate = 0.0
+    person: _Person | None = None
+    people: dict[str, _Person] = {}
+    furniture: Annotated[tuple[Thing, ...], Meta(max_length=MOST_THINGS)] = ()
+    bodies: Annotated[tuple[Body, ...], Meta(max_length=MOST_THINGS)] = ()
+    view: tuple[Vector, Vector] = VIEW
+
+    def __post_init__(self) -> None:
+        names = [thing.name for thing in (*self.furniture, *self.bodies)]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"Expected names that differ, got {twice[0]} twice")
 
 
 @dataclass(frozen=True)
@@ -113,7 +162,21 @@ def load_scene(path: str | Path) -> CellScene:
         ArgumentError: it is missing, no YAML or malformed; names the place in the file.
     """
     source = _source(path)
-    return _scene(_content(source), str(source))
+    try:
+        found = msgspec.convert(_content(source), _SceneFile)
+    except msgspec.ValidationError as error:
+        what, _, place = one_line(error).replace("`", "").partition(" - at ")
+        where = f"{source}: {place.removeprefix('$').removeprefix('.')}".removesuffix(": ")
+        raise ArgumentError(f"{where}: {what}. See docs/dashboard.md.") from error
+    floor_m = found.floor
+    return CellScene(
+        floor_m,
+        None if found.person is None else found.person.stance(floor_m),
+        found.furniture,
+        found.bodies,
+        found.view,
+        {name: person.stance(floor_m) for name, person in found.people.items()},
+    )
 
 
 def _source(path: str | Path) -> Path:
@@ -130,21 +193,13 @@ def _source(path: str | Path) -> Path:
 
 def _content(source: Path) -> object:
     """What a file holds; with `like`, beside what that scene, which is like no other, has."""
-    try:
-        content = load_yaml(read_text(source))
-    except (OSError, UntrustedError) as error:
-        raise _wrong(str(source), "a scene in YAML", error) from error
+    content = _yaml(source)
     if not isinstance(content, dict) or "like" not in content:
         return content
     like = content.pop("like")
-    if not isinstance(like, str):
-        raise _wrong(f"{source}: like", "a scene", like)
-    before = _source(like)
-    try:
-        base = load_yaml(read_text(before))
-    except (OSError, UntrustedError) as error:
-        raise _wrong(str(before), "a scene in YAML", error) from error
-    base = _mapping(base, str(before))
+    base = _yaml(_source(like)) if isinstance(like, str) else None
+    if not isinstance(base, dict):
+        raise ArgumentError.about(f"{source}: like", "a scene", like, "See docs/dashboard.md.")
     for key in ("furniture", "bodies"):
         both = base.get(key, []), content.get(key, [])
         if all(isinstance(things, list) for things in both):
@@ -152,134 +207,9 @@ def _content(source: Path) -> object:
     return {**base, **content}
 
 
-def _scene(content: object, file: str) -> CellScene:
-    keys = ("floor", "person", "people", "furniture", "bodies", "view")
-    found = _mapping(content, file, keys)
-    furniture = [
-        Thing(**_thing(item, place, ())) for item, place in _items(found, "furniture", file)
-    ]
-    bodies = [_body(item, place) for item, place in _items(found, "bodies", file)]
-    names = [thing.name for thing in (*furniture, *bodies)]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise _wrong(f"{file}: name", "names that differ", f"{twice[0]} twice")
-    floor = _number(found.get("floor", 0.0), f"{file}: floor")
-    person = _person(found["person"], floor, f"{file}: person") if "person" in found else None
-    view = _numbers(found.get("view", VIEW), (2, 3), f"{file}: view (camera and what it looks at)")
-    people = {
-        name: _person(stance, floor, f"{file}: people.{name}")
-        for name, stance in _mapping(found.get("people", {}), f"{file}: people").items()
-    }
-    return CellScene(floor, person, tuple(furniture), tuple(bodies), view.tolist(), people)
-
-
-def _person(content: object, floor: float, place: str) -> Stance:
-    found = _mapping(content, place, ("stands", "faces", "height", "hand"))
-    ground = _numbers(found.get("stands"), (2,), f"{place}.stands")
-    faces = _number(found.get("faces", 0.0), f"{place}.faces")
-    height = _number(found.get("height", 1.75), f"{place}.height")
-    hand = found.get("hand", "right")
-    if hand not in ("left", "right"):
-        raise _wrong(f"{place}.hand", "left or right", hand)
-    if not 0.5 <= height <= 2.5:
-        raise _wrong(f"{place}.height", "0.5 to 2.5 m", height)
-    return Stance(np.append(ground, floor), faces, height, hand == "left")
-
-
-def _body(item: object, place: str) -> Body:
-    keys = ("task", "brought_by", "grasp", "in_hand", "laid")
-    values = _thing(item, place, keys)
-    found = _mapping(item, place)
-    task, bringer = found.get("task"), found.get("brought_by", ROBOT)
-    if not isinstance(task, str) or not task:
-        raise _wrong(f"{place}.task", "the label of a task", task)
-    if bringer not in (ROBOT, PERSON):
-        raise _wrong(f"{place}.brought_by", f"{ROBOT} or {PERSON}", bringer)
-    needed = "grasp" if bringer == ROBOT else "in_hand"
-    if needed not in found:
-        raise _wrong(f"{place}.{needed}", f"x, y, z of what the {bringer} brings", "nothing")
-    grasp, in_hand, laid = (
-        _numbers(found[key], (3,), f"{place}.{key}") if key in found else None
-        for key in ("grasp", "in_hand", "laid")
-    )
-    return Body(**values, task=task, brought_by=bringer, grasp=grasp, in_hand=in_hand, laid=laid)
-
-
-def _thing(item: object, place: str, more_keys: Sequence[str]) -> dict:
-    """What furniture and bodies have in common."""
-    found = _mapping(item, place, ("name", "xyz", "rpy", "parts", *more_keys))
-    name = found.get("name")
-    if not isinstance(name, str) or not name.replace("_", "").isalnum():
-        raise _wrong(f"{place}.name", "a word of letters, digits and _", name)
-    parts = tuple(_part(part, where) for part, where in _items(found, "parts", place))
-    if not parts:
-        raise _wrong(f"{place}.parts", "at least one shape", "none")
-    return {"name": name, "pose": _pose(found, place), "parts": parts}
-
-
-def _part(item: object, place: str) -> ScenePart:
-    found = _mapping(item, place, (*SHAPES, "xyz", "rpy", "colour"))
-    shapes = [shape for shape in SHAPES if shape in found]
-    if len(shapes) != 1:
-        raise _wrong(place, f"one of {', '.join(SHAPES)}", ", ".join(shapes) or "none")
-    (shape,) = shapes
-    size = _numbers(found[shape], N_NUMBERS[shape], f"{place}.{shape} ({SHAPES[shape]})")
-    if np.any(size <= 0.0):
-        raise _wrong(f"{place}.{shape}", "sizes above zero", size.tolist())
-    colour = found.get("colour", "")
-    if colour and not _is_colour(colour):
-        raise _wrong(f"{place}.colour", "a colour such as '#9aa5b1'", colour)
-    return ScenePart(shape, tuple(np.atleast_1d(size).tolist()), _pose(found, place), colour)
-
-
-def _is_colour(text: object) -> bool:
+def _yaml(source: Path) -> object:
     try:
-        return isinstance(text, str) and text[0] == "#" and len(bytes.fromhex(text[1:])) == 3
-    except ValueError:
-        return False
-
-
-def _pose(found: Mapping, place: str) -> NDArray[np.float64]:
-    """As in a URDF: xyz [m], and rpy [rad] about the fixed axes x, y and z."""
-    pose = np.eye(4)
-    pose[:3, 3] = _numbers(found.get("xyz", [0.0] * 3), (3,), f"{place}.xyz")
-    turn = _numbers(found.get("rpy", [0.0] * 3), (3,), f"{place}.rpy")
-    pose[:3, :3] = Rotation.from_euler("xyz", turn).as_matrix()
-    return pose
-
-
-def _items(found: Mapping, key: str, place: str) -> list[tuple[object, str]]:
-    """Items of a list, and where each of them stands."""
-    items = found.get(key, [])
-    where = f"{place}: {key}" if place.endswith((".yaml", ".yml")) else f"{place}.{key}"
-    if not isinstance(items, list) or len(items) > MOST_THINGS:
-        raise _wrong(where, f"a list of at most {MOST_THINGS}", type(items).__name__)
-    return [(item, f"{where}[{k}]") for k, item in enumerate(items)]
-
-
-def _mapping(value: object, place: str, keys: Sequence[str] = ()) -> Mapping:
-    if not isinstance(value, Mapping):
-        raise _wrong(place, f"a mapping with keys among {', '.join(keys)}", value)
-    if keys and (unknown := sorted(set(map(str, value)) - set(keys))):
-        raise _wrong(place, f"only the keys {', '.join(keys)}", ", ".join(unknown))
-    return value
-
-
-def _number(value: object, place: str) -> float:
-    """A finite number of bounded size."""
-    return float(_numbers(value, (), place))
-
-
-def _numbers(value: object, shape: tuple[int, ...], place: str) -> NDArray[np.float64]:
-    """Finite numbers of this shape and of bounded size."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.array(np.nan)
-    if array.shape != shape or not np.all(np.abs(array) <= LARGEST_M):
-        count = " by ".join(map(str, shape)) or "a"
-        raise _wrong(place, f"{count} number{'s' * bool(shape)} up to {LARGEST_M:g}", value)
-    return array
-
-
-def _wrong(place: str, expected: str, got: object) -> ArgumentError:
-    return ArgumentError.about(place, expected, got, "See docs/dashboard.md.")
+        return load_yaml(read_text(source))
+    except (OSError, UntrustedError) as error:
+        cure = "See docs/dashboard.md."
+        raise ArgumentError.about(str(source), "a scene in YAML", error, cure) from error

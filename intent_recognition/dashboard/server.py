@@ -16,7 +16,6 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import viser
 import websockets.asyncio.server as websockets_server
 from websockets.asyncio.server import ServerConnection
@@ -24,16 +23,19 @@ from websockets.exceptions import ConnectionClosedError
 from websockets.http11 import Request, Response
 
 from intent_recognition.dashboard.admission import (
-    ACTS,
-    GRAB,
-    LEAVE,
-    UPDATE,
     Admission,
     Operator,
-    can_become,
-    is_well_formed,
     response_headers,
     script_sources,
+)
+from intent_recognition.dashboard.browser_messages import (
+    Action,
+    ChangeControl,
+    GrabHandle,
+    LeaveHandle,
+    LookFrom,
+    can_become,
+    read_message,
 )
 from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, welcome
 from intent_recognition.errors import ResourceBusyError, one_line
@@ -200,27 +202,26 @@ class _Guard:
             response.headers[name] = value
         return response
 
-    def can_be_done(self, message: dict[str, Any], held: set[str]) -> bool:
-        """Whether the page shows what a message acts on, enabled, so that a person can do it.
+    def can_be_done(self, action: Action, held: set[str]) -> bool:
+        """Whether the page shows what is acted on, enabled, so that a person can do it.
 
         Args:
-            message: well formed.
+            action: that was sent.
             held: handles that its sender drags.
         """
         if self.page is None:
             return False
-        if message["type"] == UPDATE:
-            control = self.page.gui._gui_input_handle_from_uuid.get(message["uuid"])
+        if isinstance(action, ChangeControl):
+            control = self.page.gui._gui_input_handle_from_uuid.get(action.uuid)
             if control is None or control.disabled or not control.visible:
                 return False
             options = getattr(control, "options", None)
-            return can_become(message["updates"]["value"], control.value, options)
-        name = message["name"]
-        handle = self.page.scene._handle_from_transform_controls_name.get(name)
+            return can_become(action.updates.value, control.value, options)
+        if isinstance(action, LeaveHandle):
+            return action.name in held
+        handle = self.page.scene._handle_from_transform_controls_name.get(action.name)
         shown = handle is not None and handle.visible
-        if message["type"] == LEAVE:
-            return name in held
-        return shown and (message["type"] == GRAB or name in held)
+        return shown and (isinstance(action, GrabHandle) or action.name in held)
 
 
 class _Connection(ServerConnection):
@@ -248,27 +249,22 @@ class _Connection(ServerConnection):
         guard = self._guard
         while True:
             data = await super().recv(decode)
-            try:
-                message = msgspec.msgpack.decode(data if isinstance(data, bytes) else b"")
-            except (msgspec.DecodeError, TypeError, ValueError, RecursionError):
-                message = None
-            if not isinstance(message, dict) or not is_well_formed(message):
-                continue
-            if message["type"] not in ACTS:
+            message = read_message(data)
+            if isinstance(message, LookFrom):
                 return data
-            if not guard.can_be_done(message, self._held):
+            if message is None or not guard.can_be_done(message, self._held):
                 continue
             if guard.operator.may_act(self):
                 self._follow(message)
                 return data
             guard.refused(guard.operator.refusal)
 
-    def _follow(self, message: dict[str, Any]) -> None:
+    def _follow(self, action: Action) -> None:
         """Know which handles are dragged."""
-        if message["type"] == GRAB:
-            self._held.add(message["name"])
-        elif message["type"] == LEAVE:
-            self._held.discard(message["name"])
+        if isinstance(action, GrabHandle):
+            self._held.add(action.name)
+        elif isinstance(action, LeaveHandle):
+            self._held.discard(action.name)
 
     async def send(self, message: Any, text: bool | None = None) -> None:
         """Send, or cut off a browser that does not read."""

@@ -76,12 +76,12 @@ def add_thing(
 
 def _add_part(scene: viser.SceneApi, name: str, part: ScenePart, colour: Colour) -> Shape:
     wxyz, position = quaternions(part.pose[:3, :3]), part.pose[:3, 3]
-    if part.shape == "box":
-        return scene.add_box(name, colour, np.array(part.size), wxyz=wxyz, position=position)
-    if part.shape == "sphere":
-        return scene.add_icosphere(name, part.size[0], colour, wxyz=wxyz, position=position)
-    radius, length = part.size
-    return scene.add_cylinder(name, radius, length, colour, wxyz=wxyz, position=position)
+    if part.box is not None:
+        return scene.add_box(name, colour, part.box, wxyz=wxyz, position=position)
+    if part.sphere is not None:
+        return scene.add_icosphere(name, part.sphere, colour, wxyz=wxyz, position=position)
+    assert part.cylinder is not None
+    return scene.add_cylinder(name, *part.cylinder, colour, wxyz=wxyz, position=position)
 
 
 def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:

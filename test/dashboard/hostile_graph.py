@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.composing import ViaPoint, write_via_points
-from intent_recognition.dashboard import admission, server
+from intent_recognition.dashboard import browser_messages, server
 from intent_recognition.dashboard.cell import SkillRow
 from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.kinematics import JOINT_NAMES
@@ -112,11 +112,11 @@ class Visit(Visited):
         super().__init__(graph.port)
         self.graph, self.sent, self.judged = graph, 0, 0
 
-        def judge(message, judged=server.is_well_formed):
+        def judge(data, judged=server.read_message):
             self.judged += 1
-            return judged(message)
+            return judged(data)
 
-        monkeypatch.setattr(server, "is_well_formed", judge)
+        monkeypatch.setattr(server, "read_message", judge)
 
     def run(self, story):
         asyncio.run(story())
@@ -151,13 +151,18 @@ class Visit(Visited):
 
 
 def grab(name, **changed):
-    return {"type": admission.GRAB, "name": name} | changed
+    return {"type": browser_messages.GRAB, "name": name} | changed
 
 
 def drag(name, place=(0.3, 0.2, 0.1), **changed):
     wxyz = [1.0, 0.0, 0.0, 0.0]
-    return {"type": admission.DRAG, "name": name, "wxyz": wxyz, "position": list(place)} | changed
+    return {
+        "type": browser_messages.DRAG,
+        "name": name,
+        "wxyz": wxyz,
+        "position": list(place),
+    } | changed
 
 
 def leave(name, **changed):
-    return {"type": admission.LEAVE, "name": name} | changed
+    return {"type": browser_messages.LEAVE, "name": name} | changed

@@ -23,10 +23,9 @@ STEP_S = 0.04
 
 
 def body(name, **values):
-    pose = np.eye(4)
-    pose[:3, 3] = GRASP + [0.09, 0.0, 0.0]
-    given = {"task": GIVE, "grasp": GRASP, "laid": np.array([1.0, -0.3, 0.1])} | values
-    return Body(name, pose, (), **given)
+    at, grasp = (tuple((GRASP + [x, 0.0, 0.0]).tolist()) for x in (0.09, 0.0))
+    given = {"task": GIVE, "grasp": grasp, "laid": (1.0, -0.3, 0.1)} | values
+    return Body(name=name, xyz=at, parts=(), **given)
 
 
 class Told:
@@ -128,7 +127,7 @@ def test_what_was_taken_for_a_task_that_is_given_up_goes_back():
 
 
 def test_what_the_person_brings_is_taken_where_hands_meet():
-    driver = body("driver", task=HOLD, brought_by=PERSON, in_hand=np.array([-0.1, 0, 0]))
+    driver = body("driver", task=HOLD, brought_by=PERSON, in_hand=(-0.1, 0.0, 0.0))
     told = Told(driver)
     told.goes(wrist=REACHES, begun=HOLD)
     assert told.handling.holder("driver") is BodyHolder.PERSON
