@@ -93,9 +93,9 @@ class ArmCommands:
 
     def catch_up(self) -> None:
         """Follow the last command where it is by its stamp, if the physics has left out time."""
-        if self._clock.dropped_s <= self._caught_up_s + DROPPED_S:
+        if self._clock.pacer.dropped_s <= self._caught_up_s + DROPPED_S:
             return
-        self._caught_up_s = self._clock.dropped_s
+        self._caught_up_s = self._clock.pacer.dropped_s
         command, at_ns = self._followed or (None, 0)
         if command is not None and at_ns and not self._clock.publishes:
             moved = replace(command, start_s=self._clock.start_s(at_ns))

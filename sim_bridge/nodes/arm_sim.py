@@ -169,8 +169,9 @@ class ArmSim(Node):
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         for changed in parameters:
-            if changed.name == "real_time_factor":
-                self.clock.change_factor(changed.value)
+            if changed.name == "real_time_factor" and not self.clock.follows:
+                now_s, n_done = self.clock.now_s(), self.arm.n_steps
+                self.clock.pacer.change_factor(changed.value, now_s, n_done)
 
     def _look_at_scene(self, arm: SimulatedArm) -> None:
         if self.scene is not None and arm.n_steps % SCENE_STEPS == 0:
@@ -238,13 +239,14 @@ class ArmSim(Node):
 
     def _report(self) -> None:
         """Bring the numbers of the diagnostics up to date."""
-        if not self.clock.runs:
+        pacer, values = self.clock.pacer, self.diagnostics.value
+        if not pacer.begun:
             self.diagnostics.status(Level.WARN, "waiting for /clock")
             return
-        achieved, values = self.clock.achieved_factor(), self.diagnostics.value
+        achieved = pacer.achieved_factor(self.clock.now_s(), self.arm.n_steps)
         values("real time factor", f"{achieved:.3f}")
         values("simulated time [s]", f"{self.arm.time_s:.3f}")
-        values("simulated time dropped [s]", f"{self.clock.dropped_s:.3f}")
+        values("simulated time dropped [s]", f"{pacer.dropped_s:.3f}")
         values("largest tracking error [rad]", f"{self._tracking_error_rad:.5f}")
         values("steps with saturated torque", self.arm.saturated_steps)
         if self.scene is not None:
@@ -257,7 +259,7 @@ class ArmSim(Node):
         self._tracking_error_rad = 0.0
         if self.clock.publishes and self.count_publishers("/clock") > 1:
             self.diagnostics.status(Level.ERROR, "another node publishes /clock: allow only one")
-        elif achieved < 0.95 * self.clock.factor:
+        elif achieved < 0.95 * pacer.factor:
             self.diagnostics.status(Level.WARN, f"slower than asked: {achieved:.2f} x real time")
         elif touching := self.surroundings.touching():
             self.diagnostics.status(Level.WARN, f"{touching[0]} touches {touching[1]}")

@@ -21,7 +21,7 @@ LONGEST_LAG_S = 0.1
 
 
 class Pacer:
-    """Counts steps due against a clock that the caller reads; pure arithmetic, no clock inside.
+    """Counts steps due against a clock that the caller reads, from its first time above zero on.
 
     When the physics falls behind by more than `LONGEST_LAG_S` of simulated time, the backlog is
     dropped instead of chased, so that a slow machine gives slow motion and not a spiral.
@@ -29,25 +29,28 @@ class Pacer:
     Args:
         step_s: simulated time of one step.
         factor: simulated seconds per second of the clock.
-        start_s: the clock now.
         largest_batch: most steps to hand out at once, so that messages are served in between.
+
+    Attributes:
+        begun: whether the clock runs.
+        factor: the same, as it is now.
+        dropped_s: simulated time that was left out.
     """
 
-    def __init__(
-        self, step_s: float, factor: float, start_s: float, largest_batch: int = 40
-    ) -> None:
+    def __init__(self, step_s: float, factor: float, largest_batch: int = 40) -> None:
         if not (step_s > 0.0 and factor > 0.0):
-            raise ArgumentError.about(
-                "step_s, factor", "positive numbers", (step_s, factor), "Check them."
-            )
-        self._step_s, self.factor = step_s, factor
-        self._origin_s = start_s
-        self._largest_batch = largest_batch
-        self._window = (start_s, 0)
-        self.dropped_s = 0.0
+            got = (step_s, factor)
+            raise ArgumentError.about("step_s, factor", "positive numbers", got, "Check them.")
+        self._step_s, self.factor, self._largest_batch = step_s, factor, largest_batch
+        self.begun, self.dropped_s = False, 0.0
+        self._origin_s, self._window = 0.0, (0.0, 0)
 
     def due(self, now_s: float, n_done: int) -> int:
         """Return how many steps to do now, with n_done done since the start."""
+        if not self.begun:
+            self.begun = now_s > 0.0
+            self._origin_s, self._window = now_s, (now_s, n_done)
+            return 0
         lag_s = self.lag(now_s, n_done)
         if lag_s > LONGEST_LAG_S:
             excess_s = lag_s - LONGEST_LAG_S
@@ -84,64 +87,31 @@ class PhysicsClock:
     Args:
         node: whose clock ROS time is.
         arm: whose steps count.
-        factor: simulated seconds per second.
+        factor: simulated seconds per second of the steady clock.
         publishes: whether simulated time is published.
         rate_hz: of the joint states.
 
     Attributes:
         publishes: the same.
+        follows: whether another node's clock paces.
+        pacer: counts the steps.
     """
 
     def __init__(
         self, node: Node, arm: SimulatedArm, factor: float, publishes: bool, rate_hz: float
     ) -> None:
-        self._node, self._arm, self._factor, self._rate_hz = node, arm, factor, rate_hz
-        self.publishes = publishes
-        self._follows = node.get_parameter("use_sim_time").value and not publishes
-        self._pacer: Pacer | None = None
-
-    @property
-    def runs(self) -> bool:
-        """Whether the clock that paces the physics has a time yet."""
-        return self._pacer is not None
-
-    @property
-    def dropped_s(self) -> float:
-        """Simulated time that was left out."""
-        return 0.0 if self._pacer is None else self._pacer.dropped_s
-
-    @property
-    def factor(self) -> float:
-        """Simulated seconds per second of the clock that paces, as asked for."""
-        return 1.0 if self._follows else self._factor
-
-    def change_factor(self, factor: float) -> None:
-        """Go on at another pace, unless another clock is followed."""
-        self._factor = factor
-        if self._pacer is not None and not self._follows:
-            self._pacer.change_factor(factor, self.now_s(), self._arm.n_steps)
-
-    def achieved_factor(self) -> float:
-        """The pace since this was last asked; 0 before the clock runs."""
-        if self._pacer is None:
-            return 0.0
-        return self._pacer.achieved_factor(self.now_s(), self._arm.n_steps)
+        self._node, self._arm, self._rate_hz, self.publishes = node, arm, rate_hz, publishes
+        self.follows = node.get_parameter("use_sim_time").value and not publishes
+        batch = max(1, int(BURST / (rate_hz * TIME_STEP_S)))
+        self.pacer = Pacer(TIME_STEP_S, 1.0 if self.follows else factor, batch)
 
     def now_s(self) -> float:
         """The clock that paces the physics [s]."""
-        return (
-            self._node.get_clock().now().nanoseconds * 1e-9 if self._follows else time.monotonic()
-        )
+        return self._ros_ns() * 1e-9 if self.follows else time.monotonic()
 
     def due(self) -> int:
         """Steps that are due now."""
-        now_s = self.now_s()
-        if self._pacer is not None:
-            return self._pacer.due(now_s, self._arm.n_steps)
-        if now_s > 0.0:
-            batch = max(1, int(BURST / (self._rate_hz * TIME_STEP_S)))
-            self._pacer = Pacer(TIME_STEP_S, self.factor, now_s, largest_batch=batch)
-        return 0
+        return self.pacer.due(self.now_s(), self._arm.n_steps)
 
     def ends_period(self) -> bool:
         """Whether the last step ended a period of the joint states."""
@@ -150,22 +120,20 @@ class PhysicsClock:
 
     def zero_ns(self) -> int:
         """The time of stamps at which the physics' time zero was, were it paced without a gap."""
-        if self.publishes or self._pacer is None:
+        if self.publishes:
             return 0
-        lag_s = self._pacer.lag(self.now_s(), self._arm.n_steps)
-        real_s = (lag_s + self._arm.time_s) / self._pacer.factor
-        return self._node.get_clock().now().nanoseconds - int(real_s * 1e9)
+        lag_s = self.pacer.lag(self.now_s(), self._arm.n_steps)
+        return self._ros_ns() - int((lag_s + self._arm.time_s) / self.pacer.factor * 1e9)
 
     def stamp_ns(self, zero_ns: int) -> int:
         """Stamp of the last step, for the time zero of the steps done at once [ns]."""
-        factor = 1.0 if self.publishes else self.factor
+        factor = 1.0 if self.publishes else self.pacer.factor
         return zero_ns + int(self._arm.n_steps * STEP_NS / factor)
 
     def stamp(self) -> TimeMessage:
         """Stamp of a message now."""
-        if self.publishes:
-            return Time(nanoseconds=self._arm.n_steps * STEP_NS).to_msg()
-        return self._node.get_clock().now().to_msg()
+        simulated_ns = self._arm.n_steps * STEP_NS
+        return Time(nanoseconds=simulated_ns if self.publishes else self._ros_ns()).to_msg()
 
     def start_s(self, at_ns: int) -> float | None:
         """When a stamp is on the physics' clock [s]; None for a zero stamp."""
@@ -173,6 +141,9 @@ class PhysicsClock:
             return None
         if self.publishes:
             return at_ns * 1e-9
-        if self._pacer is None:
-            return self._arm.time_s + (at_ns - self._node.get_clock().now().nanoseconds) * 1e-9
-        return (at_ns - self.zero_ns()) * 1e-9 * self._pacer.factor
+        if not self.pacer.begun:
+            return self._arm.time_s + (at_ns - self._ros_ns()) * 1e-9
+        return (at_ns - self.zero_ns()) * 1e-9 * self.pacer.factor
+
+    def _ros_ns(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
