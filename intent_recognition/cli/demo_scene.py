@@ -31,7 +31,7 @@ BASES_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.5, -0.1, 0.
 Convention: toward the worker; an arm of 0.4 m reaches them from the last."""
 CELL_PLAN = "config/examples/cell_plan.yaml"
 """Work plan of the scenario `cell`."""
-CELL_BOXES = ("bin 0.56 -0.26 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.535 0.06 0.05 0.10")
+CELL_BOXES = ("bin 0.56 -0.26 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.555 0.06 0.05 0.10")
 """Boxes on the way of its arm. Convention: below the way to the screwdriver, and above that to the
 plates and the screws, but 2.5 cm clear of the LWR at the stands and wherever something is handed
 over: where the end of a way touches, there is no way."""

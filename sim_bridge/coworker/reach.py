@@ -189,10 +189,15 @@ def draw_rest(rng: np.random.Generator, side: float = 0.0) -> NDArray[np.float64
     Beside somebody else it is in the outer 40 % of the region on one's own side of the table: 1 for
     larger y, -1 for smaller.
     """
+    return REST_CENTRE_M + REST_HALF_WIDTH_M * _draw_place(rng, side)
+
+
+def _draw_place(rng: np.random.Generator, side: float) -> NDArray[np.float64]:
+    """Uniform between -1 and 1, or on one side of y (3,); see `draw_rest`."""
     place = rng.uniform(-1.0, 1.0, 3)
     if side:
         place[1] = side * (0.8 + 0.2 * place[1])
-    return REST_CENTRE_M + REST_HALF_WIDTH_M * place
+    return place
 
 
 def draw_reach(
@@ -200,6 +205,7 @@ def draw_reach(
     task: str,
     start_m: NDArray[np.float64],
     nominal_s: float | None = None,
+    side: float = 0.0,
 ) -> Reach:
     """Draw a reach of a task from `start_m` to a new goal of its region.
 
@@ -208,6 +214,7 @@ def draw_reach(
         task: one of the labels of STYLES.
         start_m: resting place (3,), world.
         nominal_s: duration without hesitation; drawn log-uniformly from 1.6 to 4.0 s if None.
+        side: as of `draw_rest`: hands of two people are not in one place.
 
     Raises:
         ArgumentError: the task is unknown.
@@ -217,7 +224,7 @@ def draw_reach(
             "task", f"one of {sorted(STYLES)}", repr(task), "Correct the label."
         )
     style = STYLES[task]
-    goal = style.goal_centre_m + style.goal_half_width_m * rng.uniform(-1.0, 1.0, 3)
+    goal = style.goal_centre_m + style.goal_half_width_m * _draw_place(rng, side)
     bow = style.bow_m + style.bow_std_m * rng.standard_normal(3)
     skew = rng.uniform(1.0, 1.8)
     turn = style.turn_rad + 0.12 * rng.standard_normal(3)

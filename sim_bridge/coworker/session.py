@@ -118,7 +118,7 @@ def plan_session(
     interactions = []
     retract: WristMovement | None = None
     for intention in map(read_intention, tasks):
-        reach = _intended(rng, intention, place)
+        reach = _intended(rng, intention, place, side)
         movements.append((now, _following(reach, retract, timing)))
         end = now + (1.0 - timing.overlap_share) * reach.duration_s
         retract = draw_retract(rng, reach.goal_m, side)
@@ -156,10 +156,10 @@ def plan_people(
 
 
 def _intended(
-    rng: np.random.Generator, intention: Intention, start_m: NDArray[np.float64]
+    rng: np.random.Generator, intention: Intention, start_m: NDArray[np.float64], side: float
 ) -> WristMovement:
     """Draw a reach, and what it is changed to."""
-    reach = draw_reach(rng, intention.task, start_m)
+    reach = draw_reach(rng, intention.task, start_m, side=side)
     if not intention.then:
         return reach
     blend = min(USUAL_BLEND, 1.0 - intention.share)

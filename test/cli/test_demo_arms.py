@@ -4,6 +4,7 @@
 import json
 import subprocess
 import sys
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,11 +12,16 @@ from kinematics.trees import TREES, urdf
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli import demo
+from intent_recognition.cli.demo_scene import CELL_BOXES
 from intent_recognition.cli.main import main
 from intent_recognition.evaluation.session_summary import InteractionRecord
-from intent_recognition.kinematics import parse_boxes
+from intent_recognition.kinematics import Bodies, parse_boxes
 from intent_recognition.motion import parse_places
 from intent_recognition.nodes.graph import RECOGNITION
+from sim_bridge.arm import find_robot
+from sim_bridge.coworker.styles import STYLES
+from sim_bridge.handover import with_fingers
+from sim_bridge.scenarios.toolbox import arm_posture, handover_point, handover_rotation, pose
 
 
 @pytest.fixture
@@ -133,6 +139,17 @@ def test_nodes_know_the_plan_the_boxes_and_the_fingers(monkeypatch, tmp_path, ar
     assert known["clearance"] > 0.0
     assert known["person_dofs"] and len(parse_places(known["slow_at"])) == 2
     assert len(scene.own["object_transfer"]["fingers"]) == 2
+
+
+def test_the_boxes_are_clear_of_where_the_lwr_hands_over():
+    robot = with_fingers(find_robot("lwr"))
+    boxes = parse_boxes(list(CELL_BOXES))
+    bodies = Bodies(robot.description, robot.joint_names, boxes, clearance_m=0.02)
+    for task, style in STYLES.items():
+        for corner in product((-1.0, 1.0), repeat=3):
+            goal = style.goal_centre_m + style.goal_half_width_m * corner
+            q = arm_posture(pose(handover_point(task, goal), handover_rotation(task)))
+            assert not bodies.contacts(q[None]), (task, goal)
 
 
 @pytest.mark.slow

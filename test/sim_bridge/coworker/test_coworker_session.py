@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.session import WITHOUT_PAUSE, SessionTiming, plan_session
+from sim_bridge.coworker.session import WITHOUT_PAUSE, SessionTiming, plan_people, plan_session
 from sim_bridge.coworker.styles import HOLD, PLATE, TASKS
 from sim_bridge.coworker.task_list import (
     CHANGE_SHARES,
@@ -47,6 +47,15 @@ def test_the_wrist_never_jumps_and_some_samples_are_occluded():
     assert speed.max() < 2.0
     assert 0.97 < plan.samples.visible.mean() < 1.0
     np.testing.assert_allclose(plan.samples.times_s, np.arange(len(speed) + 1) * 0.01)
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_hands_of_two_people_are_never_in_one_place(seed):
+    tasks = [parse_task_list("random", own, 10) for own in (seed, seed + 50)]
+    wrists_m = [plan.samples.true_positions_m for plan in plan_people(seed, tasks)]
+    n = min(map(len, wrists_m))
+    apart_m = np.linalg.norm(wrists_m[0][:n] - wrists_m[1][:n], axis=1)
+    assert apart_m.min() > 0.08  # a hand's width
 
 
 def test_timing_is_respected():
