@@ -105,7 +105,7 @@ def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integ
     if several > FEW_FRAMES * len(frames):
         got = f"several people in {several} of {len(frames)} frames"
         raise unusable(source, "one person of OpenPose", got, ONE_PERSON)
-    notes = [f"{several} frames have several people, and are left out"] if several else []
+    notes = [f"left out, of several people: {several} of {len(frames)} frames"] if several else []
     if not any(len(point) > 2 for frame in frames for point in frame.values()):
         notes.append(OF_IMAGE)
     return table_of(source, _columns(frames, rows), notes=notes)

@@ -195,7 +195,7 @@ def _is_list(kind: Any) -> bool:
 
 
 def _is_nested(kind: Any) -> bool:
-    return str(kind).startswith(("struct<", "map<", "extension<", "binary"))
+    return str(kind).startswith(("struct<", "map<", "extension<", "binary", "large_binary"))
 
 
 def _with_file(
