@@ -44,6 +44,7 @@ class ParameterSpec(NamedTuple):
         maximum: largest value allowed; None: any.
         live: whether it may change while the node runs.
         kind: its type, where the default is an empty list: "string_array" or "double_array".
+        one_of: values allowed; empty: any.
     """
 
     default: Any
@@ -52,6 +53,7 @@ class ParameterSpec(NamedTuple):
     maximum: float | None = None
     live: bool = False
     kind: str = "string_array"
+    one_of: tuple[str, ...] = ()
 
 
 @lru_cache(maxsize=1)
@@ -75,4 +77,5 @@ def _spec(**fields: Any) -> ParameterSpec:
     minimum, maximum = fields.get("range", (None, None))
     kind = fields.get("type", "string_array")
     live = fields.get("live", False)
-    return ParameterSpec(fields["default"], fields["is"], minimum, maximum, live, kind)
+    one_of = tuple(fields.get("one_of", ()))
+    return ParameterSpec(fields["default"], fields["is"], minimum, maximum, live, kind, one_of)

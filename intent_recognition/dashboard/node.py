@@ -19,9 +19,8 @@ from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
-from intent_recognition.dashboard.welcome import ALWAYS, AUTO, NEVER
 from intent_recognition.demonstrations import find_bags
-from intent_recognition.errors import ArgumentError, BagError, IntentError, one_line
+from intent_recognition.errors import BagError, IntentError, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -50,9 +49,6 @@ class Dashboard(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("dashboard", **kwargs)
         given = declare(self, "dashboard")
-        if given["light"] not in (AUTO, ALWAYS, NEVER):
-            got, cure = given["light"], "Leave it out for auto."
-            raise ArgumentError.about("parameter light", "auto, always or never", got, cure)
         bags, body, hand_link = given["bags"], given["body"], given["hand_link"]
         self._models = given["models"]
         self._diagnostics = Diagnostics(self)

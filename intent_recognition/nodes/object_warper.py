@@ -54,11 +54,8 @@ class ObjectWarper(Node):
         values = declare(self, "object_warper")
         source = values["source"]
         self._source = ObjectModel.learn(load_object(find_object(source)))
-        mapping = values["mapping"]
-        if mapping not in ("label", "point"):
-            cure = "Use label unless points must be identified one by one."
-            raise ArgumentError.about("mapping", "label or point", mapping, cure)
-        self._mapping: Literal["label", "point"] = "point" if mapping == "point" else "label"
+        point = values["mapping"] == "point"
+        self._mapping: Literal["label", "point"] = "point" if point else "label"
         self._neighbours = values["neighbours"]
         self._n_points = values["n_points"]
         self._viewpoint = _position(values["viewpoint"])

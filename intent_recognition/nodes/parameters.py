@@ -37,7 +37,7 @@ def declare(node: Node, part: str) -> dict[str, Any]:
         array becomes a Python list, and an unset one `[]`.
 
     Raises:
-        ArgumentError: an override has the wrong type, is not finite or lies outside the range.
+        ArgumentError: an override has the wrong type, is not finite, or is not among those allowed.
     """
     specs = parameter_parts()[part]
     for name, spec in specs.items():
@@ -64,6 +64,9 @@ def declare_one(node: Node, name: str, spec: ParameterSpec) -> Any:
         node.set_descriptor(name, _descriptor(kind, spec))
     except (ParameterException, TypeError, ValueError) as error:
         raise ArgumentError(f"parameter {name}: {one_line(error)}. {spec.description}") from error
+    if spec.one_of and given not in spec.one_of:
+        expected = f"one of {', '.join(spec.one_of)}"
+        raise ArgumentError.about(f"parameter {name}", expected, given, "Choose one of them.")
     return plain(node.get_parameter(name).value)
 
 

@@ -36,7 +36,7 @@ class PlanningSceneLink:
         boxes: those of the scene.
 
     Raises:
-        ArgumentError: another use, or moveit_msgs is not installed for it.
+        ArgumentError: moveit_msgs is not installed for it.
     """
 
     def __init__(
@@ -45,9 +45,6 @@ class PlanningSceneLink:
         self.boxes: tuple[Box, ...] = ()
         self._node, self._diagnostics, self._frame, self._own = node, diagnostics, frame, own
         self._things: dict[str, tuple[Box, ...]] = {}
-        if use not in (OFF, READ, OFFER, BOTH):
-            expected = " or ".join((OFF, READ, OFFER, BOTH))
-            raise ArgumentError.about("planning_scene", expected, use, "Choose one.")
         if use == OFF:
             return
         try:

@@ -29,15 +29,14 @@ from sim_bridge.handover import GRIP_M, with_fingers
 from sim_bridge.nodes.arm_commands import ArmCommands
 from sim_bridge.nodes.clock_answers import ClockAnswers
 from sim_bridge.nodes.physics_clock import PhysicsClock
-from sim_bridge.nodes.pouring_scene import POURING, PouringScene, make_scene
+from sim_bridge.nodes.pouring_scene import POURING, PouringScene
 from sim_bridge.nodes.transfer_scene import TAKES, TRANSFERS, TransferScene
-from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper
+from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper, make_gripper
 
 TICK_S = 0.002
 """Period of the timer that runs due physics steps [s]. Convention: half a joint state."""
 SCENE_STEPS = 5
 """Physics steps between two looks of the scene at its things. Convention."""
-CONTROLLERS = ("low_gain", "stochastic_feedback")
 
 
 class ArmSim(Node):
@@ -85,7 +84,9 @@ class ArmSim(Node):
         self.diagnostics = Diagnostics(self)
         factor, rate_hz = given["real_time_factor"], given["joint_state_rate"]
         self.clock = PhysicsClock(self, self.arm, factor, given["publish_clock"], rate_hz)
-        self.commands = ArmCommands(self.arm, self.clock, self.diagnostics, self._make_spread())
+        stiffens = given["controller"] == "stochastic_feedback"
+        spread = SpreadControl(self.arm.robot.joint_names) if stiffens else None
+        self.commands = ArmCommands(self.arm, self.clock, self.diagnostics, spread)
         self.arm.before_step.append(self._look_at_scene)
         takes = {"joint_trajectory", *(TAKES if transfers else ())}
         takes |= {"intent/active_task"} if given["scene"] != "none" else set()
@@ -132,21 +133,16 @@ class ArmSim(Node):
             headless=given["headless"],
         )
 
-    def _make_spread(self) -> SpreadControl | None:
-        if (controller := self._given["controller"]) not in CONTROLLERS:
-            expected, cure = f"one of {', '.join(CONTROLLERS)}", "Choose one of them."
-            raise ArgumentError.about("controller", expected, controller, cure)
-        stiffens = controller == CONTROLLERS[1]
-        return SpreadControl(self.arm.robot.joint_names) if stiffens else None
-
     def _make_scene(
         self, pouring: PouringScene, lever_m: float
     ) -> ToolboxGripper | PouringScene | TransferScene | None:
         """Put the things of the scene into the arm's world."""
-        world, stamp = (self.arm, self._given["seed"]), self.clock.stamp
-        if self._given["scene"] == TRANSFERS:
-            return TransferScene(self, *world, lever_m, stamp, self._answers.note)
-        return make_scene(self._given["scene"], pouring, *world, stamp)
+        name, seed, stamp = self._given["scene"], self._given["seed"], self.clock.stamp
+        if name == TRANSFERS:
+            return TransferScene(self, self.arm, seed, lever_m, stamp, self._answers.note)
+        if name == POURING:
+            return pouring.begin(self.arm, seed, stamp)
+        return make_gripper(self.arm, name)
 
     def _make_topics(self) -> None:
         self._states = self.create_publisher(JointState, "joint_states", STATE)

@@ -17,12 +17,9 @@ from intent_recognition.nodes.clouds import to_labelled_cloud
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.scenarios.toolbox import ToolboxGripper, make_gripper
 
 POURING = "pouring"
 """Name of the scene."""
-SCENES = ("toolbox", "transfers", POURING, "none")
-"""What may be in the arm's world."""
 WORLD_FRAME = "world"
 BALLS = "balls"
 COUNT_STEPS, CLOUD_STEPS = 100, 1000
@@ -108,26 +105,3 @@ class PouringScene:
             for publisher, cloud in zip(self._clouds, self._world.clouds(), strict=True):
                 no_labels = np.zeros(len(cloud.points))
                 publisher.publish(to_labelled_cloud(header, cloud.points, cloud.normals, no_labels))
-
-
-def make_scene(
-    scene: str, pouring: PouringScene, arm: SimulatedArm, seed: int, stamp: Callable[[], Time]
-) -> ToolboxGripper | PouringScene | None:
-    """Put the things of a scene into the arm's world; return what handles them, None for "none".
-
-    Args:
-        scene: one of `SCENES`.
-        pouring: the scene of that name.
-        arm: at rest where the scene begins.
-        seed: of balls and camera.
-        stamp: of a message now.
-
-    Raises:
-        ArgumentError: another scene.
-    """
-    if scene not in SCENES:
-        expected = f"one of {', '.join(SCENES)}"
-        raise ArgumentError.about("scene", expected, repr(scene), "Choose one.")
-    if scene == POURING:
-        return pouring.begin(arm, seed, stamp)
-    return make_gripper(arm, scene)

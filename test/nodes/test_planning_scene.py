@@ -148,6 +148,4 @@ def test_without_moveit_msgs_the_node_says_what_to_install(harness, monkeypatch)
     monkeypatch.setitem(sys.modules, "moveit_msgs.msg", None)
     with pytest.raises(ArgumentError, match="ros-jazzy-moveit-msgs"):
         PlanningSceneLink(node, Diagnostics(node), "read", "world", ())
-    with pytest.raises(ArgumentError, match="off or read or offer or both"):
-        PlanningSceneLink(node, Diagnostics(node), "on", "world", ())
     assert PlanningSceneLink(node, Diagnostics(node), "off", "world", ()).boxes == ()

@@ -255,6 +255,13 @@ def test_parameter_refuses(harness, value):
         declared(node, "rate", 1.0, minimum=0.5, maximum=2.0)
 
 
+def test_what_can_be_chosen_is_and_nothing_else(harness):
+    node = node_with(harness, good="b", bad="c")
+    assert declared(node, "good", "a", one_of=("a", "b")) == "b"
+    with pytest.raises(ArgumentError, match="parameter bad: expected one of a, b, got c"):
+        declared(node, "bad", "a", one_of=("a", "b"))
+
+
 class FakeClock:
     """Seconds under the test's control."""
 

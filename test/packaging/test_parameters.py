@@ -25,8 +25,6 @@ from intent_recognition.tracking import IngestSettings
 from intent_recognition.transfer import PATIENCE_S
 from sim_bridge.arm import ANSWERING, NAMES
 from sim_bridge.coworker import SessionTiming
-from sim_bridge.nodes.arm_sim import CONTROLLERS
-from sim_bridge.nodes.pouring_scene import SCENES
 
 TEXT = share_path("config/params.yaml").read_text(encoding="utf-8")
 SECTIONS = yaml.safe_load(TEXT)
@@ -112,7 +110,6 @@ def test_defaults_are_those_of_the_library():
             "least_speed": SeparationSettings.least_speed_m_s,
         },
         "object_transfer": {"patience": PATIENCE_S},
-        "arm_sim": {"controller": CONTROLLERS[0], "scene": SCENES[0]},
         "coworker_sim": {
             "wait_for_nodes": list(RECOGNITION),
             "first_idle": timing.first_idle_s,
@@ -128,10 +125,7 @@ def test_defaults_are_those_of_the_library():
 
 def test_what_can_be_chosen_is_named():
     of_arm = parameters_of("arm_sim")
-    for name, choices in {
-        "wait_for_answers": ANSWERING,
-        "controller": CONTROLLERS,
-        "robot": NAMES,
-        "scene": SCENES,
-    }.items():
+    for name, choices in {"wait_for_answers": ANSWERING, "robot": NAMES}.items():
         assert ", ".join(choices) in of_arm[name].description
+    for spec in (spec for node in NODES for spec in parameters_of(node).values() if spec.one_of):
+        assert spec.default in spec.one_of and not spec.live
