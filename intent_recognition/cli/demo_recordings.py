@@ -236,6 +236,9 @@ def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) 
     write_json(args.json, [one._asdict() for one in shown])
     right = sum(bool(one.task) and one.task == one.label for one in shown)
     off = [one.off_cm for one in shown if np.isfinite(one.off_cm)]
+    if right < len(shown):
+        say(console, "people move in real time, which a busy machine cannot follow; without it:")
+        say(console, f"  intent rehearse {args.model} {args.recordings}")
     by_hand = f", hand off by {np.mean(off):.1f} cm on average" if off else ""
     console.file.write(f"acted on as labelled {right}/{len(shown)}{by_hand}\n")
     return 1 if 2 * right < len(shown) else 0

@@ -97,3 +97,12 @@ def test_a_page_that_is_closed_in_the_first_recording_is_no_failure(page):
 def test_recordings_need_a_model(tmp_path, capsys):
     assert main(["demo", "--recordings", str(tmp_path), "--output", str(tmp_path / "o")]) != 0
     assert "intent train RECORDINGS" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("task", ["a", ""])
+def test_where_an_arm_missed_something_it_is_said_how_to_count_without_a_clock(task, capsys):
+    shown = [demo_recordings.Shown("a_0", "a", "a", 1.0, 2.0)] * 2
+    shown.append(demo_recordings.Shown("a_1", "a", task, float("nan"), float("nan")))
+    args = Namespace(json=None, dashboard=False, model=Path("m.npz"), recordings=Path("held"))
+    assert demo_recordings._report(args, shown, Console(file=sys.stdout, width=80)) == 0
+    assert ("  intent rehearse m.npz held\n" in capsys.readouterr().out) == (not task)
