@@ -25,6 +25,7 @@ from intent_recognition.motion.bending import least_change
 from intent_recognition.motion.hand_path import LARGEST_JUMP_RAD, LARGEST_SHORTFALL_M, N_POSES
 from intent_recognition.motion.path import JointPath, make_path
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
+from intent_recognition.promp import minimum_jerk
 
 _BEYOND_M = 0.004
 """The end is turned so much farther than the clearance [m]. Convention: as paths are bent."""
@@ -86,8 +87,7 @@ class HandKept:
         """A path with the same hand that ends turned; None where the hand cannot keep to it."""
         phases = np.linspace(0.0, 1.0, N_POSES)
         positions = path.spline(phases)
-        share = np.clip((phases - turn.since) / max(1.0 - turn.since, 1e-9), 0.0, 1.0)
-        share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        share = minimum_jerk((phases - turn.since) / max(1.0 - turn.since, 1e-9))
         poses = self._arm.forward_kinematics(positions)
         wanted = positions + share[:, None] * turn.shift
         moved = np.array([self._onto(*pair) for pair in zip(poses, wanted, strict=True)])
