@@ -48,7 +48,8 @@ def add_parser(subparsers: Subparsers) -> None:
         --task-list F       labels separated by commas, OLD>NEW@SHARE for a reach whose goal
                             changes, a file of them, 'habit' (default: the usual order, with
                             variation) or 'random'
-        --interactions N    number of interactions (default: those of the list, or 40)
+        --interactions N    number of interactions (default: those of the list; 40 with habit or
+                            random)
         --changes N         the coworker changes his mind in N of them (default: 0)
         --arm ARM           lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file;
                             the others do with their hands what the LWR was taught. Several,

@@ -43,8 +43,8 @@ def add_parser(subparsers: Subparsers) -> None:
         names NAME    experiment to run (default: all; --list shows them)
         --output DIR  folder of report.html, numbers.json and figures/ (default: %(default)s)
         --seed SEED   seed of all random variation (default: 1)
-        --seeds N     draws of the recordings of pointing, pole and toolbox: the shipped ones, the
-                      others made anew in minutes each (default: %(default)s)
+        --seeds N     draws of the recordings of pointing, pole and toolbox; the first are the
+                      shipped ones, each other takes minutes (default: %(default)s)
         --quick       run a fast subset of each experiment
         --bags DIR    folder of recordings (default: the shipped ones)
         --jobs JOBS   number of processes (default: %(default)s)
