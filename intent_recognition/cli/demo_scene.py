@@ -170,7 +170,8 @@ def _toolbox(args: argparse.Namespace) -> Scene:
             f"{x} {y} {z} {SLOW_M} {SLOW_M_S}" for x, y, z in STANDS_M.values()
         ]
         named |= {"transfers": "true", "arm_scene": "transfers"}
-    scoring = Scoring(places_m, by_force=args.transfers)
+    stands_m = np.array(list(STANDS_M.values()))
+    scoring = Scoring(places_m, by_force=args.transfers, passed_m=stands_m)
     if arm is not None:
         scoring = scoring._replace(hand_of=arm.hand, n_joints=arm.robot.n_joints)
     return Scene(

@@ -38,6 +38,7 @@ from intent_recognition.report.interaction_table import cells, fields_of
 LARGEST_FORCE_N = 15.0
 """That a person may have to bear in a transfer [N] (docs/transfer.md)."""
 TITLE = "Toolbox assembly with a simulated coworker"
+TITLE_OF_MANY = "Toolbox assembly of {} with one arm"
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 COLOURS = "Green: an aim is met, such as the paper's hand error; red: missed; blue: no aim."
 
@@ -91,7 +92,9 @@ def demo_page(
         f"{count} recognised from the motion of the wrist alone; everything is"
         " measured on the ROS 2 topics, and the true task is used for scoring only."
     )
-    return ReportPage(TITLE, subtitle, tuple(sections), summary_line(summary))
+    names = " and ".join(one.person for one in summary.people)
+    title = TITLE_OF_MANY.format(names) if names else TITLE
+    return ReportPage(title, subtitle, tuple(sections), summary_line(summary))
 
 
 def _key_numbers(summary: DemoSummary) -> KeyNumbers:
@@ -106,7 +109,8 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
         KeyNumber(
             "decided before the human's end",
             f"{summary.decided_before_end}/{summary.n}",
-            good=summary.decided_before_end == summary.n,
+            good=None if summary.people else summary.decided_before_end == summary.n,
+            note="the others wait for the one arm" if summary.people else "",
         ),
         KeyNumber(
             "median decision",
@@ -150,6 +154,10 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
                 note=f"at most {LARGEST_FORCE_N:g} N is required",
             ),
         ]
+    if summary.people:
+        wrong = sum(one.wrong_helps for one in summary.people)
+        note = "begun while the person neither moved nor waited"
+        numbers.append(KeyNumber("wrong helps", str(wrong), good=not wrong, note=note))
     if summary.n_changed:
         numbers.append(
             KeyNumber(

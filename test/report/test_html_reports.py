@@ -4,6 +4,7 @@
 import base64
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +99,17 @@ def test_the_demo_report_needs_nothing_from_outside(page):
     sources = re.findall(r'(?:src|href)="([^"]{0,30})', html)
     assert sources
     assert all(source.startswith("data:image/") for source in sources)
+
+
+@pytest.mark.parametrize("wrong", [0, 2])
+def test_the_report_of_several_people_counts_wrong_helps_and_does_not_judge_waiting(session, wrong):
+    records = [replace(r, person=("anna", "ben")[r.index % 2]) for r in session[0]]
+    records[1] = replace(records[1], wrong_helps=wrong)
+    page = demo_page(records, summarise(records), (), {})
+    assert page.title == "Toolbox assembly of anna and ben with one arm"
+    numbers = key_numbers(page)
+    assert (numbers["wrong helps"].ours, numbers["wrong helps"].good) == (str(wrong), not wrong)
+    assert numbers["decided before the human's end"].good is None
 
 
 def test_the_demo_table_is_the_records(session, page):

@@ -25,7 +25,8 @@ EARLIEST_DECISION_S = 0.1
 REST_SPEED_RAD_S = 0.03
 """Speed of the fastest joint below which the arm rests [rad/s]. Convention."""
 AWAY_FROM_HOME_M = 0.08
-"""Distance of the hand from home above which it rests at an interaction [m]. Convention."""
+"""Distance of the hand from home, and from stands, above which it rests at an interaction [m].
+Convention."""
 DETAIL_S = 1.5
 """Time after the human's end that a trace shows [s]. Convention."""
 
@@ -60,6 +61,7 @@ class Scoring(NamedTuple):
         home_m: where its hand waits (3,).
         n_joints: of the arm, without fingers.
         by_force: whether objects are handed over by force.
+        passed_m: places where the hand may rest on the way, such as stands (k, 3).
     """
 
     places_m: NDArray[np.float64]
@@ -67,6 +69,7 @@ class Scoring(NamedTuple):
     home_m: NDArray[np.float64] = HOME_HAND_M
     n_joints: int = len(JOINT_NAMES)
     by_force: bool = False
+    passed_m: NDArray[np.float64] = np.empty((0, 3))
 
 
 def toolbox_places(plan: SessionPlan) -> NDArray[np.float64]:
@@ -231,7 +234,7 @@ def _hand_error(
 def _arrival(
     log: SessionLog, decided_ns: int, end_ns: int, until_ns: int, scoring: Scoring
 ) -> float | None:
-    """When the arm first rested away from home after the decision, since the human's end [s].
+    """When the arm first rested where it was to go after the decision, since the human's end [s].
 
     Where it did something else until then, it has moved first.
     """
@@ -242,7 +245,9 @@ def _arrival(
     step = 10
     speed = np.max(np.abs(joints[step:] - joints[:-step]), axis=1)
     speed /= (stamps[step:] - stamps[:-step]) * 1e-9
-    away = np.linalg.norm(scoring.hand_of(joints[step:]) - scoring.home_m, axis=1)
+    elsewhere_m = np.vstack([scoring.home_m, scoring.passed_m])
+    to_these = scoring.hand_of(joints[step:])[:, None] - elsewhere_m
+    away = np.linalg.norm(to_these, axis=2).min(axis=1)
     late = stamps[step:] > end_ns - 5e8
     moved = np.logical_or.accumulate(speed > REST_SPEED_RAD_S)
     rests = (speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late & moved

@@ -10,7 +10,14 @@ from intent_recognition.evaluation import summarise
 from intent_recognition.evaluation.session_log import SessionLog
 from intent_recognition.kinematics.inverse import inverse_kinematics
 from sim_bridge.coworker.session import plan_session
-from sim_bridge.scenarios.toolbox.scene import HOME, handover_point, handover_rotation, pose
+from sim_bridge.scenarios.toolbox.scene import (
+    HOME,
+    STANDS_M,
+    handover_point,
+    handover_rotation,
+    pose,
+    stand_pose,
+)
 from sim_bridge.scenarios.toolbox.session_scoring import (
     Scoring,
     first_sample_ns,
@@ -74,6 +81,20 @@ def test_numbers_of_an_interaction_are_those_of_the_topics():
     assert len(traces) == 2
     assert traces[0]["share"].min() >= 0.0
     assert traces[0]["share"].max() <= 1.0
+
+
+def test_an_arm_that_waits_at_a_stand_has_not_arrived():
+    plan, log = session()
+    end = FIRST_NS + round(plan.interactions[0].end_s * 1e9)
+    stand, there = inverse_kinematics(stand_pose(TASK), HOME), log.joint_rad[-1]
+    share = np.clip((log.joint_ns - end - 600_000_000) / 800_000_000, 0.0, 1.0)
+    fetched = np.clip((log.joint_ns - end + 1_500_000_000) / 1_000_000_000, 0.0, 1.0)
+    begun = HOME + fetched[:, None] * (stand - HOME)
+    log = replace(log, joint_rad=begun + share[:, None] * (there - begun))
+    scoring = Scoring(toolbox_places(plan), by_force=True, passed_m=np.array([STANDS_M[TASK]]))
+    record = score_session(log, plan, FIRST_NS, scoring)[0][0]
+    assert record.arrival_s == pytest.approx(1.4, abs=0.08)
+    assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
 
 
 def test_nothing_activated_is_a_miss():
