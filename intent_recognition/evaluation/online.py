@@ -171,6 +171,7 @@ def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
         library,
         log_duration_mean=np.full(library.n_tasks, log_duration),
         log_duration_std=sure,
+        usual_log_duration=np.log(library.usual_s),
         none_log_duration=np.array([log_duration, SURE_LOG_STD]),
         onset=tuple(replace(own, reference_speed=ALWAYS_MOVING) for own in library.onset),
     )

@@ -22,6 +22,7 @@ from intent_recognition.promp import (
     dof_variance,
     reference_phase,
     residual_weights,
+    steady_phase,
 )
 
 N_PHASES = 201
@@ -62,6 +63,7 @@ class TaskPrediction:
         self._seen = seen if coupled else ()
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
+        self._relative = durations_s[:, None] / library.usual_s[task]
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_DURATION)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
 
@@ -83,9 +85,9 @@ class TaskPrediction:
         """Probability of each tabulated reference phase of the controlled agent, (S, T, G)."""
         model, durations = self.library.phase_deviation, self.durations_s
         if model.controlled_follows:
-            phase = reference_phase(model, times_s / durations[:, None])
+            phase = reference_phase(model, times_s / durations[:, None], self._relative)
             return _tabulated(phase, self.deviations_at(times_s))
-        phase = np.clip(times_s / durations[:, None], 0.0, 1.0)[..., None]
+        phase = steady_phase(model, times_s / durations[:, None], self._relative)[..., None]
         return _tabulated(phase, np.ones_like(phase))
 
     def mixture_at(
@@ -149,7 +151,8 @@ class TaskPrediction:
         if coupling is None or not self._seen:
             return np.zeros((len(self.durations_s), *shape)), np.ones(shape)
         seen_s, values = _values(self._seen, self.library.n_observed)
-        phase = reference_phase(self.library.phase_deviation, seen_s / self.durations_s[:, None])
+        model, durations = self.library.phase_deviation, self.durations_s
+        phase = reference_phase(model, seen_s / durations[:, None], self._relative)
         design = self.library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         of_dofs = self.weights.mean.reshape(len(self.durations_s), self.library.n_observed, -1)
         path = design @ np.swapaxes(of_dofs, 1, 2)
@@ -223,11 +226,13 @@ class TaskPrediction:
         model = self.library.phase_deviation
         steady = controlled and not model.controlled_follows
         if steady or len(model.grid) == 1:
-            mean = np.clip(times_s / self.duration_s, 0.0, 1.0)
+            relative = self.duration_s / self.library.usual_s[self.task]
+            mean = steady_phase(model, times_s / self.duration_s, relative)
             variance = np.zeros_like(mean)
         else:
             share = self._share[:, None, None] * self.deviations_at(times_s)[self._likely]
-            phase = reference_phase(model, times_s / self.durations_s[self._likely, None])
+            recorded = times_s / self.durations_s[self._likely, None]
+            phase = reference_phase(model, recorded, self._relative[self._likely])
             mean = np.einsum("ste,ste->t", share, phase)
             variance = np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
         if times_s[-1] <= times_s[0]:

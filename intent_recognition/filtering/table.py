@@ -10,6 +10,7 @@ that was measured; what was not measured has no row. A hypothesis that was born 
 more weights per DOF, those of its offset (`fading`).
 """
 
+from dataclasses import replace
 from math import inf
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from intent_recognition.promp import (
     deviation_prior,
     deviation_transition,
     reference_phase,
+    steady_rate,
 )
 
 OFFSET_BASIS = 3
@@ -80,7 +82,11 @@ class HypothesisTable:
     """
 
     def __init__(self, room: int, library: TaskLibrary, *, offsets: bool = False):
-        self._model = STEADY if offsets else library.phase_deviation
+        model = library.phase_deviation
+        self._model = (
+            replace(STEADY, duration_exponent=model.duration_exponent) if offsets else model
+        )
+        self._usual_s = library.usual_s
         self._basis, n_dofs, n_basis = library.basis, library.n_observed, library.basis.n_basis
         self._shape = n_dofs, n_basis + OFFSET_BASIS * offsets
         # The system hands out memory when it is touched: now, not later.
@@ -146,9 +152,10 @@ class HypothesisTable:
         model, basis, duration_s = self._model, self._basis, rows["duration_s"]
         into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
         into = np.where(rows["form"] == STRAIGHT, inf, into)
-        phase = reference_phase(model, into)
+        relative = duration_s / self._usual_s[rows["task"]]
+        phase = reference_phase(model, into, relative)
         if measurement.derivative:
-            rate = np.where((into >= 0.0) & (into <= 1.0), 1.0 / duration_s, 0.0)
+            rate = steady_rate(model, into, relative) / duration_s
             course = basis.derivative_matrix(phase) * rate[:, None, None]
         else:
             course = basis.design_matrix(phase)

@@ -40,7 +40,7 @@ from intent_recognition.learning.examples import (
 from intent_recognition.learning.preprocessing import example_of
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.learning.training import Trained
-from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary
+from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary, steady_phase
 from intent_recognition.signals import Demonstration, commensurate
 
 OFFSET_VARIANCE = 20.0
@@ -170,7 +170,11 @@ def inferred_weights(trained: Trained, example: TrainingExample) -> NDArray[np.f
         np.diag(library.noise_covariance(np.arange(n_observed), interval_s)),
         example.duration_s,
     )
-    seen, _ = person.condition(sample_phases(), _chosen(trained, example).observed)
+    phases = sample_phases()
+    if not trained.chosen.aligned or example.aligned is None:
+        relative = example.duration_s / library.durations_s[task]
+        phases = steady_phase(library.phase_deviation, phases, relative)
+    seen, _ = person.condition(phases, _chosen(trained, example).observed)
     return seen.weights.mean
 
 

@@ -42,12 +42,12 @@ class HeldOutResiduals(NamedTuple):
 
 
 class _Moments(NamedTuple):
-    """Sums over shares and phases of each of n demonstrations, at one decay.
+    """Sums over phases of each of n demonstrations after each of f shares, at one decay.
 
     Attributes:
-        observed: outer products of the expected observed residuals, (n, P, P).
-        cross: of these and the controlled residuals, (n, P, Q).
-        controlled: squares of the controlled residuals, (n, Q).
+        observed: outer products of the expected observed residuals, (f, n, P, P).
+        cross: of these and the controlled residuals, (f, n, P, Q).
+        controlled: squares of the controlled residuals, (f, n, Q).
     """
 
     observed: NDArray[np.float64]
@@ -56,59 +56,61 @@ class _Moments(NamedTuple):
 
     def gain(self, shrinkage: float) -> NDArray[np.float64]:
         """Ridge regression of the controlled on the observed residuals, (P, Q)."""
-        total = self.observed.sum(axis=0)
-        prior = shrinkage * np.diag(np.diag(total) / len(self.observed) + 1e-300)
-        return np.linalg.solve(total + prior, self.cross.sum(axis=0))
+        total = self.observed.sum(axis=(0, 1))
+        prior = shrinkage * np.diag(np.diag(total) / self.observed.shape[1] + 1e-300)
+        return np.linalg.solve(total + prior, self.cross.sum(axis=(0, 1)))
 
     def left(self, gains: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Squares that are left of each demonstration with its own gain (n, P, Q): (n, Q)."""
+        """Squares that are left of each demonstration with its own gain (n, P, Q): (f, n, Q)."""
         explained = 2.0 * self.cross - self.observed @ gains
-        return np.maximum(self.controlled - np.sum(gains * explained, axis=1), 0.0)
+        return np.maximum(self.controlled - np.sum(gains * explained, axis=2), 0.0)
 
     def gains_without(self, shrinkage: float) -> NDArray[np.float64]:
         """`gain` without each of the demonstrations in turn, (n, P, Q)."""
-        others = (np.arange(len(self.observed)) != k for k in range(len(self.observed)))
-        return np.array([_Moments(*(part[o] for part in self)).gain(shrinkage) for o in others])
+        n = self.observed.shape[1]
+        others = (np.arange(n) != k for k in range(n))
+        parts = [_Moments(*(part[:, some] for part in self)) for some in others]
+        return np.array([part.gain(shrinkage) for part in parts])
 
 
 def learn_coupling(
     residuals: HeldOutResiduals, variance: NDArray[np.float64], durations_s: NDArray[np.float64]
 ) -> tuple[ResidualCoupling, NDArray[np.float64]]:
-    """The coupling of each task, and the squared errors that it leaves, each left out: (n, Q).
+    """The coupling of each task, and the squared errors that it leaves, each left out: (f, n, Q).
 
     Args:
         residuals: of left-out demonstrations.
         variance: by which the squares of the controlled DOFs are divided to be added up, (Q,).
         durations_s: usual duration of each task, (K,).
     """
-    n_tasks, n_values = len(durations_s), residuals.controlled[:, 0, :, 0].size
+    n_tasks, n_phases = len(durations_s), residuals.controlled.shape[2]
     found = ResidualCoupling.none(
         n_tasks, residuals.controlled.shape[-1], residuals.observed.shape[-1]
     )
-    left = np.sum(residuals.controlled**2, axis=(0, 2))
+    left = np.sum(residuals.controlled**2, axis=2)
     for task in np.unique(residuals.task):
         own = residuals.task == task
         if np.count_nonzero(own) < MIN_LEFT_OUT:
             continue
-        best = np.sum(left[own] / variance)
+        best = np.sum(left[:, own] / variance)
         for decay in DECAYS:
             moments = _moments(residuals, own, decay)
             for shrinkage in SHRINKAGES:
                 gains = moments.gains_without(shrinkage)
                 remaining = moments.left(gains)
-                gained = np.sum((moments.controlled - remaining) / variance, axis=1)
+                gained = np.sum((moments.controlled - remaining) / variance, axis=(0, 2))
                 error = np.sum(remaining / variance)
                 if error >= best or gained.mean() < gained.std(ddof=1) / np.sqrt(len(gained)):
                     continue
-                best, left[own] = error, remaining
+                best, left[:, own] = error, remaining
                 at = _moments(residuals, own, decay, seen_only=True)
-                share = 1.0 - at.left(gains).sum(axis=0) / np.maximum(
-                    at.controlled.sum(axis=0), 1e-300
+                share = 1.0 - at.left(gains).sum(axis=(0, 1)) / np.maximum(
+                    at.controlled.sum(axis=(0, 1)), 1e-300
                 )
                 found.gain[task] = moments.gain(shrinkage).T
                 found.explained[task] = np.clip(share, 0.0, 1.0 - 1e-9)
                 found.decay_s[task] = decay * durations_s[task]
-    return found, left / n_values
+    return found, left / n_phases
 
 
 def _moments(
@@ -124,4 +126,4 @@ def _moments(
             observed, controlled = observed[:, seen], controlled[:, seen]
         turned = np.swapaxes(observed, 1, 2)
         parts.append(_Moments(turned @ observed, turned @ controlled, np.sum(controlled**2, 1)))
-    return _Moments(*(np.sum(part, axis=0) for part in zip(*parts, strict=True)))
+    return _Moments(*(np.array(part) for part in zip(*parts, strict=True)))

@@ -44,6 +44,7 @@ def follow(
     log_usual = log_usual + library.log_duration_std[task][:, None] * offsets
     pace = np.array([one.duration_s for one in left_out])[:, None] / np.exp(log_usual)
     own = np.arange(pace.size).reshape(pace.shape)
+    relative = np.exp(library.log_duration_std[task][:, None] * offsets)
     n_others = np.maximum(library.n_demonstrations[task] - 1, 1)
     mean = np.array([one.mean[:size] for one in left_out])
     covariance = np.array([one.covariance for one in left_out])
@@ -54,10 +55,10 @@ def follow(
     )
     samples, prior = np.swapaxes(values, 0, 1), Gaussian(mean, covariance)
     evidence, observed, controlled = [], [], []
-    for progress in filter_samples(library, prior, pace.ravel(), samples):
+    for progress in filter_samples(library, prior, pace.ravel(), relative.ravel(), samples):
         if progress.n_samples in samples_at(shares):
             evidence.append(progress.log_evidence.reshape(own.shape))
-            human, robot = predict_agents(library, left_out, progress, own, pace)
+            human, robot = predict_agents(library, left_out, progress, own, pace, relative)
             observed.append(human)
             controlled.append(robot)
     return np.array(evidence), np.array(observed), np.array(controlled)
@@ -107,7 +108,7 @@ def choose_duration_evidence(
             np.array([one.truth for one in left_out]) - robot,
         )
         coupling, left = learn_coupling(residuals, variance, library.durations_s)
-        found.append((np.mean(left / variance, axis=1), exponent, coupling))
+        found.append((np.mean(left / variance, axis=(0, 2)), exponent, coupling))
     default, best = found[0][0], min(found, key=lambda one: one[0].mean())
     gained = default - best[0]
     clear = gained.mean() > gained.std() / np.sqrt(len(gained))

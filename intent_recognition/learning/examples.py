@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.alignment import Warp
 from intent_recognition.errors import TrainingError
 from intent_recognition.promp import NormalizedRBFBasis, WeightFit, fit_weights_together
 from intent_recognition.signals import (
@@ -90,7 +89,9 @@ def make_examples(
     recordings: Sequence[Demonstration],
     basis: NormalizedRBFBasis,
     ridge: float,
-    warps: Sequence[Warp] | None = None,
+    warps: Sequence[Callable[[NDArray[np.float64]], NDArray[np.float64]]] | None = None,
+    *,
+    recorded_samples: bool = False,
 ) -> list[TrainingExample | TrainingError]:
     """Weights of many demonstrations; the error of each that cannot be used.
 
@@ -100,9 +101,10 @@ def make_examples(
         recordings: the demonstrations.
         basis: the basis functions.
         ridge: relative weight of the curvature penalty.
-        warps: from reference phase to the recorded phase of each; None for recorded phases.
+        warps: from the recorded to the reference phase of each; None for recorded phases.
+        recorded_samples: take the samples of the examples at recorded phases all the same.
     """
-    found = [_movement(recorded) for recorded in recordings]
+    found = as_recorded = [_movement(recorded) for recorded in recordings]
     if warps is not None:
         found = [_warped(parts, warp) for parts, warp in zip(found, warps, strict=True)]
     parts = [part for parts in found if not isinstance(parts, TrainingError) for part in parts]
@@ -115,7 +117,9 @@ def make_examples(
         parts
         if isinstance(parts, TrainingError)
         else _assemble(recorded, parts, [next(fits) for _ in parts])
-        for recorded, parts in zip(recordings, found, strict=True)
+        for recorded, parts in zip(
+            recordings, as_recorded if recorded_samples else found, strict=True
+        )
     ]
 
 
@@ -148,11 +152,13 @@ def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
     return parts
 
 
-def _warped(parts: list[_Part] | TrainingError, warp: Warp) -> list[_Part] | TrainingError:
+def _warped(
+    parts: list[_Part] | TrainingError, warp: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> list[_Part] | TrainingError:
     """The parts over reference phase, clipped to [0, 1]."""
     if isinstance(parts, TrainingError):
         return parts
-    return [part._replace(phase=np.clip(warp.inverse(part.phase), 0.0, 1.0)) for part in parts]
+    return [part._replace(phase=np.clip(warp(part.phase), 0.0, 1.0)) for part in parts]
 
 
 def _assemble(

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.learning.none_model import departures, none_primitive, none_timing
-from intent_recognition.learning.persons import covariance_of_strangers
+from intent_recognition.learning.persons import (
+    covariance_of_strangers,
+    log_duration_variance_of_strangers,
+)
 from intent_recognition.learning.preprocessing import Preprocessing
 from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import (
@@ -174,7 +177,8 @@ def predictive_covariances(
 def _durations(tasks: Sequence[TaskStatistics]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean and predictive standard deviation of each task's log duration, (K,) each.
 
-    The variance is shrunk towards the one pooled over all tasks.
+    The variance is shrunk towards the one pooled over all tasks; where demonstrations are known to
+    be of several people, it is that of a new one's.
     """
     scatter = np.array([task.log_duration_scatter for task in tasks])
     n = np.array([task.n for task in tasks])
@@ -182,5 +186,8 @@ def _durations(tasks: Sequence[TaskStatistics]) -> tuple[NDArray[np.float64], ND
     variance = (
         (scatter + DURATION_SAMPLE_SIZE * pooled) / (n - 1 + DURATION_SAMPLE_SIZE) * (1 + 1 / n)
     )
+    of_strangers = log_duration_variance_of_strangers([task.examples for task in tasks])
+    if of_strangers is not None:
+        variance = np.full(len(tasks), of_strangers)
     mean = np.array([task.log_duration_mean for task in tasks])
     return mean, np.sqrt(np.maximum(variance, SMALLEST_DURATION_STD**2))

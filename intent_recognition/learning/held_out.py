@@ -23,6 +23,7 @@ from intent_recognition.promp import (
     deviation_prior,
     deviation_transition,
     reference_phase,
+    steady_phase,
 )
 from intent_recognition.signals import commensurate
 
@@ -90,7 +91,11 @@ class LeftOutExample(NamedTuple):
 
 
 def filter_samples(
-    library: TaskLibrary, prior: Gaussian, pace: NDArray[np.float64], values: NDArray[np.float64]
+    library: TaskLibrary,
+    prior: Gaussian,
+    pace: NDArray[np.float64],
+    relative: NDArray[np.float64],
+    values: NDArray[np.float64],
 ) -> Iterator[FilteredSamples]:
     """Filter samples at `sample_phases` of demonstrations; yields after each sample.
 
@@ -98,6 +103,7 @@ def filter_samples(
         library: whose basis, noise and phase deviation are used.
         prior: of the observed weights, (n, P N) and (n, P N, P N).
         pace: duration of the demonstration in parts of the hypothesis' duration, (n,).
+        relative: the latter in parts of what its task usually takes, (n,).
         values: observed DOFs, (m, n, P).
     """
     model, basis, n = library.phase_deviation, library.basis, len(pace)
@@ -108,10 +114,12 @@ def filter_samples(
     noise = library.noise_covariance(dofs, interval_s)
     evidence, believed = np.zeros(n), list[tuple[NDArray[np.float64], NDArray[np.float64]]]()
     phases = sample_phases()
-    different, place = np.unique(pace, return_inverse=True)
-    between = deviation_transition(model, different / len(phases))[place]  # they are evenly spaced
+    different, place = np.unique([pace, relative], axis=1, return_inverse=True)
+    between = deviation_transition(model, different[0] / len(phases))[place]  # evenly spaced
     for k, phase in enumerate(phases):
-        rows = basis.design_matrix(reference_phase(model, phase * different))[place]
+        rows = basis.design_matrix(reference_phase(model, phase * different[0], different[1]))[
+            place
+        ]
         freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.measurement`
         moved = between if k else None
         one = LinearMeasurement(dofs, rows, values[k], noise, moved, model.evidence, freedom)
@@ -132,6 +140,7 @@ def predict_agents(
     progress: FilteredSamples,
     own: NDArray[np.int64],
     pace: NDArray[np.float64],
+    relative: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
 
@@ -141,6 +150,7 @@ def predict_agents(
         progress: the filter after some of their samples.
         own: its hypotheses of each demonstration's own task, (n, S).
         pace: of these, as in `filter_samples`, (n, S).
+        relative: likewise.
     """
     model, basis, size = library.phase_deviation, library.basis, library.n_observed_weights
     mean = np.array([one.mean for one in left_out])[:, None]
@@ -148,14 +158,17 @@ def predict_agents(
     filtered = progress.weights.mean[own]
     change = (filtered - mean[..., :size]) @ np.swapaxes(gain, 1, 2)
     weights = np.concatenate([filtered, mean[..., size:] + change], axis=2)
-    deviations, pace = progress.deviations(own.ravel()), pace.reshape(-1, 1)
+    deviations = progress.deviations(own.ravel())
+    pace, relative = pace.reshape(-1, 1), relative.reshape(-1, 1)
     share = deviations_at(model, 1.0 / pace[:, 0], deviations, scored_phases())
     phase = pace * scored_phases()
-    rows = np.einsum("nse,nsek->nsk", share, basis.design_matrix(reference_phase(model, phase)))
+    rows = np.einsum(
+        "nse,nsek->nsk", share, basis.design_matrix(reference_phase(model, phase, relative))
+    )
     of_dofs = np.swapaxes(weights.reshape(len(pace), -1, basis.n_basis), 1, 2)
     observed = rows @ of_dofs[..., : library.n_observed]
     if not model.controlled_follows:
-        rows = basis.design_matrix(np.minimum(phase, 1.0))
+        rows = basis.design_matrix(steady_phase(model, phase, relative))
     controlled = rows @ of_dofs[..., library.n_observed :]
     shape = (*own.shape, phase.shape[1], -1)
     return observed.reshape(shape), controlled.reshape(shape)

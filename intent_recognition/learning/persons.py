@@ -12,7 +12,7 @@ likelihood: in coordinates in which E is the identity, the eigenvalues of C less
 it, or zero (Amemiya 1985; h is the mean of 1 / n_kg).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,34 +44,41 @@ class Grouped(NamedTuple):
     n_groups: int
 
 
-def group_scatter(examples: Sequence[Sequence[TrainingExample]], n_observed: int) -> Grouped | None:
-    """The scatter of K tasks' demonstrations by group; None where groups say nothing of people.
+def compares_people(groups: Sequence[Sequence[str]]) -> bool:
+    """Whether groups of the demonstrations of each task tell how people differ.
 
     They do where some person has shown a task twice, and several have shown the same one.
+    """
+    n, cells = sum(map(len, groups)), sum(len(set(task)) for task in groups)
+    known = all(name for task in groups for name in task)
+    return known and n > cells and cells - len(groups) >= MIN_FREEDOM
+
+
+def group_scatter(
+    examples: Sequence[Sequence[TrainingExample]],
+    value: Callable[[TrainingExample], NDArray[np.float64]],
+) -> Grouped | None:
+    """The scatter of K tasks' demonstrations by group; None where groups say nothing of people.
 
     Args:
         examples: of each task.
-        n_observed: number of observed DOFs.
+        value: what is compared of an example, (d,).
     """
-    if any(not one.group for task in examples for one in task):
+    if not compares_people([[one.group for one in task] for task in examples]):
         return None
     apart, means, shares = [], [], []
     for task in examples:
         groups = sorted({one.group for one in task})
-        weights = [(one.group, one.weights[:n_observed].ravel()) for one in task]
-        cells = [np.array([w for g, w in weights if g == group]) for group in groups]
+        cells = [np.array([value(one) for one in task if one.group == name]) for name in groups]
         own = np.array([cell.mean(axis=0) for cell in cells])
         apart += [cell - mean for cell, mean in zip(cells, own, strict=True)]
         means.append(own - own.mean(axis=0))
         shares += [1.0 / len(cell) for cell in cells]
     within, between = np.concatenate(apart), np.concatenate(means)
-    freedom = len(within) - len(between), len(between) - len(means)
-    if freedom[0] < 1 or freedom[1] < MIN_FREEDOM:
-        return None
     n_groups = len({one.group for task in examples for one in task})
     return Grouped(
-        Scatter(within.T @ within, freedom[0]),
-        Scatter(between.T @ between, freedom[1]),
+        Scatter(within.T @ within, len(within) - len(between)),
+        Scatter(between.T @ between, len(between) - len(means)),
         float(np.mean(shares)),
         n_groups,
     )
@@ -132,8 +139,26 @@ def covariance_of_strangers(
         floor: variance floor per observed DOF, (P,).
         strength: equivalent sample size of the target, in demonstrations.
     """
-    grouped = group_scatter(examples, len(floor))
+    grouped = group_scatter(examples, lambda one: one.weights[: len(floor)].ravel())
     if grouped is None:
         return shared_covariance(pooled, floor, strength)
     within, between = between_people(grouped, floor, strength)
     return within + (1.0 + 1.0 / grouped.n_groups) * between
+
+
+def log_duration_variance_of_strangers(
+    examples: Sequence[Sequence[TrainingExample]],
+) -> float | None:
+    """Variance of an unknown person's log durations about the means of their tasks.
+
+    As `covariance_of_strangers`; None without people to compare.
+
+    Args:
+        examples: of each task.
+    """
+    grouped = group_scatter(examples, lambda one: np.log([one.duration_s]))
+    if grouped is None:
+        return None
+    within, means = (part.matrix[0, 0] / part.freedom for part in grouped[:2])
+    between = max(means - grouped.share * within, 0.0)
+    return float(within + (1.0 + 1.0 / grouped.n_groups) * between)

@@ -151,13 +151,16 @@ def examples_of(
             usable.append((len(found) - 1, preprocessing.cut(recorded)))
     settings, fitted = preprocessing.settings, []
     cut = [recorded for _, recorded in usable]
-    examples = make_examples(cut, preprocessing.basis_of(False), settings.ridge)
+    timing = preprocessing.timing
+    steady = timing.steady(cut) if timing.duration_exponent else None
+    basis = preprocessing.basis_of(False)
+    examples = make_examples(cut, basis, settings.ridge, steady, recorded_samples=True)
     for (index, recorded), example in zip(usable, examples, strict=True):
         found[index] = example
         if isinstance(example, TrainingExample):
             fitted.append((index, example, recorded))
     cut = [recorded for _, _, recorded in fitted]
-    warps = preprocessing.timing.warps(cut)
+    warps = [warp.inverse for warp in timing.warps(cut)]
     aligned = make_examples(cut, preprocessing.basis_of(True), settings.ridge, warps)
     for (index, example, _), counterpart in zip(fitted, aligned, strict=True):
         if isinstance(counterpart, TrainingError):

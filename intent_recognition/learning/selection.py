@@ -6,7 +6,7 @@ task and predicts the controlled agent. What is chosen is the pace of both agent
 (`learning.timing`), the noise of an observation, and whether a task's regression borrows from the
 other tasks; the coupling of the residuals is learned beside each (`learning.coupling`). The score
 of a candidate is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
-under a normal error of fitted variance, Q / 2 log(mean squared error).
+under a normal error whose variance is fitted after each share seen, Q / 2 log(mean squared error).
 """
 
 from collections.abc import Mapping, Sequence
@@ -60,6 +60,9 @@ NOISE_SCALES = (1.0, 4.0, 16.0)
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 """Shares of the movement after which the rest is predicted. Convention: those of `intent evaluate`.
 """
+LEAST_ERROR = 1e-3
+"""Relative squared error, the square of 3 % of the standard deviation, below which predictions are
+alike: copies of a finished movement (docs/decisions/new_people.md)."""
 MAX_VALIDATED = 60
 """Demonstrations left out, evenly drawn from all tasks. Convention: it bounds the time."""
 
@@ -128,9 +131,10 @@ def choose(
     def scored(one: Hyperparameters) -> Hyperparameters:
         library, tasks = candidates[one.pace]
         scaled = replace(library, noise_scale=one.noise_scale)
-        losses, error = validate(scaled, left_out[one.pace, one.borrowed], tasks)
+        losses, errors = validate(scaled, left_out[one.pace, one.borrowed], tasks)
         log_loss, power = float(losses[-1].mean()), expected_power(losses)
-        score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
+        log_error, error = np.log(np.maximum(errors, LEAST_ERROR)).mean(), float(errors.mean())
+        score = log_loss + 0.5 * library.n_controlled * float(log_error)
         return one._replace(task_evidence=power, log_loss=log_loss, error=error, score=score)
 
     tried = [scored(Hyperparameters(pace, scale)) for pace in candidates for scale in NOISE_SCALES]
@@ -161,11 +165,11 @@ def _at_once(library: TaskLibrary, n_hypotheses: int) -> int:
 
 def validate(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
-) -> tuple[NDArray[np.float64], float]:
-    """Log losses of the task and relative error of the controlled agent, the duration known.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Log losses of the task and relative errors of the controlled agent, the duration known.
 
-    The losses (A, n) are those under each of the powers of the evidence; the error is that which
-    the coupling of the residuals leaves.
+    The losses (A, n) are those under each of the powers of the evidence; the errors are those after
+    each of `FRACTIONS` which the coupling of the residuals leaves, (f,).
     """
     variance = _variance(library, left_out)
     most = _at_once(library, 1 + max(len(one.rivals) for one in left_out))
@@ -182,7 +186,7 @@ def validate(
         np.concatenate(controlled, axis=1),
     )
     _, left = learn_coupling(residuals, variance, library.durations_s)
-    return np.concatenate(loss, axis=1), float(np.mean(left / variance))
+    return np.concatenate(loss, axis=1), np.mean(left / variance, axis=(1, 2))
 
 
 def _follow(
@@ -199,10 +203,12 @@ def _follow(
     truth = np.array([one.truth for one in left_out])
     seen = np.array([one.seen for one in left_out])
     losses, observed, controlled, pace = [], [], [], np.ones(len(prior.mean))
-    for progress in filter_samples(library, prior, pace, samples):
+    relative = np.exp(_log_relative(library, left_out))
+    for progress in filter_samples(library, prior, pace, relative, samples):
         losses.append(log_losses(progress.log_evidence, own))
         if progress.n_samples in samples_at(FRACTIONS):
-            both = predict_agents(library, left_out, progress, own[:, None], pace[own, None])
+            of_own = own[:, None], pace[own, None], relative[own, None]
+            both = predict_agents(library, left_out, progress, *of_own)
             observed.append(seen - both[0][:, 0])
             controlled.append(truth - both[1][:, 0])
     return np.mean(losses, axis=0), np.array(observed), np.array(controlled)
@@ -227,6 +233,17 @@ def _priors(
         covariance.append(one.covariance * (1.0 + 1.0 / n)[:, None, None])
     own = np.cumsum([0, *(len(part) for part in mean[:-1])])
     return Gaussian(np.concatenate(mean), np.concatenate(covariance)), own
+
+
+def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> NDArray[np.float64]:
+    """Log of their durations in parts of the usual ones of own task and rivals, one after another.
+
+    Those of the own task are without the demonstration.
+    """
+    usual = [np.r_[one.log_duration, library.log_duration_mean[one.rivals]] for one in left_out]
+    return np.concatenate(
+        [np.log(one.duration_s) - of_one for one, of_one in zip(left_out, usual, strict=True)]
+    )
 
 
 def _leave_out(

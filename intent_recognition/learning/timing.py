@@ -6,14 +6,17 @@ preprocessing; a later recording is warped onto the same template by itself (Mae
 III-E).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
-from intent_recognition.promp import STEADY, PhaseDeviation
+from intent_recognition.learning.examples import GROUP
+from intent_recognition.learning.persons import compares_people
+from intent_recognition.promp import STEADY, PhaseDeviation, steady_phase
 from intent_recognition.signals import Demonstration
 
 N_DEVIATION_PHASES = 51
@@ -24,6 +27,8 @@ MIN_DEVIATION_STD = 0.004
 DEFAULT_DEVIATION_STD = 0.03
 """The largest along the movement where no task has two recordings, a share of the duration.
 Convention."""
+BRIDGE = np.linspace(0.0, 1.0, N_DEVIATION_PHASES) * np.linspace(1.0, 0.0, N_DEVIATION_PHASES)
+"""u (1 - u) at these phases: deviations are zero at both ends."""
 DEVIATION_CORRELATION = 0.4
 """Correlation length of the phase deviation, in phase (docs/prediction.md)."""
 DEVIATION_EVIDENCE = 0.15
@@ -38,6 +43,7 @@ STEADY_FLOOR = 0.01
 """Smallest scale of the phase deviation of primitives at steady progress, a share of the duration.
 Convention."""
 
+PhaseMap = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 PACES = ("steady", "own", "shared", "aligned")
 """Whose phase deviates from steady progress: nobody's, the observed agent's alone, or that of both
 together; and both together over a reference phase, with demonstrations aligned to it."""
@@ -50,15 +56,21 @@ class Timing:
     Attributes:
         templates: of each label that had two recordings.
         deviation_std: standard deviation of the phase deviation at even recorded phases, (U,).
+        duration_exponent: how progress depends on the duration (`promp.steady_phase`).
+        usual_s: median duration of each of these labels.
     """
 
     templates: Mapping[str, Template]
     deviation_std: NDArray[np.float64]
+    duration_exponent: float = 0.0
+    usual_s: Mapping[str, float] = field(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing) or self.templates.keys() != other.templates.keys():
             return False
         pairs = [(self.deviation_std, other.deviation_std)]
+        if (self.duration_exponent, self.usual_s) != (other.duration_exponent, other.usual_s):
+            return False
         for label, template in self.templates.items():
             pairs += zip(template, other.templates[label], strict=True)
         return all(np.array_equal(ours, theirs) for ours, theirs in pairs)
@@ -68,11 +80,23 @@ class Timing:
     def phase_deviation(self, pace: str) -> PhaseDeviation:
         """The prior of a person's phase deviation, for one of `PACES`."""
         if pace == "steady":
-            return STEADY
+            return replace(STEADY, duration_exponent=self.duration_exponent)
         aligned = pace == "aligned"
         share, floor = (1.0, ALIGNED_FLOOR) if aligned else (STEADY_SHARE, STEADY_FLOOR)
         scale = np.maximum(share * self.deviation_std, floor)
-        return PhaseDeviation(scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE, pace != "own")
+        follows = pace != "own"
+        return PhaseDeviation(
+            scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE, follows, self.duration_exponent
+        )
+
+    def steady(self, recordings: Sequence[Demonstration]) -> list[PhaseMap]:
+        """From the recorded phase of each to the reference phase at steady progress."""
+        usual_s = [self.usual_s.get(str(one.task), one.duration_s) for one in recordings]
+        bent = replace(STEADY, duration_exponent=self.duration_exponent)
+        return [
+            partial(steady_phase, bent, relative=one.duration_s / usual)
+            for one, usual in zip(recordings, usual_s, strict=True)
+        ]
 
     def warps(self, recordings: Sequence[Demonstration]) -> list[Warp]:
         """From reference phase to the recorded phase of each; the identity without a template."""
@@ -89,17 +113,53 @@ class Timing:
 def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
     """Templates and phase deviations of labelled recordings that are cut to their movements.
 
-    Recordings without a sample of some signal are ignored.
+    Recordings without a sample of some signal are ignored. Progress depends on the duration where
+    people are compared: durations of one person differ too little to tell.
     """
     usable = [recorded for recorded in recordings if _has_samples(recorded)]
-    templates, deviations = {}, []
-    for label, indices in _by_task(usable).items():
-        if len(indices) < 2:
+    templates, deviations, logs, usual_s = {}, [], [], {}
+    by_task = {label: [usable[i] for i in own] for label, own in _by_task(usable).items()}
+    for label, own in by_task.items():
+        if len(own) < 2:
             continue
-        alignment = align([_path(usable[index]) for index in indices])
+        log_s = np.log([recorded.duration_s for recorded in own])
+        usual_s[label] = float(np.exp(log_s.mean()))
+        alignment = align([*map(_path, own)])
         templates[label] = alignment.template
         deviations.append(_deviations(alignment.warps))
-    return Timing(dict(sorted(templates.items())), _deviation_std(deviations))
+        logs.append(log_s - log_s.mean())
+    groups = [[one.metadata.get(GROUP, "") for one in task] for task in by_task.values()]
+    exponent = estimate_duration_exponent(deviations, logs) if compares_people(groups) else 0.0
+    for rows, log_relative in zip(deviations, logs, strict=True):
+        rows -= exponent * np.outer(log_relative, BRIDGE)
+    return Timing(
+        dict(sorted(templates.items())),
+        _deviation_std(deviations),
+        exponent,
+        dict(sorted(usual_s.items())),
+    )
+
+
+def estimate_duration_exponent(
+    deviations: Sequence[NDArray[np.float64]], log_relative: Sequence[NDArray[np.float64]]
+) -> float:
+    """How the phase deviations of recordings depend on their durations (`promp.steady_phase`).
+
+    To first order a deviation is the exponent times the log relative duration times u (1 - u). The
+    exponent is the slope of a regression with the prior N(0, 1), in which the variance of single
+    recordings is that with an exponent of zero.
+
+    Args:
+        deviations: of the recordings of each task, two or more of each, (n, U).
+        log_relative: logarithms of their durations less the mean of the task, (n,).
+    """
+    if not deviations:
+        return 0.0
+    along = BRIDGE / (BRIDGE @ BRIDGE)
+    share = np.concatenate([(rows - rows.mean(axis=0)) @ along for rows in deviations])
+    pace = np.concatenate(log_relative)
+    variance = share @ share / (len(pace) - len(deviations))
+    return float(pace @ share / max(pace @ pace + variance, 1e-300))
 
 
 def _deviations(warps: Iterable[Warp]) -> NDArray[np.float64]:
@@ -114,8 +174,7 @@ def _deviation_std(deviations: Sequence[NDArray[np.float64]]) -> NDArray[np.floa
     Recordings begin and end with the movement, where the deviation is zero: the variance is that
     of a bridge, c^2 4 u (1 - u), with c fitted to the warps by least squares.
     """
-    phase = np.linspace(0.0, 1.0, N_DEVIATION_PHASES)
-    bridge = 4.0 * phase * (1.0 - phase)
+    bridge = 4.0 * BRIDGE
     largest = DEFAULT_DEVIATION_STD
     if deviations:
         inner = slice(1, -1)

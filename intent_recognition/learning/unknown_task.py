@@ -144,14 +144,15 @@ def log_factors(comparisons: Sequence[Comparison]) -> list[NDArray[np.float64]]:
 def _log_factors_together(comparisons: Sequence[Comparison]) -> list[NDArray[np.float64]]:
     """`log_factors` of comparisons that are filtered in one batch."""
     log_weight = duration_offsets(N_CALIBRATED_SCALES)[1]
-    priors, paces = zip(*map(_hypotheses, comparisons), strict=True)
+    priors, *timing = zip(*map(_hypotheses, comparisons), strict=True)
+    paces, relative = map(np.concatenate, timing)
     prior = Gaussian(*(np.concatenate(parts) for parts in zip(*priors, strict=True)))
     values = np.stack([one.recorded.observed for one in comparisons], axis=1)
-    samples = np.repeat(values, [len(pace) for pace in paces], axis=1)
+    samples = np.repeat(values, [len(prior.mean) for prior in priors], axis=1)
     ends = np.cumsum([len(one.compared) + 1 for one in comparisons])
     library = comparisons[0].without.library
     factors = []
-    for progress in filter_samples(library, prior, np.concatenate(paces), samples):
+    for progress in filter_samples(library, prior, paces, relative, samples):
         joint = progress.log_evidence.reshape(-1, len(log_weight)) + log_weight
         evidence = np.logaddexp.reduce(joint, axis=1)
         of_each = np.split(evidence, ends[:-1])
@@ -160,8 +161,10 @@ def _log_factors_together(comparisons: Sequence[Comparison]) -> list[NDArray[np.
     return list((np.array(factors) - np.log(n_tasks)).T)
 
 
-def _hypotheses(comparison: Comparison) -> tuple[Gaussian, NDArray[np.float64]]:
-    """Weights and pace of the tasks and of none, for each duration: those of none come last."""
+def _hypotheses(
+    comparison: Comparison,
+) -> tuple[Gaussian, NDArray[np.float64], NDArray[np.float64]]:
+    """Weights, pace and relative duration of the tasks and of none; those of none come last."""
     without, compared, _, recorded = comparison
     library, offsets = without.library, duration_offsets(N_CALIBRATED_SCALES)[0]
     inflation = 1.0 + 1.0 / without.n[compared]
@@ -171,9 +174,11 @@ def _hypotheses(comparison: Comparison) -> tuple[Gaussian, NDArray[np.float64]]:
     )
     log_mean = np.r_[library.log_duration_mean[compared], without.timing[0]]
     log_std = np.r_[library.log_duration_std[compared], without.timing[1]]
-    pace = recorded.duration_s / np.exp(log_mean[:, None] + log_std[:, None] * offsets)
+    relative = np.exp(log_std[:, None] * offsets)
+    pace = recorded.duration_s / (np.exp(log_mean)[:, None] * relative)
     n = len(offsets)
-    return Gaussian(np.repeat(mean, n, axis=0), np.repeat(covariance, n, axis=0)), pace.ravel()
+    weights = Gaussian(np.repeat(mean, n, axis=0), np.repeat(covariance, n, axis=0))
+    return weights, pace.ravel(), relative.ravel()
 
 
 def calibrating_tasks(counts: Sequence[int]) -> NDArray[np.int64]:

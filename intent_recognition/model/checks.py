@@ -20,6 +20,9 @@ from intent_recognition.model.arrays import (
 from intent_recognition.promp import NONE, LeftOutOdds, PhaseDeviation
 
 DEVIATION_STD = "phase_deviation_std"
+MAX_EXPONENT = 10.0
+"""Largest size of an exponent of the duration. Convention: with 1 a movement begins at one speed,
+however long it takes."""
 LONGEST_LOG_S = 20.0
 """Logarithm of a duration [log s]. Convention: neither nanoseconds nor years."""
 LARGEST_LOG_STD = 10.0
@@ -145,7 +148,8 @@ def phase_deviation(
     try:
         entry = header["phase_deviation"]
         correlation, evidence = float(entry["correlation"]), float(entry["evidence"])
-        follows = entry["controlled_follows"]
+        follows, exponent = entry["controlled_follows"], entry.get("duration_exponent", 0.0)
+        exponent = float(exponent)
         if not isinstance(follows, bool):
             raise TypeError(f"controlled_follows {follows!r}")
     except (KeyError, TypeError, ValueError, OverflowError) as error:
@@ -153,11 +157,12 @@ def phase_deviation(
             f"{path}: phase_deviation", "a complete header", error, RETRAIN
         ) from error
     std = content[DEVIATION_STD]
-    if not (0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and np.all(std >= 0.0)):
+    sound = 0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and abs(exponent) <= MAX_EXPONENT
+    if not (sound and np.all(std >= 0.0)):
         raise ModelError.about(
             f"{path}: phase_deviation",
-            "a correlation above 0, an evidence in (0, 1] and no std below zero",
-            f"{correlation}, {evidence} and {std.min()}",
+            "correlation > 0, evidence in (0, 1], exponent within +-10, no std below zero",
+            f"{correlation}, {evidence}, {exponent} and {std.min()}",
             RETRAIN,
         )
-    return PhaseDeviation(std, correlation, evidence, follows)
+    return PhaseDeviation(std, correlation, evidence, follows, exponent)

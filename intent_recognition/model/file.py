@@ -122,6 +122,7 @@ def save_model(
             "correlation": deviation.correlation,
             "evidence": deviation.evidence,
             "controlled_follows": deviation.controlled_follows,
+            "duration_exponent": deviation.duration_exponent,
         },
         "evidence_freedom": None if isinf(library.evidence_freedom) else library.evidence_freedom,
         "left_out_odds": library.left_out_odds._asdict(),

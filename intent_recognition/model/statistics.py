@@ -9,6 +9,7 @@ the header under `statistics`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +31,7 @@ from intent_recognition.learning import (
     scored_phases,
 )
 from intent_recognition.model.arrays import RETRAIN, check_arrays, check_positive, from_upper, upper
+from intent_recognition.model.checks import MAX_EXPONENT
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import OnsetSettings
 
@@ -86,7 +88,7 @@ def unpack_statistics(
     """Statistics of a model file, checked against the library they belong to."""
     try:
         n_dofs = library.n_observed + library.n_controlled
-        timing = _timing(path, header["preprocessing"]["templates"], arrays, n_dofs)
+        timing = _timing(path, header["preprocessing"], arrays, n_dofs)
         preprocessing = _preprocessing(header["preprocessing"], timing)
         chosen = _hyperparameters(header["chosen"])
         labels, names = tuple(header["labels"]), tuple(header["examples"])
@@ -195,10 +197,9 @@ def _pack_timing(timing: Timing) -> dict[str, NDArray[Any]]:
     return dict(zip(TIMING, parts, strict=True))
 
 
-def _timing(
-    path: str, labels: Sequence[str], arrays: Mapping[str, NDArray[Any]], n_dofs: int
-) -> Timing:
+def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_dofs: int) -> Timing:
     """Timing of a model file, checked."""
+    labels: Sequence[str] = header["templates"]
     values, scale, deviation_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
     n_phases, n_deviations = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
     shapes: tuple[tuple[int, ...], ...] = ((0,), (0,), (n_deviations,))
@@ -211,7 +212,14 @@ def _timing(
     check_arrays(path, bounded, dict(zip(TIMING, shapes, strict=True)))
     check_positive(path, bounded, "timing_scale", "timing_deviation_std")
     templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
-    return Timing(templates, deviation_std)
+    exponent, usual_s = header.get("duration_exponent", 0.0), header.get("usual_s", {})
+    numbers = all(isinstance(one, (int, float)) for one in (exponent, *usual_s.values()))
+    if not (
+        numbers and abs(exponent) <= MAX_EXPONENT and all(0 < s < inf for s in usual_s.values())
+    ):
+        expected = f"an exponent within +-{MAX_EXPONENT:g}, and durations above 0"
+        raise ModelError.about(f"{path}: timing", expected, f"{exponent}, {usual_s}", RETRAIN)
+    return Timing(templates, deviation_std, exponent, usual_s)
 
 
 def _plain(preprocessing: Preprocessing) -> dict[str, object]:
@@ -222,7 +230,13 @@ def _plain(preprocessing: Preprocessing) -> dict[str, object]:
     for name in ("onset", "controlled_onset"):
         plain[name] = [asdict(settings) for settings in plain[name]]
     plain["settings"] = asdict(preprocessing.settings)
-    return plain | {"templates": list(preprocessing.timing.templates)}
+    timing = preprocessing.timing
+    of_timing = {
+        "templates": [*timing.templates],
+        "duration_exponent": timing.duration_exponent,
+        "usual_s": timing.usual_s,
+    }
+    return plain | of_timing
 
 
 def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:

@@ -27,6 +27,8 @@ from intent_recognition.promp.phase_deviation import (
     deviation_prior,
     deviation_transition,
     reference_phase,
+    steady_phase,
+    steady_rate,
 )
 from intent_recognition.promp.prediction import (
     USUAL_END_STD,

@@ -98,6 +98,8 @@ class TaskLibrary:
         context: how the weights depend on what is known of the scene; None where nothing is, or
             where it has been used (`given`).
         coupling: of what the weights leave unexplained of both agents; None for none.
+        usual_log_duration: what durations of the tasks and none are relative to in
+            `promp.steady_phase`, log seconds, (K + 1,); None for the means of their timing priors.
     """
 
     labels: tuple[str, ...]
@@ -133,6 +135,7 @@ class TaskLibrary:
     left_out_odds: LeftOutOdds = NO_ODDS
     context: ContextModel | None = None
     coupling: ResidualCoupling | None = None
+    usual_log_duration: Floats | None = None
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""
@@ -201,6 +204,14 @@ class TaskLibrary:
     def durations_s(self) -> Floats:
         """Median duration of each task in seconds, (K,)."""
         return np.exp(self.log_duration_mean)
+
+    @cached_property
+    def usual_s(self) -> Floats:
+        """What durations of the tasks and none are relative to, in seconds, (K + 1,)."""
+        usual = self.usual_log_duration
+        if usual is None:
+            usual = np.r_[self.log_duration_mean, self.none_log_duration[0]]
+        return np.exp(usual)
 
     def primitive(self, task: int) -> InteractionProMP:
         """The interaction primitive of task number `task`, at steady progress."""

@@ -42,12 +42,14 @@ class PhaseDeviation:
             residuals last along a movement, so that its samples are not independent.
         controlled_follows: whether the controlled agent deviates with the observed one; if not, it
             keeps steady progress.
+        duration_exponent: of the relative duration in the odds of the phase (`steady_phase`).
     """
 
     deviation_std: Floats
     correlation: float
     evidence: float
     controlled_follows: bool = True
+    duration_exponent: float = 0.0
 
     @cached_property
     def grid(self) -> Floats:
@@ -98,13 +100,48 @@ def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Flo
     return kernel
 
 
-def reference_phase(phase_deviation: PhaseDeviation, recorded: Floats) -> Floats:
-    """Reference phases of all deviations at recorded phases (...), clipped to [0, 1]: (..., E)."""
+def steady_phase(
+    phase_deviation: PhaseDeviation, recorded: Floats, relative: Floats | float
+) -> Floats:
+    """Reference phases without a deviation, in [0, 1]: (...).
+
+    People who take longer do not do everything more slowly. The odds z / (1 - z) of the reference
+    phase are those of the recorded one times a power of the relative duration: with an exponent of
+    1 a movement begins at the same speed however long it takes, with -1 it ends so.
+
+    Args:
+        phase_deviation: with the exponent.
+        recorded: recorded phases, (...); clipped to [0, 1].
+        relative: duration in parts of what the task usually takes, of a shape that goes with them.
+    """
     recorded = np.minimum(np.maximum(recorded, 0.0), 1.0)
+    if not phase_deviation.duration_exponent:
+        return recorded
+    ahead = recorded * relative**phase_deviation.duration_exponent
+    return np.asarray(ahead / (1.0 - recorded + ahead))
+
+
+def steady_rate(
+    phase_deviation: PhaseDeviation, recorded: Floats, relative: Floats | float
+) -> Floats:
+    """Derivative of `steady_phase` by the recorded phase, zero beyond [0, 1]: (...)."""
+    within = (recorded >= 0.0) & (recorded <= 1.0)
+    factor = relative**phase_deviation.duration_exponent
+    return np.where(within, factor / (1.0 + (factor - 1.0) * np.clip(recorded, 0.0, 1.0)) ** 2, 0.0)
+
+
+def reference_phase(
+    phase_deviation: PhaseDeviation, recorded: Floats, relative: Floats | float = 1.0
+) -> Floats:
+    """Reference phases of all deviations, clipped to [0, 1]: (..., E).
+
+    The arguments are those of `steady_phase`.
+    """
+    steady = steady_phase(phase_deviation, recorded, relative)
     if len(phase_deviation.grid) == 1:
-        return recorded[..., None]
-    ahead = phase_deviation.scale(recorded)[..., None] * phase_deviation.grid
-    return np.minimum(np.maximum(recorded[..., None] + ahead, 0.0), 1.0)
+        return steady[..., None]
+    ahead = phase_deviation.scale(steady)[..., None] * phase_deviation.grid
+    return np.minimum(np.maximum(steady[..., None] + ahead, 0.0), 1.0)
 
 
 def _student(grid: Floats) -> Floats:

@@ -14,7 +14,7 @@ def table_of(library, n: int) -> HypothesisTable:
     table = HypothesisTable(8, library)
     prior = library.observed_mean[:1], library.observed_covariance[:1]
     state = np.repeat(GaussianBatch.of(*prior, library.basis.n_basis).state, n, axis=0)
-    table.add(state, task=np.arange(n), duration_s=1.5 + 0.1 * np.arange(n), settling=1)
+    table.add(state, kind=np.arange(n), duration_s=1.5 + 0.1 * np.arange(n), settling=1)
     return table
 
 
@@ -29,14 +29,14 @@ def test_rows_keep_their_own_whatever_is_dropped_and_added(rng):
     for one in seen[:2]:
         whole.condition(one)
         few.condition(one)
-    few.drop(np.isin(few.rows["task"], [0, 3, 4]))
-    new = few.add(np.zeros((2, state_width(3 * 5))), task=9)
+    few.drop(np.isin(few.rows["kind"], [0, 3, 4]))
+    new = few.add(np.zeros((2, state_width(3 * 5))), kind=9, duration_s=1.0)
     assert not few.rows["seen"][new].any() and few.n == 5
-    few.drop(few.rows["task"] == 9)
+    few.drop(few.rows["kind"] == 9)
     whole.condition(seen[2])
     few.condition(seen[2])
-    assert sorted(few.rows["task"]) == [1, 2, 5]
-    same = few.rows["task"]
+    assert sorted(few.rows["kind"]) == [1, 2, 5]
+    same = few.rows["kind"]
     ours, theirs = few.courses(np.arange(3)), whole.courses(same)
     np.testing.assert_allclose(ours.state, theirs.state, atol=1e-12)
     np.testing.assert_allclose(few.log_joint, whole.log_joint[same], atol=1e-12)

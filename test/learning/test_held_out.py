@@ -36,7 +36,12 @@ def a_library(deviation: PhaseDeviation, freedom: float):
     )
 
 
-@pytest.mark.parametrize("deviation", [STEADY, DEVIATING], ids=["steady", "deviating"])
+BENT = replace(DEVIATING, duration_exponent=0.8)
+
+
+@pytest.mark.parametrize(
+    "deviation", [STEADY, DEVIATING, BENT], ids=["steady", "deviating", "bent"]
+)
 @pytest.mark.parametrize("freedom", [np.inf, 4.0])
 def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
     library = a_library(deviation, freedom)
@@ -51,8 +56,10 @@ def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
         also = None if k else library.noise_covariance(np.arange(2), np.inf)
         run.observe(Observation(round(phase * DURATION_S * 1e9), 0, one, also))
         expected.append(run.log_evidence.copy())
+    usual_s = np.exp([*library.log_duration_mean, library.none_log_duration[0]])
+    relative, values = DURATION_S / pace / usual_s, np.repeat(values[:, None], 3, axis=1)
     found = []
-    for progress in filter_samples(library, prior, pace, np.repeat(values[:, None], 3, axis=1)):
+    for progress in filter_samples(library, prior, pace, relative, values):
         found.append(progress.log_evidence)
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
     mean, covariance = progress.weights.moments()
@@ -61,14 +68,15 @@ def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
 
 
 def test_each_hypothesis_sees_its_own_values(rng):
-    library = a_library(DEVIATING, 4.0)
+    library, relative = a_library(BENT, 4.0), np.array([0.8, 1.1])
     values = rng.normal(size=(len(sample_phases()), 2, 2)) * 0.1
     prior = Gaussian(library.observed_mean[:2], library.observed_covariance[:2])
-    *_, together = filter_samples(library, prior, np.array([1.0, 1.3]), values)
+    *_, together = filter_samples(library, prior, np.array([1.0, 1.3]), relative, values)
     for k in range(2):
         one = Gaussian(prior.mean[k : k + 1], prior.covariance[k : k + 1])
         pace = np.array([1.0, 1.3])[k : k + 1]
-        *_, alone = filter_samples(library, one, pace, values[:, k : k + 1])
+        own = relative[k : k + 1]
+        *_, alone = filter_samples(library, one, pace, own, values[:, k : k + 1])
         np.testing.assert_allclose(alone.log_evidence, together.log_evidence[[k]], rtol=1e-9)
 
 

@@ -9,6 +9,7 @@ from intent_recognition.learning.persons import (
     between_people,
     covariance_of_strangers,
     group_scatter,
+    log_duration_variance_of_strangers,
     people,
     without_group,
 )
@@ -25,6 +26,10 @@ def example(name: str, group: str, weights: np.ndarray) -> TrainingExample:
     nothing = np.zeros(0)
     whole = np.vstack([weights.reshape(N_OBSERVED, N_BASIS), np.zeros((1, N_BASIS))])
     return TrainingExample(name, "task", whole, nothing, 1.0, nothing, nothing, group=group)
+
+
+def observed_weights(one: TrainingExample) -> np.ndarray:
+    return one.weights[:N_OBSERVED].ravel()
 
 
 def of_people(rng, offsets: np.ndarray, n: int, spread: float) -> list[TrainingExample]:
@@ -45,7 +50,7 @@ def pooled(tasks) -> Scatter:
 def test_both_components_are_found_again(rng):
     root = 0.3 * rng.normal(size=(SIZE, SIZE)) / np.sqrt(SIZE)
     tasks = [of_people(rng, rng.normal(size=(400, SIZE)) @ root.T, 4, 0.05) for _ in range(2)]
-    grouped = group_scatter(tasks, N_OBSERVED)
+    grouped = group_scatter(tasks, observed_weights)
     within, between = between_people(grouped, FLOOR, STRENGTH)
     assert (grouped.n_groups, grouped.share) == (400, 0.25)
     np.testing.assert_allclose(within, 0.05**2 * np.eye(SIZE), atol=2e-4)
@@ -56,7 +61,7 @@ def test_both_components_are_found_again(rng):
 def test_a_single_number_agrees_with_the_analysis_of_variance(rng):
     """Balanced: B = (mean square between - mean square within) / n, or zero."""
     tasks = [of_people(rng, rng.normal(size=(5, SIZE)), 3, 0.5)]
-    grouped = group_scatter(tasks, N_OBSERVED)
+    grouped = group_scatter(tasks, observed_weights)
     weights = np.array([e.weights[:N_OBSERVED].ravel() for e in tasks[0]]).reshape(5, 3, SIZE)
     means = weights.mean(axis=1)
     within = ((weights - means[:, None]) ** 2).sum(axis=(0, 1)) / 10
@@ -69,13 +74,27 @@ def test_a_single_number_agrees_with_the_analysis_of_variance(rng):
 
 def test_a_stranger_varies_as_people_and_their_demonstrations_do(rng):
     tasks = [of_people(rng, rng.normal(size=(4, SIZE)), 5, 0.2) for _ in range(3)]
-    grouped = group_scatter(tasks, N_OBSERVED)
+    grouped = group_scatter(tasks, observed_weights)
     within, between = between_people(grouped, FLOOR, 4.0)
     found = covariance_of_strangers(tasks, pooled(tasks), FLOOR, 4.0)
     np.testing.assert_allclose(found, within + 1.25 * between)
     unknown = [[e._replace(group="") for e in task] for task in tasks]
     alike = covariance_of_strangers(unknown, pooled(tasks), FLOOR, 4.0)
     assert np.trace(found) > 1.2 * np.trace(alike)  # people count as few draws
+
+
+def test_durations_of_a_stranger_vary_as_people_do(rng):
+    """Of many people with many demonstrations: the variances within and between them."""
+    paces = 0.5 * rng.normal(size=200)
+    tasks = [
+        [one._replace(duration_s=float(np.exp(pace + 0.1 * rng.normal()))) for one in person]
+        for pace in paces
+        for person in [of_people(rng, np.zeros((1, SIZE)), 5, 0.2)]
+    ]
+    named = [one._replace(group=str(k)) for k, person in enumerate(tasks) for one in person]
+    found = log_duration_variance_of_strangers([named])
+    assert found == pytest.approx(0.1**2 + np.var(paces), rel=0.05)
+    assert log_duration_variance_of_strangers([[e._replace(group="") for e in named]]) is None
 
 
 def test_people_who_do_not_differ_hardly_count(rng):
@@ -92,7 +111,7 @@ def test_groups_that_say_nothing_of_people_change_nothing(rng):
     each_another = [of_people(rng, np.zeros((5, SIZE)), 1, 0.2)]
     somebody_s = [[*one_person[0], example("x", "", np.zeros(SIZE))]]
     for tasks in (two_people, one_person, each_another, somebody_s):
-        assert group_scatter(tasks, N_OBSERVED) is None
+        assert group_scatter(tasks, observed_weights) is None
     assert people([summarize(one_person[0])]) == 1
     assert people([summarize(somebody_s[0])]) == 0
 

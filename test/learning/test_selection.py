@@ -198,12 +198,12 @@ def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning(noise_scale):
         library, phase_deviation=STEADY, evidence_freedom=np.inf, noise_scale=noise_scale
     )
     left_out = selection._leave_out(data.tasks, data.tasks, UNITS)
-    losses, error = validate(library, left_out, data.tasks)
+    losses, errors = validate(library, left_out, data.tasks)
     expected_losses, expected_error = by_hand(library, data)
     # movements of several tasks are hard to tell apart, and to predict
     assert min(*expected_losses, expected_error) > 0.1
     np.testing.assert_allclose(losses.mean(axis=1), expected_losses, rtol=1e-5, atol=1e-7)
-    assert error == pytest.approx(expected_error, rel=1e-5, abs=1e-7)
+    assert errors.mean() == pytest.approx(expected_error, rel=1e-5, abs=1e-7)
 
 
 @pytest.mark.parametrize("pace", ["own", "aligned"])
@@ -276,8 +276,8 @@ def test_the_best_of_all_that_were_tried_is_chosen():
     assert chosen in tried and chosen.score == min(one.score for one in tried)
     n_controlled = 2
     for one in tried:
-        expected = one.log_loss + n_controlled / 2 * np.log(one.error)
-        assert one.score == pytest.approx(expected, rel=1e-12)
+        of_the_mean = one.log_loss + n_controlled / 2 * np.log(one.error)
+        assert one.score <= of_the_mean + 1e-12  # a mean of logarithms
 
 
 def test_where_nothing_can_be_left_out_the_defaults_are_taken():

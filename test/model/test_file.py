@@ -46,7 +46,7 @@ def model() -> Model:
         noise_scale=2.0,
         none_margin=3.5,
         switch_margin=1.25,
-        phase_deviation=PhaseDeviation(np.linspace(0.0, 0.1, 7), 0.4, 0.15, False),
+        phase_deviation=PhaseDeviation(np.linspace(0.0, 0.1, 7), 0.4, 0.15, False, 0.7),
         evidence_freedom=4.0,
         left_out_odds=LeftOutOdds((0.5, -1.25), ("anna", "")),
         provenance={"bags": ["a", "b"], "package_version": "1"},
@@ -300,6 +300,7 @@ BAD = {
     "phase_deviation.correlation": (0.0, -1, "long", HUGE),
     "phase_deviation.evidence": (0.0, 1.5, None),
     "phase_deviation.controlled_follows": ("no", None),
+    "phase_deviation.duration_exponent": (11.0, None, "long"),
 }
 
 

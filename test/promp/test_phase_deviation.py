@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The phase deviation on its grid: a stationary process, whatever the steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,6 +16,8 @@ from intent_recognition.promp.phase_deviation import (
     deviation_prior,
     deviation_transition,
     reference_phase,
+    steady_phase,
+    steady_rate,
 )
 
 passed = st.floats(0.0, 3.0)
@@ -23,6 +27,35 @@ correlations = st.floats(0.02, 2.0)
 def a_progress(correlation: float = 0.4, std: float = 0.03) -> PhaseDeviation:
     phase = np.linspace(0.0, 1.0, 51)
     return PhaseDeviation(std * np.sqrt(4.0 * phase * (1.0 - phase)) + 0.004, correlation, 0.3)
+
+
+@given(st.floats(-2.0, 2.0), st.floats(0.2, 5.0), st.floats(0.2, 5.0))
+def test_relative_durations_multiply_as_what_they_do_to_the_phase(duration_exponent, first, second):
+    bent, phase = replace(STEADY, duration_exponent=duration_exponent), np.linspace(0.0, 1.0, 21)
+    both = steady_phase(bent, steady_phase(bent, phase, first), second)
+    np.testing.assert_allclose(both, steady_phase(bent, phase, first * second), atol=1e-12)
+    np.testing.assert_allclose(steady_phase(bent, phase, 1.0), phase, atol=1e-15)
+    opposite = 1.0 - steady_phase(
+        replace(bent, duration_exponent=-duration_exponent), 1.0 - phase, first
+    )
+    np.testing.assert_allclose(opposite, steady_phase(bent, phase, first), atol=1e-12)
+    inner, step = phase[1:-1], 1e-6
+    ahead, behind = (steady_phase(bent, inner + by, first) for by in (step, -step))
+    slope = (ahead - behind) / (2.0 * step)
+    np.testing.assert_allclose(steady_rate(bent, inner, first), slope, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("duration_exponent", "at"), [(1.0, 0.0), (-1.0, 1.0)])
+def test_a_bend_of_one_keeps_the_pace_of_the_beginning_and_minus_one_that_of_the_end(
+    duration_exponent, at
+):
+    bent, durations = (
+        replace(STEADY, duration_exponent=duration_exponent),
+        np.array([0.5, 1.0, 3.0]),
+    )
+    pace = steady_rate(bent, np.full(3, at), durations) / durations
+    np.testing.assert_allclose(pace, 1.0)
+    assert np.array_equal(steady_rate(bent, np.array([-0.1, 1.1]), 2.0), [0.0, 0.0])
 
 
 def test_steady_progress_has_one_deviation():
