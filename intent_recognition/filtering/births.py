@@ -20,9 +20,10 @@ update filters them (Maeda et al. 2014, Eq. 6).
 Who turns may also begin anew, and reach for another task's goal as for any, within the time T of a
 reach, by a fresh course or straight to the course's end:
 
-    y(t + s) = psi(s / T) w + h(s / T) (a, b T, c T^2)    or    psi(1) w + h(s / T) (a, b T, c T^2),
+    y(t + s) = psi(s / T) w + h(s / R) (a, b R, c R^2)    or    psi(1) w + h(s / R) (a, b R, c R^2),
 
-with the quintics h of least jerk, that end at rest.
+with the quintics h of least jerk, that end at rest with the course, after the part R of T in which
+it moves. Straight is the rarer, the more another task shares the end (`reaching`).
 
 After a delay a person goes on with the same movement. Such a hypothesis is a copy of the most
 probable one, with all that the path has told of its weights, whose clock is set back; a small
@@ -35,6 +36,7 @@ from numpy.typing import NDArray
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.posterior import BornBelief
+from intent_recognition.filtering.reaching import end_tells, moving_parts
 from intent_recognition.filtering.table import (
     OFFSET_BASIS,
     REACH,
@@ -54,7 +56,7 @@ REACH_UNTIL = 0.6
 """Part of a usual duration after which nobody does: of who turns later too little is seen to tell
 the goal (docs/decisions/change_of_mind.md)."""
 REACH_PART = 0.87
-"""Part of its task's duration that a reach afresh takes. Convention: no rest, and a shorter way."""
+"""Part of its task's duration that a course afresh takes. Convention: no rest, a shorter way."""
 REACH_OFFSETS = np.array([-1.0, 0.0, 1.0])
 """Durations of these, in standard deviations of the task's log duration. Convention."""
 REACH_SCALE = np.array([1.0, 2.0, 4.0])
@@ -141,6 +143,9 @@ class Births:
         self._offset_variance[..., -1] *= PUSH**2
         self._reach_variance = (std * REACH_SCALE / self.usual_s ** np.arange(3)) ** 2  # (P, 3)
         self._log_mean, self._log_std = log_durations(library)
+        self._moving = moving_parts(library, std[:, 0])
+        with np.errstate(divide="ignore"):
+            self._log_telling = np.log(end_tells(library))
         known = grid.log_task_prior[:-1]
         self._log_prior = known - np.logaddexp.reduce(known)
         self.clear()
@@ -295,6 +300,7 @@ class Births:
         which, duration, straight = (index.ravel() for index in np.indices(shape))
         task, offset = tasks[which], REACH_OFFSETS[duration]
         duration_s = REACH_PART * np.exp(self._log_mean[task] + self._log_std[task] * offset)
+        reach_s = self._moving[task] * duration_s
         self._table.add(
             reaching[which],
             task=task,
@@ -303,9 +309,9 @@ class Births:
             onset_s=birth_s,
             duration_s=duration_s,
             birth_s=birth_s,
-            rate=1.0 / duration_s,
+            rate=1.0 / reach_s,
             form=np.where(straight, STRAIGHT, REACH),
-            log_share=pace[duration],
+            log_share=pace[duration] + np.where(straight, self._log_telling[task], 0.0),
             log_prior=-np.inf,
         )
 

@@ -9,7 +9,7 @@ from plain import bank_of
 from scipy.interpolate import BPoly
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
-from simulation import START_NS, draw_weights, make_library
+from simulation import START_NS, draw_weights, make_library, minimum_jerk, nearly_known
 
 from intent_recognition.filtering import (
     MovementFilter,
@@ -17,7 +17,9 @@ from intent_recognition.filtering import (
     make_prior_grid,
 )
 from intent_recognition.filtering.births import birth_shares
+from intent_recognition.filtering.reaching import end_tells, moving_parts
 from intent_recognition.filtering.table import REACH, STRAIGHT, ending, fading
+from intent_recognition.promp import STEADY
 from intent_recognition.signals.observation import Observation
 
 RATE = np.array([2.0, 5.0, 11.0])
@@ -372,3 +374,28 @@ def test_two_signals_settle_each(rng):
         run.observe(Observation(stamp, 0, row[:2]))
         run.observe(Observation(stamp + 1, 1, row[2:]))
     assert posterior(run, 1.95).probabilities[1] > 0.9
+
+
+@pytest.mark.parametrize("part", [1.0, 0.75, 0.5])
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_a_course_moves_until_it_holds_its_end(part, scale):
+    done = minimum_jerk(np.clip(np.linspace(0.0, 1.0, 500) / part, 0.0, 1.0))
+    shape = done[:, None] * np.array([0.3, -0.1 * scale, 0.5])
+    library = nearly_known(shape, 0.001, STEADY)
+    assert moving_parts(library, np.array([1.0, scale])) == pytest.approx([part], abs=0.02)
+
+
+def test_an_end_that_tasks_share_tells_nothing_and_one_far_off_everything(library):
+    n_basis, mean = library.basis.n_basis, library.weight_mean.copy()
+    far = np.zeros_like(mean)
+    far[2] = 10.0
+    mean[1], covariance = mean[0], library.weight_covariance[[0, 0, 2]]
+    alike = replace(library, weight_mean=mean + far, weight_covariance=covariance)
+    np.testing.assert_allclose(end_tells(alike), [0.0, 0.0, 1.0], atol=1e-9)
+    # of two normals of equal covariance: exp(-d^2 / 8), d the Mahalanobis distance of the ends
+    row = np.kron(np.eye(3), library.basis.design_matrix(np.ones(1))[0])
+    spread = row @ library.observed_covariance[0] @ row.T
+    shift = 2.0 * np.linalg.cholesky(spread)[:, 0]
+    mean[1, : 3 * n_basis] += np.repeat(shift, n_basis)
+    apart = replace(library, weight_mean=mean + far, weight_covariance=covariance)
+    np.testing.assert_allclose(end_tells(apart)[:2], 1.0 - np.exp(-0.5), rtol=1e-6)
