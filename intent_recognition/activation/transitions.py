@@ -60,7 +60,8 @@ class Transitions:
         if self._arm.phase(now_ns) >= 1.0 - 1e-6:
             if not interaction.over:
                 self._parts.inbox.mark_served(interaction)
-            return Transition(Arrived(interaction, now_ns))
+            rests_ns = self._arm.in_force().end_ns  # later where it is still joining the path
+            return Transition(Arrived(interaction, max(now_ns, rests_ns)))
         expected = now_ns < interaction.prediction.end_ns and not interaction.over
         waits = interaction.ordered and (self._parts.inbox.decision.idle or not self._people.named)
         withdrawn = expected and not (self._parts.inbox.decision.active or waits)

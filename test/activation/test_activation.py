@@ -128,6 +128,21 @@ def test_silence_stops_the_arm_on_its_path_and_then_sends_it_home():
     world.check_continuous()
 
 
+def test_an_arm_that_still_joins_its_path_at_the_end_holds_from_its_rest_on():
+    """The last prediction moves the end far: the path is done before the arm is there."""
+    world = executing(hold_s=0.5)
+    while world.commands[-1].phase_at(world.now_ns).phase < 0.95:
+        world.step()
+    world.shift += 0.25
+    world.run(0.1)
+    world.task = "idle"
+    last = world.commands[-1]
+    world.run_until(Mode.HOMING)
+    arrived_s = float(last.plan.times_s[np.argmax(last.plan.phase >= 1.0 - 1e-6)])
+    assert last.plan.duration_s > arrived_s + 0.3
+    assert world.now_ns >= last.end_ns + 500_000_000
+
+
 def test_a_short_silence_is_nothing_and_a_longer_one_resumes():
     world = executing(hold_s=3.0)
     world.speaks = False
