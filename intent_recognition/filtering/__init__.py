@@ -13,7 +13,6 @@ from intent_recognition.filtering.grid import (
 from intent_recognition.filtering.posterior import (
     TaskPosterior,
     answered,
-    counted_tasks,
     task_posterior,
 )
 from intent_recognition.filtering.prediction import deviations_at

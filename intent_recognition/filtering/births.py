@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.posterior import BornBelief
+from intent_recognition.filtering.posterior import BornBelief, counted_joint
 from intent_recognition.filtering.reaching import end_tells, moving_parts
 from intent_recognition.filtering.table import (
     OFFSET_BASIS,
@@ -224,6 +224,8 @@ class Births:
             of_kind = shares[rows["kind"], rows["task"]] + rows["log_share"]
             of_kind -= self._log_weight[rows["task"]]
             rows["log_prior"] = np.where(settled, of_kind, rows["log_prior"])
+            of_all = of_kind - np.logaddexp.reduce(total[:-1])
+            rows["log_birth"] = np.where(settled, of_all, rows["log_birth"])
         table.drop(self._hopeless(float(np.logaddexp.reduce(total))))
         if self._n_used % self._every == 0:
             self._between_s = max(measurement.elapsed_s - self._last_birth_s, 0.0)
@@ -233,16 +235,28 @@ class Births:
             table.condition(measurement, np.arange(first, table.n))
             self._give_birth_to_delays(measurement.elapsed_s, log_evidence, onset)
 
-    def belief(self) -> BornBelief:
-        """What they make of task and timing."""
-        total, joint = self.log_joint, self._table.log_joint
+    def belief(self, log_evidence: NDArray[np.float64]) -> BornBelief:
+        """What they make of task and timing, and what is left of the hypotheses of the onset.
+
+        Args:
+            log_evidence: see `onset_log_joint`.
+        """
+        grid, n_tasks, left = self._grid, self._library.n_tasks, self.onset_log_joint(log_evidence)
+        total = float(np.logaddexp.reduce(np.logaddexp(self.log_joint, left)[:-1]))
+        prior = grid.log_task_prior[:-1] + self.log_stay
+        left[:-1] = counted_joint(left[:-1], prior, total, grid.task_evidence)
+        joint = self._table.log_joint
         some = np.isfinite(joint)
         rows, joint = self._table.rows[some], joint[some]
         task, onset_s, duration_s = rows["task"], rows["onset_s"], rows["duration_s"]
-        weight = np.exp(joint - total[task])
-        expected_s = np.zeros(len(total))
+        counted = counted_joint(joint, rows["log_birth"], total, grid.task_evidence)
+        joint = np.where(task < n_tasks, counted, joint)
+        of_task = np.full(n_tasks + 1, -np.inf)
+        np.logaddexp.at(of_task, task, joint)
+        weight = np.exp(joint - of_task[task])
+        expected_s = np.zeros(n_tasks + 1)
         np.add.at(expected_s, task, weight * (onset_s + duration_s))
-        return BornBelief(total, self.log_stay, expected_s, task, weight, onset_s, duration_s)
+        return BornBelief(of_task, left, total, expected_s, task, weight, onset_s, duration_s)
 
     def of_task(self, task: int) -> tuple[GaussianBatch, NDArray[np.float64], NDArray[np.float64]]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).

@@ -165,7 +165,7 @@ class MovementFilter:
     def posterior(self, stamp_ns: int) -> TaskPosterior:
         """What the observations so far say of task and progress at a stamp."""
         if self._belief is None:
-            born = None if self.births is None else self.births.belief()
+            born = None if self.births is None else self.births.belief(self.log_evidence)
             self._belief = task_belief(self.log_evidence, self.grid, born)
         return self._belief.at((stamp_ns - self.onset_ns) * 1e-9)
 

@@ -31,8 +31,10 @@ class BornBelief(NamedTuple):
     """What born hypotheses make of a movement's task and timing; zero where there are none.
 
     Attributes:
-        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
-        log_stay: log probability with which a task of the onset passed nothing on.
+        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,);
+            the density counts to a power (`counted_joint`).
+        left: the same of the hypotheses of the onset, less what they passed on, (K + 1,).
+        total: of the K tasks together, the density as it is.
         duration_s: expected duration given the task, (K + 1,).
         task: number of the task of each hypothesis, (n,).
         weight: their probabilities given the task, (n,).
@@ -41,7 +43,8 @@ class BornBelief(NamedTuple):
     """
 
     log_joint: NDArray[np.float64]
-    log_stay: float
+    left: NDArray[np.float64]
+    total: float
     duration_s: NDArray[np.float64]
     task: NDArray[np.int64]
     weight: NDArray[np.float64]
@@ -128,17 +131,18 @@ def task_belief(
     log_task = np.logaddexp.reduce((grid.log_prior + log_evidence).reshape(shape), axis=1)
     possible = np.isfinite(log_task)
     share = np.zeros_like(log_task)
-    if born is not None:
-        log_task[:-1] += born.log_stay
-        total = np.logaddexp(log_task, born.log_joint)
+    if born is None:
+        all_known = float(np.logaddexp.reduce(log_task[:-1]))
+        known = log_task_prior[:-1]
+        log_task[:-1] = counted_joint(log_task[:-1], known, all_known, grid.task_evidence)
+    else:
+        all_known, total = born.total, np.logaddexp(born.left, born.log_joint)
         share[possible] = np.exp(born.log_joint[possible] - total[possible])
         log_task = np.where(possible, total, log_task)
     with np.errstate(invalid="ignore"):
+        log_task[:-1] += np.nan_to_num(all_known - np.logaddexp.reduce(log_task[:-1]))
         log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
         log_task_evidence[-1] = counted_none(log_task_evidence, log_task_prior, grid.none_margin)
-        log_task_evidence[:-1] = counted_tasks(
-            log_task_evidence[:-1], log_task_prior[:-1], grid.task_evidence
-        )
         log_task = log_task_prior + log_task_evidence
     scale_weights = grid.duration_weights(log_evidence)
     probabilities = np.exp(log_task - np.max(log_task))
@@ -190,23 +194,22 @@ def counted_none(
     return float(total - beyond_margin(total - log_evidence[-1], margin))
 
 
-def counted_tasks(
-    log_evidence: NDArray[np.float64], log_prior: NDArray[np.float64], power: float
+def counted_joint(
+    log_joint: NDArray[np.float64], log_prior: NDArray[np.float64], log_total: float, power: float
 ) -> NDArray[np.float64]:
-    """Log evidence of tasks that counts to a power among them; that of all together stays.
+    """Log joint of hypotheses whose evidence against all others counts to a power.
+
+    Their prior, as that of a change of mind, counts as it is.
 
     Args:
-        log_evidence: of the K tasks, (..., K).
-        log_prior: theirs, (K,).
+        log_joint: log of prior and density of the observations, (n,).
+        log_prior: log of the former in parts of all hypotheses, (n,).
+        log_total: log joint of these together.
         power: in (0, 1].
     """
-    counted = power * log_evidence
-    before, after = (
-        np.logaddexp.reduce(log_prior + some, axis=-1, keepdims=True)
-        for some in (log_evidence, counted)
-    )
-    possible = np.isfinite(before)
-    return counted + np.subtract(before, after, where=possible, out=np.zeros_like(before))
+    if power == 1.0:
+        return log_joint
+    return power * log_joint + (1.0 - power) * (log_prior + log_total)
 
 
 def beyond_margin(log_factor: NDArray[np.float64], margin: float) -> NDArray[np.float64]:

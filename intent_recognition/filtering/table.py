@@ -43,6 +43,7 @@ COLUMNS = np.dtype(
         ("form", np.int64),  # one of the three below
         ("log_share", np.float64),  # of what passes to its kind
         ("log_prior", np.float64),
+        ("log_birth", np.float64),  # the same in parts of what everything was worth at birth
         ("log_evidence", np.float64),  # density of the measurements that it is judged by
     ]
 )

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from intent_recognition.filtering import counted_tasks
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.held_out import paired_examples
 from intent_recognition.learning.left_out import LeavingOut
@@ -56,7 +55,5 @@ def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExam
         recorded: the movement.
     """
     total = np.array([np.logaddexp(born, left) for born, left in follow(library, recorded)])
-    log_prior = np.log(np.maximum(library.task_prior, np.finfo(float).tiny))
-    total = log_prior + counted_tasks(total - log_prior, log_prior, library.task_evidence)
     others = np.logaddexp.reduce(np.delete(total, task, axis=1), axis=1)
     return float(np.max(others - total[:, task]))

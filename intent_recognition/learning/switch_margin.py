@@ -76,7 +76,8 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
 def follow(
     library: TaskLibrary, recorded: TrainingExample
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Log joint of born hypotheses and of those of the onset along a movement, by task (K,) each.
+    """Log joint of born hypotheses and of those of the onset along a movement, by task (K,) each,
+    the density counted to its power.
 
     Args:
         library: one that does not know the movement.
@@ -88,7 +89,8 @@ def follow(
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
         run.observe(observation)
-        yield run.births.log_joint[:-1], run.births.onset_log_joint(run.log_evidence)[:-1]
+        belief = run.births.belief(run.log_evidence)
+        yield belief.log_joint[:-1], belief.left[:-1]
 
 
 def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:

@@ -84,7 +84,9 @@ def test_between_used_observations_the_phase_goes_on(library, truth, rng):
         assert (predicted is before) == (run.n_used == n_used)
         unused, n_used = unused + (run.n_used == n_used), run.n_used
         elapsed_s = (observation.stamp_ns - estimate.onset_ns) * 1e-9
-        expected = task_posterior(run.log_evidence, run.grid, elapsed_s, run.births.belief())
+        expected = task_posterior(
+            run.log_evidence, run.grid, elapsed_s, run.births.belief(run.log_evidence)
+        )
         np.testing.assert_allclose(estimate.phase[:-1], expected.phase[:-1], atol=1e-12)
         np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
     assert unused > 20 and n_used > 20
