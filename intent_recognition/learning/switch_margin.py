@@ -62,22 +62,24 @@ def learn_switch_margin(
 def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
     """Highest log odds along a movement of other tasks that were born on the way.
 
-    At least `-NEGLIGIBLE`: less probable hypotheses are given up.
+    At least `-NEGLIGIBLE`: less probable hypotheses are given up. Evidence counts as it is here,
+    and to a power later (`filtering.posterior.counted_joint`): the margin is a cautious one.
 
     Args:
         library: one that does not know the movement.
         task: number of the true one.
         recorded: the movement.
     """
-    followed = follow(replace(library, switch_margin=0.0), recorded)
-    return max(-NEGLIGIBLE, *(_log_odds(born, left, task) for born, left in followed))
+    largest = -NEGLIGIBLE
+    for run in follow(replace(library, switch_margin=0.0), recorded):
+        assert run.births is not None
+        left = run.births.onset_log_joint(run.log_evidence)[:-1]
+        largest = max(largest, _log_odds(run.births.log_joint[:-1], left, task))
+    return largest
 
 
-def follow(
-    library: TaskLibrary, recorded: TrainingExample
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Log joint of born hypotheses and of those of the onset along a movement, by task (K,) each,
-    the density counted to its power.
+def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[MovementFilter]:
+    """The filter after each sample of a movement.
 
     Args:
         library: one that does not know the movement.
@@ -85,12 +87,10 @@ def follow(
     """
     grid = make_prior_grid(library, n_scales=N_FOLLOWED_SCALES)
     run = MovementFilter(library, grid, 0, switching=True)
-    assert run.births is not None
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
         run.observe(observation)
-        belief = run.births.belief(run.log_evidence)
-        yield belief.log_joint[:-1], belief.left[:-1]
+        yield run
 
 
 def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:

@@ -10,7 +10,12 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
-from intent_recognition.filtering.posterior import beyond_margin, counted_none, task_posterior
+from intent_recognition.filtering.posterior import (
+    beyond_margin,
+    counted_joint,
+    counted_none,
+    task_posterior,
+)
 from intent_recognition.signals.observation import merge
 
 seeds = st.integers(0, 2**32 - 1)
@@ -232,3 +237,14 @@ def test_a_margin_moves_none_only_and_by_what_counts(seed, n_tasks, margin):
 )
 def test_what_is_impossible_is_no_matter_of_a_margin(evidence, expected):
     assert counted_none(np.array(evidence), np.log([0.5, 0.4, 0.1]), 5.0) == expected
+
+
+@given(st.floats(0.1, 1.0), st.lists(st.floats(-30.0, 30.0), min_size=2, max_size=5))
+def test_evidence_counts_to_its_power_and_the_prior_as_it_is(power, log_evidence):
+    prior = np.arange(1.0, len(log_evidence) + 1.0) ** -6
+    prior /= prior.sum()
+    log_joint = np.log(prior) + log_evidence
+    counted = counted_joint(log_joint, np.log(prior), float(np.logaddexp.reduce(log_joint)), power)
+    expected = prior * np.exp(log_evidence) ** power
+    share = np.exp(counted - np.logaddexp.reduce(counted))
+    np.testing.assert_allclose(share, expected / expected.sum(), rtol=1e-9)
