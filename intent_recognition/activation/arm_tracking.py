@@ -61,6 +61,7 @@ class ArmTracking:
         self._history: deque[Command] = deque()
         self.last_command_ns = self.late_ns = 0
         self._reported: tuple | None = None
+        self._left: Floats | None = None  # where a lost command left the arm
 
     def forget_joints(self) -> None:
         """Nothing has been measured yet."""
@@ -120,21 +121,24 @@ class ArmTracking:
     def lost(self, now_ns: int) -> bool | None:
         """Whether the command that has ended did not reach the arm; None: not known yet.
 
-        The arm then rests where the command before led it.
+        The arm then rests where the command before led it, or where another lost one left it.
         """
         measured = self._recent(now_ns)
-        if measured is None or self.current is None or len(self._history) < 2:
+        if measured is None or self.current is None:
             return False
-        if self._error(measured) <= HELD_WITHIN_RAD:
-            return False
-        if measured.time_ns <= self.current.end_ns + _SETTLING_NS:
-            return None
-        before = self._history[-2].at(measured.time_ns).position
-        there = float(np.abs(measured.position - before).max()) <= HELD_WITHIN_RAD
-        if there and self.at_rest(measured):
-            text = "the arm rests where the command before the last one led it"
-            self._report_once("command_lost", self.last_command_ns, text)
-            return True
+        before = list(self._history)[-2:-1]
+        rests_at = [command.at(measured.time_ns).position for command in before]
+        rests_at += [] if self._left is None else [self._left]
+        if rests_at and self._error(measured) > HELD_WITHIN_RAD:
+            if measured.time_ns <= self.current.end_ns + _SETTLING_NS:
+                return None
+            off = np.abs(measured.position - np.array(rests_at)).max(axis=1)
+            if off.min() <= HELD_WITHIN_RAD and self.at_rest(measured):
+                self._left = measured.position
+                text = "the arm rests where the command before the last one led it"
+                self._report_once("command_lost", self.last_command_ns, text)
+                return True
+        self._left = None
         return False
 
     @property
