@@ -241,22 +241,24 @@ class Births:
         Args:
             log_evidence: see `onset_log_joint`.
         """
-        grid, n_tasks, left = self._grid, self._library.n_tasks, self.onset_log_joint(log_evidence)
-        total = float(np.logaddexp.reduce(np.logaddexp(self.log_joint, left)[:-1]))
-        prior = grid.log_task_prior[:-1] + self.log_stay
-        left[:-1] = counted_joint(left[:-1], prior, total, grid.task_evidence)
-        joint = self._table.log_joint
-        some = np.isfinite(joint)
-        rows, joint = self._table.rows[some], joint[some]
+        grid, n_tasks, table = self._grid, self._library.n_tasks, self._table
+        left, total = self.onset_log_joint(log_evidence), self.log_joint
+        everything = np.logaddexp(left, total)
+        all_known = float(np.logaddexp.reduce(everything[:-1]))
+        some = np.isfinite(table.log_joint)
+        rows, joint = table.rows[some], table.log_joint[some]
         task, onset_s, duration_s = rows["task"], rows["onset_s"], rows["duration_s"]
-        counted = counted_joint(joint, rows["log_birth"], total, grid.task_evidence)
-        joint = np.where(task < n_tasks, counted, joint)
-        of_task = np.full(n_tasks + 1, -np.inf)
-        np.logaddexp.at(of_task, task, joint)
-        weight = np.exp(joint - of_task[task])
+        weight = np.exp(joint - total[task])
         expected_s = np.zeros(n_tasks + 1)
         np.add.at(expected_s, task, weight * (onset_s + duration_s))
-        return BornBelief(of_task, left, total, expected_s, task, weight, onset_s, duration_s)
+        counted = counted_joint(joint, rows["log_birth"], all_known, grid.task_evidence)
+        of_task = np.full(n_tasks + 1, -np.inf)
+        np.logaddexp.at(of_task, task, np.where(task < n_tasks, counted, joint))
+        prior = grid.log_task_prior[:-1] + self.log_stay
+        left[:-1] = counted_joint(left[:-1], prior, all_known, grid.task_evidence)
+        share = np.exp(total - np.where(np.isfinite(everything), everything, 0.0))
+        joint = np.logaddexp(left, of_task)
+        return BornBelief(joint, all_known, share, expected_s, task, weight, onset_s, duration_s)
 
     def of_task(self, task: int) -> tuple[GaussianBatch, NDArray[np.float64], NDArray[np.float64]]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).

@@ -28,13 +28,13 @@ ANSWER_TRUST = 0.99
 
 
 class BornBelief(NamedTuple):
-    """What born hypotheses make of a movement's task and timing; zero where there are none.
+    """What hypotheses of the onset and born ones make of a movement; for the latter its timing.
 
     Attributes:
         log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,);
             the density counts to a power (`counted_joint`).
-        left: the same of the hypotheses of the onset, less what they passed on, (K + 1,).
         total: of the K tasks together, the density as it is.
+        share: of born ones in the posterior of each task, (K + 1,).
         duration_s: expected duration given the task, (K + 1,).
         task: number of the task of each hypothesis, (n,).
         weight: their probabilities given the task, (n,).
@@ -43,8 +43,8 @@ class BornBelief(NamedTuple):
     """
 
     log_joint: NDArray[np.float64]
-    left: NDArray[np.float64]
     total: float
+    share: NDArray[np.float64]
     duration_s: NDArray[np.float64]
     task: NDArray[np.int64]
     weight: NDArray[np.float64]
@@ -136,9 +136,8 @@ def task_belief(
         known = log_task_prior[:-1]
         log_task[:-1] = counted_joint(log_task[:-1], known, all_known, grid.task_evidence)
     else:
-        all_known, total = born.total, np.logaddexp(born.left, born.log_joint)
-        share[possible] = np.exp(born.log_joint[possible] - total[possible])
-        log_task = np.where(possible, total, log_task)
+        all_known, share = born.total, np.where(possible, born.share, 0.0)
+        log_task = np.where(possible, born.log_joint, log_task)
     with np.errstate(invalid="ignore"):
         log_task[:-1] += np.nan_to_num(all_known - np.logaddexp.reduce(log_task[:-1]))
         log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)

@@ -54,9 +54,8 @@ def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExam
         task: number of the true one.
         recorded: the movement.
     """
-    beliefs = [
-        run.births.belief(run.log_evidence) for run in follow(library, recorded) if run.births
-    ]
-    total = np.array([np.logaddexp(one.log_joint, one.left)[:-1] for one in beliefs])
+    followed = follow(library, recorded)
+    beliefs = [run.births.belief(run.log_evidence) for run in followed if run.births]
+    total = np.array([one.log_joint[:-1] for one in beliefs])
     others = np.logaddexp.reduce(np.delete(total, task, axis=1), axis=1)
     return float(np.max(others - total[:, task]))

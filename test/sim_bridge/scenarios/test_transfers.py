@@ -128,7 +128,7 @@ def test_a_worker_gives_way_to_fingers_that_closed_too_early_and_comes_again(cel
 
     def taken() -> bool:
         nonlocal narrowest_m
-        narrowest_m = min(narrowest_m, float(np.mean(one.arm.other_positions())))
+        narrowest_m = min(narrowest_m, float(np.mean(one.arm.others.positions())))
         return one.holders[-1:] == [Holder.ROBOT]
 
     one.run(taken, 12.0)
