@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated work on end, with nodes killed and started again: does the graph stay as it was?
 
-`python -m benchmarks.soak MODEL MINUTES [SECONDS_BETWEEN_KILLS]` runs any length.
+`python -m benchmarks.soak MODEL MINUTES [SECONDS_BETWEEN_KILLS [RATE]]` runs any length.
 """
 
 import os
@@ -125,13 +125,13 @@ def results(found: Soak, minutes: float) -> Iterator[Result]:
     yield at_most("soak: nodes that died by themselves", len(found.died), 0.0, "", remark)
 
 
-def run(model: Path, minutes: float, between_s: float, logs: Path) -> Soak:
+def run(model: Path, minutes: float, between_s: float, logs: Path, rate: float = RATE) -> Soak:
     """Let the simulated coworker work for so long, killing a node every `between_s` [s]."""
     environment = node_environment(os.environ)
     os.environ.update(environment)
     rclpy.init(args=[])
-    interactions = int(minutes * 60.0 * RATE / SHORTEST_INTERACTION_S) + 10
-    calls = {call.name: call for call in resolve("demo", {"model": str(model), "rate": RATE})}
+    interactions = int(minutes * 60.0 * rate / SHORTEST_INTERACTION_S) + 10
+    calls = {call.name: call for call in resolve("demo", {"model": str(model), "rate": rate})}
     calls["coworker_sim"].parameters.update(task_list="habit", interactions=interactions)
     executor = make_executor()
     watched = _Watched(Soak())
@@ -145,7 +145,7 @@ def run(model: Path, minutes: float, between_s: float, logs: Path) -> Soak:
             ready = Readiness(observer, [name for name in calls if name != "coworker_sim"])
             if not spin_until(executor, lambda: watched.truth, READY_S):
                 raise TimeoutError(f"nothing moves; not ready: {ready.missing()}")
-            _Killer(nodes, calls, ready, watched, observer).work(executor, minutes, between_s)
+            _Killer(nodes, calls, ready, watched, observer, rate).work(executor, minutes, between_s)
             return watched.soak
     finally:
         executor.shutdown()
@@ -184,10 +184,11 @@ class _Killer:
         ready: Readiness,
         watched: _Watched,
         observer: SessionObserver,
+        rate: float,
     ):
         self._nodes, self._calls, self._ready = nodes, calls, ready
         self._watched, self._soak, self._observer = watched, watched.soak, observer
-        self._pace = PaceKeeper(observer, RATE)
+        self._pace = PaceKeeper(observer, rate)
         self._newest_ns: int | None = None
         observer.create_subscription(JointState, "intent/tasks", self._on_tasks, qos.STATE)
         self._starts = dict.fromkeys(calls, 0)
@@ -258,7 +259,7 @@ def _usage(pid: int, at_s: float) -> Usage:
 
 if __name__ == "__main__":
     model_file, length, *between = sys.argv[1:]
-    between_s = float(between[0] if between else 100.0)
-    run_of = run(Path(model_file), float(length), between_s, Path("out/soak"))
+    between_s, rate = [*map(float, between), *(100.0, RATE)[len(between) :]]
+    run_of = run(Path(model_file), float(length), between_s, Path("out/soak"), rate)
     for result in results(run_of, float(length)):
         sys.stdout.write(result.line().rstrip() + "\n")
