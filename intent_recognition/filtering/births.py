@@ -36,6 +36,14 @@ from numpy.typing import NDArray
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.posterior import BornBelief, counted_joint
+from intent_recognition.filtering.rates import (
+    AFRESH,
+    DELAY,
+    TURN,
+    birth_shares,
+    log_stay,
+    may_begin_anew,
+)
 from intent_recognition.filtering.reaching import end_tells, moving_parts
 from intent_recognition.filtering.table import (
     OFFSET_BASIS,
@@ -47,14 +55,6 @@ from intent_recognition.filtering.table import (
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
-SWITCH_RATE = 0.04
-"""Rate at which a person turns to another task, per usual duration of the tasks
-(docs/decisions/change_of_mind.md)."""
-REACH_RATE = 0.0025
-"""Rate at which a person begins anew with another task, likewise, half of them straight."""
-REACH_UNTIL = 0.6
-"""Part of a usual duration after which nobody does: of who turns later too little is seen to tell
-the goal (docs/decisions/change_of_mind.md)."""
 REACH_PART = 0.87
 """Part of its task's duration that a course afresh takes. Convention: no rest, a shorter way."""
 REACH_OFFSETS = np.array([-1.0, 0.0, 1.0])
@@ -62,15 +62,8 @@ REACH_OFFSETS = np.array([-1.0, 0.0, 1.0])
 REACH_SCALE = np.array([1.0, 2.0, 4.0])
 """Standard deviations of a, b T and c T^2, in those of the offset a. Convention: as of least jerk.
 """
-DETOUR_RATE = 0.03
-"""Rate at which a person goes on with the same task in another way, likewise."""
-DELAY_RATE = 0.3
-"""Rate at which a person is delayed, and goes on with the same movement later, likewise."""
-NONE_RATE = 0.3
-"""Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
-library's margin only."""
 DELAYS = (0.05, 0.12, 0.25)
-"""Lengths of a delay, in usual durations of the tasks, likewise."""
+"""Lengths of a delay, in usual durations of the tasks (docs/decisions/change_of_mind.md)."""
 N_DURATIONS = 7
 """Durations per task at each birth. Convention: offsets make up for what lies between."""
 FADINGS = (12.0, 30.0)
@@ -103,10 +96,6 @@ LEAST_LOG_WEIGHT = -700.0
 NEGLIGIBLE_SHARE = 1e-4
 """Probability, as a share of the most probable one's, below which a born hypothesis is left out of
 a prediction. Convention."""
-
-
-TURN, AFRESH, DELAY = range(3)
-"""Kinds of birth: into the course so far of a task, into one that begins now, a delayed copy."""
 
 
 class Births:
@@ -174,10 +163,7 @@ class Births:
     @property
     def log_stay(self) -> float:
         """Log probability with which a task of the onset passed nothing on to tasks."""
-        passed = self._last_s / self.usual_s
-        turned = SWITCH_RATE * passed + REACH_RATE * min(passed, REACH_UNTIL)
-        turned *= float(np.exp(-self._library.switch_margin))
-        return -turned - (DETOUR_RATE + DELAY_RATE) * passed
+        return log_stay(self._last_s / self.usual_s, self._library.switch_margin)
 
     def onset_log_joint(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
@@ -309,7 +295,7 @@ class Births:
             log_share=pace[is_none.astype(np.int64), duration],
             log_prior=-np.inf,
         )
-        if birth_s > REACH_UNTIL * self.usual_s:
+        if not may_begin_anew(birth_s / self.usual_s):
             return
         pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0] - np.log(2.0)
         shape = len(tasks) - 1, len(REACH_OFFSETS), 2
@@ -385,36 +371,3 @@ class Births:
             reaching = with_offsets(*known.moments(), self._reach_variance[None])
             self._made = {key: (with_offsets(*courses.moments(), self._offset_variance), reaching)}
         return self._made[key]
-
-
-def birth_shares(
-    total: NDArray[np.float64],
-    log_prior: NDArray[np.float64],
-    passed: float,
-    *,
-    none_margin: float = 0.0,
-    switch_margin: float = 0.0,
-) -> NDArray[np.float64]:
-    """Log of what passes in a time to the newborn hypotheses of each task and of none, (3, K + 1).
-
-    By kind: `TURN` (for the old task a detour), `AFRESH`, and `DELAY`.
-
-    Args:
-        total: log joint of the tasks and none, everything together, (K + 1,).
-        log_prior: of the tasks, (K,).
-        passed: the time, in usual durations.
-        none_margin: evidence that a known task must have over none before it counts, in nats.
-        switch_margin: evidence that another task must have over the old one, likewise.
-    """
-    known, n_tasks = total[:-1], len(total) - 1
-    everything = np.logaddexp.reduce(known)
-    with np.errstate(divide="ignore"):
-        others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
-        turning = others + log_prior + np.log(SWITCH_RATE * n_tasks / max(n_tasks - 1, 1))
-        own = np.logaddexp(known + np.log(DETOUR_RATE), turning - switch_margin)
-        none, delayed = everything + np.log(NONE_RATE) - none_margin, known + np.log(DELAY_RATE)
-        afresh = turning - switch_margin + np.log(REACH_RATE / SWITCH_RATE)
-        shares = np.array(
-            [np.append(own, none), np.append(afresh, -np.inf), np.append(delayed, -np.inf)]
-        )
-        return shares + np.log(passed)

@@ -9,17 +9,15 @@ from plain import bank_of
 from scipy.interpolate import BPoly
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
-from simulation import START_NS, draw_weights, make_library, minimum_jerk, nearly_known
+from simulation import START_NS, draw_weights, make_library
 
 from intent_recognition.filtering import (
     MovementFilter,
     births,
     make_prior_grid,
+    rates,
 )
-from intent_recognition.filtering.births import birth_shares
-from intent_recognition.filtering.reaching import end_tells, moving_parts
 from intent_recognition.filtering.table import REACH, STRAIGHT, ending, fading
-from intent_recognition.promp import STEADY
 from intent_recognition.signals.observation import Observation
 
 RATE = np.array([2.0, 5.0, 11.0])
@@ -83,20 +81,6 @@ def test_what_is_left_of_a_reach_afresh_fades_by_least_jerk():
         np.testing.assert_allclose(speed, course(at, nu=1), atol=1e-12)
 
 
-def test_what_passes_on_is_what_the_rates_say(rng):
-    total = rng.normal(size=5)
-    passed = np.exp(birth_shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
-    known = np.exp(total[:-1]).sum()
-    rate = births.SWITCH_RATE + births.DETOUR_RATE
-    turning = passed[births.TURN, :4] - 0.02 * births.DETOUR_RATE * np.exp(total[:-1])
-    assert np.isclose(passed[births.TURN, :4].sum(), 0.02 * rate * known)
-    assert np.isclose(passed[births.TURN, 4], 0.02 * births.NONE_RATE * np.exp(-1.5) * known)
-    delayed, afresh = passed[births.DELAY], passed[births.AFRESH]
-    np.testing.assert_allclose(delayed[:4], 0.02 * births.DELAY_RATE * np.exp(total[:-1]))
-    np.testing.assert_allclose(afresh[:4], births.REACH_RATE / births.SWITCH_RATE * turning)
-    assert delayed[4] == afresh[4] == 0.0
-
-
 def test_the_odds_of_a_turn_are_its_share_of_everything_at_birth(library, rng):
     """Nothing but the birth speaks for hypotheses that have just settled."""
     times_s = np.arange(0.06, 1.0, 0.06)
@@ -113,16 +97,6 @@ def test_the_odds_of_a_turn_are_its_share_of_everything_at_birth(library, rng):
     np.testing.assert_allclose(found, shares, atol=0.005)  # everything holds them now, too
 
 
-def test_a_margin_makes_turning_to_another_task_rarer(rng):
-    total, log_prior = rng.normal(size=4), np.log([0.2, 0.3, 0.5])
-    detours = np.exp(total[:-1]) * births.DETOUR_RATE * 0.02
-    turning = np.exp(birth_shares(total, log_prior, 0.02))[births.TURN, :3] - detours
-    rarer = (
-        np.exp(birth_shares(total, log_prior, 0.02, switch_margin=2.0))[births.TURN, :3] - detours
-    )
-    np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
-
-
 def test_who_turns_to_another_task_has_the_habit_of_the_task_before(library, rng, monkeypatch):
     monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     times_s = np.arange(0.0, 1.2, 0.05)
@@ -136,15 +110,6 @@ def test_who_turns_to_another_task_has_the_habit_of_the_task_before(library, rng
     np.testing.assert_allclose(joint[1] + np.log(ratio) - joint[0], np.log(ratio[0]), atol=0.1)
 
 
-def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
-    with np.errstate(divide="ignore"):
-        log_prior = np.log([0.5, 0.5, 0.0])
-    passed = np.exp(birth_shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))
-    assert passed[births.TURN, 2] == 0.0 and passed[births.TURN, 0] > 0.0
-    alone = np.exp(birth_shares(np.zeros(2), np.zeros(1), 0.1))
-    assert np.isclose(alone[births.TURN, 0], 0.1 * births.DETOUR_RATE)
-
-
 def evidence_of(run, task):
     """Of the born hypotheses of a task that are not negligible."""
     table = run.births._table
@@ -156,8 +121,8 @@ def evidence_of(run, task):
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
-    monkeypatch.setattr(births, "REACH_UNTIL", -1.0)
-    monkeypatch.setattr(births, "DELAY_RATE", 0.0)
+    monkeypatch.setattr(rates, "REACH_UNTIL", -1.0)
+    monkeypatch.setattr(rates, "DELAY_RATE", 0.0)
     monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
@@ -213,7 +178,7 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, for
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
     monkeypatch.setattr(births, "REACH_OFFSETS", np.zeros(1))
-    monkeypatch.setattr(births, "DELAY_RATE", 0.0)
+    monkeypatch.setattr(rates, "DELAY_RATE", 0.0)
     monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
     times_s, born = np.arange(0.0, 1.3, 0.1), 4
@@ -255,7 +220,7 @@ def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "DELAYS", (0.12,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
-    monkeypatch.setattr(births, "REACH_UNTIL", -1.0)
+    monkeypatch.setattr(rates, "REACH_UNTIL", -1.0)
     monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 5)
@@ -311,7 +276,7 @@ def test_a_change_is_followed_with_births_and_not_without(library, rng, monkeypa
     assert np.linalg.norm(end - goal) < 0.5 * np.linalg.norm(other - goal)
     assert 1.4 < believed.duration_s[1] < 2.8 and 0.7 < believed.phase[1] <= 1.0
     wary = replace(library, switch_margin=500.0)
-    monkeypatch.setattr(births, "DELAY_RATE", 0.0)
+    monkeypatch.setattr(rates, "DELAY_RATE", 0.0)
     never = posterior(filtered(wary, times_s, values), 1.95)
     assert never.probabilities[1] < 0.5
 
@@ -327,7 +292,7 @@ def test_a_movement_of_one_task_stays_one(library, rng):
 
 def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
     for name in ("SWITCH_RATE", "REACH_RATE", "DETOUR_RATE", "DELAY_RATE", "NONE_RATE"):
-        monkeypatch.setattr(births, name, 1e-30)
+        monkeypatch.setattr(rates, name, 1e-30)
     times_s = np.arange(0.0, 1.5, 0.05)
     values = changed(library, rng, (0, 0), 5.0, times_s)
     with_births = posterior(filtered(library, times_s, values), 1.45)
@@ -390,28 +355,3 @@ def test_two_signals_settle_each(rng):
         run.observe(Observation(stamp, 0, row[:2]))
         run.observe(Observation(stamp + 1, 1, row[2:]))
     assert posterior(run, 1.95).probabilities[1] > 0.9
-
-
-@pytest.mark.parametrize("part", [1.0, 0.75, 0.5])
-@pytest.mark.parametrize("scale", [1.0, 1000.0])
-def test_a_course_moves_until_it_holds_its_end(part, scale):
-    done = minimum_jerk(np.clip(np.linspace(0.0, 1.0, 500) / part, 0.0, 1.0))
-    shape = done[:, None] * np.array([0.3, -0.1 * scale, 0.5])
-    library = nearly_known(shape, 0.001, STEADY)
-    assert moving_parts(library, np.array([1.0, scale])) == pytest.approx([part], abs=0.02)
-
-
-def test_an_end_that_tasks_share_tells_nothing_and_one_far_off_everything(library):
-    n_basis, mean = library.basis.n_basis, library.weight_mean.copy()
-    far = np.zeros_like(mean)
-    far[2] = 10.0
-    mean[1], covariance = mean[0], library.weight_covariance[[0, 0, 2]]
-    alike = replace(library, weight_mean=mean + far, weight_covariance=covariance)
-    np.testing.assert_allclose(end_tells(alike), [0.0, 0.0, 1.0], atol=1e-9)
-    # of two normals of equal covariance: exp(-d^2 / 8), d the Mahalanobis distance of the ends
-    row = np.kron(np.eye(3), library.basis.design_matrix(np.ones(1))[0])
-    spread = row @ library.observed_covariance[0] @ row.T
-    shift = 2.0 * np.linalg.cholesky(spread)[:, 0]
-    mean[1, : 3 * n_basis] += np.repeat(shift, n_basis)
-    apart = replace(library, weight_mean=mean + far, weight_covariance=covariance)
-    np.testing.assert_allclose(end_tells(apart)[:2], 1.0 - np.exp(-0.5), rtol=1e-6)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What passes to newborn hypotheses in a time."""
+
+import numpy as np
+
+from intent_recognition.filtering import rates
+from intent_recognition.filtering.rates import birth_shares
+
+
+def test_what_passes_on_is_what_the_rates_say(rng):
+    total = rng.normal(size=5)
+    passed = np.exp(birth_shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
+    known = np.exp(total[:-1]).sum()
+    rate = rates.SWITCH_RATE + rates.DETOUR_RATE
+    turning = passed[rates.TURN, :4] - 0.02 * rates.DETOUR_RATE * np.exp(total[:-1])
+    assert np.isclose(passed[rates.TURN, :4].sum(), 0.02 * rate * known)
+    assert np.isclose(passed[rates.TURN, 4], 0.02 * rates.NONE_RATE * np.exp(-1.5) * known)
+    delayed, afresh = passed[rates.DELAY], passed[rates.AFRESH]
+    np.testing.assert_allclose(delayed[:4], 0.02 * rates.DELAY_RATE * np.exp(total[:-1]))
+    np.testing.assert_allclose(afresh[:4], rates.REACH_RATE / rates.SWITCH_RATE * turning)
+    assert delayed[4] == afresh[4] == 0.0
+
+
+def test_a_margin_makes_turning_to_another_task_rarer(rng):
+    total, log_prior = rng.normal(size=4), np.log([0.2, 0.3, 0.5])
+    detours = np.exp(total[:-1]) * rates.DETOUR_RATE * 0.02
+    turning = np.exp(birth_shares(total, log_prior, 0.02))[rates.TURN, :3] - detours
+    rarer = (
+        np.exp(birth_shares(total, log_prior, 0.02, switch_margin=2.0))[rates.TURN, :3] - detours
+    )
+    np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
+
+
+def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
+    with np.errstate(divide="ignore"):
+        log_prior = np.log([0.5, 0.5, 0.0])
+    passed = np.exp(birth_shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))
+    assert passed[rates.TURN, 2] == 0.0 and passed[rates.TURN, 0] > 0.0
+    alone = np.exp(birth_shares(np.zeros(2), np.zeros(1), 0.1))
+    assert np.isclose(alone[rates.TURN, 0], 0.1 * rates.DETOUR_RATE)
