@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find intent_recognition -name "*.c")
 # Four on two cores: some wait for nodes and browsers, which leaves a fifth of the time idle.
 # Each worker takes half of what remains, so that tests of one module stay together.
-PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -o faulthandler_exit_on_timeout=true
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export MPLBACKEND ?= Agg
 # A demo or a test starts many processes: each would compile every module again.

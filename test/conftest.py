@@ -2,6 +2,7 @@
 """The environment every test runs in, set before anything imports rclpy or numpy."""
 
 import atexit
+import faulthandler
 import fcntl
 import gc
 import importlib.util
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(60, 102)
+STDERR = pytest.StashKey[int]()
+TEST_S = 600.0
+"""How long one test may take [s], on a busy machine, too."""
 LOGS = tempfile.mkdtemp(prefix="intent_recognition_test_log_")
 atexit.register(shutil.rmtree, LOGS, ignore_errors=True)
 
@@ -78,6 +82,24 @@ LEFT_OUT = {
     "intent_recognition.learning.selection:MAX_VALIDATED": 12,
 }
 """In tests so few demonstrations are left out while learning, which takes half of the time."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep the standard error of this process, before a test's is captured."""
+    config.stash[STDERR] = os.dup(2)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[bool | None]:
+    """End the process of a test that never ends, even if it keeps the interpreter's lock.
+
+    The traceback goes to stderr, and `pytest -n` names the test and goes on in another process.
+    """
+    faulthandler.dump_traceback_later(TEST_S, exit=True, file=item.config.stash[STDERR])
+    try:
+        return (yield)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.hookimpl(wrapper=True)
