@@ -142,7 +142,7 @@ def test_latched_message_from_before_the_start_is_recorded(harness, tmp_path):
     publisher = harness.publisher(String, "robot_description", LATCHED)
     publisher.publish(String(data="<robot/>"))
     node = harness.add(recorder(topics=["robot_description"]))
-    harness.spin_until(lambda: any(s.latched for s in node._sources.values()))
+    harness.spin_until(lambda: any(s.last is not None for s in node._sources.values()))
     node.set_parameters([Parameter("output", value=str(tmp_path / "bag"))])
     node.start()
     node.stop()
