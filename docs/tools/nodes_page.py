@@ -4,6 +4,7 @@
 import importlib
 import json
 import socket
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,18 +43,21 @@ INTRODUCTION = """\
 
 <!-- Written by docs/tools/write_reference.py from the running nodes; do not edit. -->
 
-Each node was started with shipped recordings and a model of them, and asked what it has. Names \
-are relative, `~/` is the node's own name, and a leading slash is absolute. All have the \
-parameters and services of every ROS 2 node, `use_sim_time` among them, and publish `/diagnostics` \
-and `clock_answers`.
+Each node was started with shipped recordings and a model of them, without tf2_msgs, moveit_msgs \
+and control_msgs, and asked what it has. Names are relative, `~/` is the node's own name, and a \
+leading slash is absolute. All have the parameters and services of every ROS 2 node, \
+`use_sim_time` among them, and publish `/diagnostics` and `clock_answers`.
 
 A parameter with a star is read at the start; `ros2 param set` refuses it. Ranges are checked. \
 [topics.md](../topics.md) has the types of topics and services.
 """
+WITHOUT = ("tf2_msgs", "moveit_msgs", "control_msgs")
+"""Packages that add topics where they are installed: the page is the same everywhere."""
 
 
 def nodes_page() -> str:
     """The page as Markdown."""
+    sys.modules.update(dict.fromkeys(WITHOUT))
     with TemporaryDirectory() as folder, _running():
         overrides = _overrides(Path(folder))
         explained: dict[str, ParameterSpec] = {}
