@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A controller with the action FollowJointTrajectory, as a process of its own.
 
-Its parameter `answer` says what becomes of a goal: `accept`, `reject`, `silent` (accepted late),
-and of one that is executed: `path` or `goal` (the tolerance that is violated). A newer goal takes
+Its parameter `answer` says what becomes of a goal: `accept`, `hold` (and do not end by yourself),
+`reject`, `silent` (accepted late), and of one that is executed: `path` or `goal` (the tolerance
+that is violated). A newer goal takes
 the place of the one before. What it did is told on the topic `told`.
 """
 
@@ -60,7 +61,7 @@ class TrajectoryController(Node):
         return CancelResponse.ACCEPT
 
     def _execute(self, handle):
-        self._newest = handle
+        self._newest, holds = handle, self.answer == "hold"
         names = handle.request.trajectory.joint_names
         feedback = FollowJointTrajectory.Feedback(joint_names=names)
         feedback.error.positions = [0.01, -0.02]
@@ -68,7 +69,7 @@ class TrajectoryController(Node):
         last = handle.request.trajectory.points[-1].time_from_start
         end_s = time.monotonic() + last.sec + last.nanosec * 1e-9
         while handle is self._newest and not handle.is_cancel_requested and self.answer != "path":
-            if time.monotonic() > end_s:
+            if not holds and time.monotonic() > end_s:
                 break
             time.sleep(0.005)
         if handle.is_cancel_requested:

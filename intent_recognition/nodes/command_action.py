@@ -71,7 +71,7 @@ class CommandAction:
         self._diagnostics, self._give_up = diagnostics, give_up
         self._client = ActionClient(node, FollowJointTrajectory, name)
         self._newest: _Goal | None = None
-        self._running: _Goal | None = None
+        self._under_way: set[_Goal] = set()
         self.trouble = ""
 
     def publish(self, message: JointTrajectory) -> None:
@@ -80,6 +80,7 @@ class CommandAction:
             self._fail("controller_missing", f"no controller offers {self._name}")
             return
         goal = self._newest = _Goal(elapsed_s(self._node))
+        self._under_way.add(goal)
         future = self._client.send_goal_async(
             self._type.Goal(trajectory=message), feedback_callback=partial(self._on_feedback, goal)
         )
@@ -98,6 +99,7 @@ class CommandAction:
     def _on_answer(self, goal: _Goal, future: Future) -> None:
         handle = future.result()
         if not handle.accepted:
+            self._under_way.discard(goal)
             if goal is self._newest:
                 self._fail("controller_rejected", f"{self._name} rejected a goal")
             return
@@ -105,7 +107,6 @@ class CommandAction:
         if goal.given_up:
             goal.cancel()
             return
-        self._running = goal
         if goal is self._newest:
             self.trouble = ""
         handle.get_result_async().add_done_callback(partial(self._on_result, goal))
@@ -118,12 +119,13 @@ class CommandAction:
     def _on_result(self, goal: _Goal, future: Future) -> None:
         status, result = future.result().status, future.result().result
         by_others = status == GoalStatus.STATUS_CANCELED and not goal.given_up
+        self._under_way.discard(goal)
         if goal is not self._newest:
             if by_others and result.error_code == self._type.Result.SUCCESSFUL:
                 text = "a goal was cancelled by somebody else while the next one was on its way"
                 self._fail("controller_cancelled", text)
             return
-        self._newest = self._running = None
+        self._newest = None
         if status == GoalStatus.STATUS_SUCCEEDED:
             return
         why = self._explain(result)
@@ -147,10 +149,10 @@ class CommandAction:
 
     def _fail(self, reason: str, text: str) -> None:
         """Cancel what is under way, and say that the newest command is not executed."""
-        for goal in {self._running, self._newest}:
-            if goal is not None:
-                goal.cancel()
-        self._newest = self._running = None
+        for goal in self._under_way:
+            goal.cancel()
+        self._under_way.clear()
+        self._newest = None
         self.trouble = f"controller: {text}"
         self._diagnostics.reject(reason, text)
         self._give_up(reason)

@@ -113,6 +113,7 @@ def test_a_goal_that_is_not_executed_ends_the_interaction(cell, how, reason, tex
 
 
 def test_a_rejected_update_cancels_the_goal_under_way(cell):
+    cell.answer("hold")
     cell.begin()
     cell.until(lambda: cell.heard("accepted"))
     cell.answer("reject")
@@ -121,6 +122,7 @@ def test_a_rejected_update_cancels_the_goal_under_way(cell):
 
 
 def test_a_goal_cancelled_by_others_ends_the_interaction(cell):
+    cell.answer("hold")
     cell.begin()
     cell.until(lambda: cell.heard("accepted"))
     cell.harness.spin_until(lambda: cell.node._action._newest.handle, what="the newest accepted")
@@ -131,6 +133,7 @@ def test_a_goal_cancelled_by_others_ends_the_interaction(cell):
 
 def test_a_goal_cancelled_while_the_next_is_on_its_way_ends_the_interaction(cell):
     """The cancelled one's result comes after the next goal was sent, which is cancelled, too."""
+    cell.answer("hold")
     cell.begin()
     cell.until(lambda: cell.heard("accepted"))
     action = cell.node._action
@@ -144,6 +147,22 @@ def test_a_goal_cancelled_while_the_next_is_on_its_way_ends_the_interaction(cell
     assert cell.rejected("controller_cancelled") and cell.mode == "idle"
     assert update.given_up
     cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the update cancelled")
+
+
+def test_a_goal_accepted_after_the_next_was_rejected_is_cancelled(cell):
+    """Answers of a controller with several threads come in any order."""
+    cell.answer("hold")
+    action, answers = cell.node._action, []
+    answer = action._on_answer
+    action._on_answer = lambda goal, future: answers.append((goal, future))
+    cell.begin()
+    cell.until(lambda: answers)
+    cell.answer("reject")
+    cell.until(lambda: any(not future.result().accepted for _, future in answers))
+    rejected = [one for one in answers if not one[1].result().accepted]
+    for goal, future in (*rejected, *(one for one in answers if one not in rejected)):
+        answer(goal, future)
+    cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the goal cancelled")
 
 
 def test_a_goal_tolerance_is_told_and_the_arm_goes_home(cell):
