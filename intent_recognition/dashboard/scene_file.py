@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -33,6 +33,7 @@ VIEW = ((1.72, -1.38, 1.05), (0.48, 0.0, 0.33))
 """Where the camera is, and what it looks at, of an arm at the origin [m]. Convention."""
 GREY = "#9aa5b1"
 ROBOT, PERSON = "robot", "person"
+T = TypeVar("T")
 
 
 class Placed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict=True):
@@ -120,7 +121,7 @@ class _Person(Struct, forbid_unknown_fields=True):
 class _SceneFile(Struct, forbid_unknown_fields=True):
     floor: Coordinate = 0.0
     person: _Person | None = None
-    people: dict[str, _Person] = {}
+    people: dict[str, object] = {}
     furniture: Annotated[tuple[Thing, ...], Meta(max_length=MOST_THINGS)] = ()
     bodies: Annotated[tuple[Body, ...], Meta(max_length=MOST_THINGS)] = ()
     view: tuple[Vector, Vector] = VIEW
@@ -162,12 +163,11 @@ def load_scene(path: str | Path) -> CellScene:
         ArgumentError: it is missing, no YAML or malformed; names the place in the file.
     """
     source = _source(path)
-    try:
-        found = msgspec.convert(_content(source), _SceneFile)
-    except msgspec.ValidationError as error:
-        what, _, place = one_line(error).replace("`", "").partition(" - at ")
-        where = f"{source}: {place.removeprefix('$').removeprefix('.')}".removesuffix(": ")
-        raise ArgumentError(f"{where}: {what}. See docs/dashboard.md.") from error
+    found = _checked(_content(source), _SceneFile, source)
+    people = {
+        name: _checked(said, _Person, source, f"people.{name}")
+        for name, said in found.people.items()
+    }
     floor_m = found.floor
     return CellScene(
         floor_m,
@@ -175,8 +175,19 @@ def load_scene(path: str | Path) -> CellScene:
         found.furniture,
         found.bodies,
         found.view,
-        {name: person.stance(floor_m) for name, person in found.people.items()},
+        {name: person.stance(floor_m) for name, person in people.items()},
     )
+
+
+def _checked(content: object, kind: type[T], source: Path, within: str = "") -> T:
+    """What a part of the file says, or where in the file it is malformed."""
+    try:
+        return msgspec.convert(content, kind)
+    except msgspec.ValidationError as error:
+        what, _, place = one_line(error).replace("`", "").partition(" - at ")
+        place = (within + place.removeprefix("$")).removeprefix(".")
+        where = f"{source}: {place}".removesuffix(": ")
+        raise ArgumentError(f"{where}: {what}. See docs/dashboard.md.") from error
 
 
 def _source(path: str | Path) -> Path:
