@@ -2,11 +2,12 @@
 """Several people and one arm: whom it helps first, and what is known of each of them."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import PredictedInteraction
+from intent_recognition.array_types import Floats
 from intent_recognition.recognition import DecisionState
 
 
@@ -92,7 +93,14 @@ class People:
             inbox.forget_interaction()
 
     def take_tasks(
-        self, person: str, helped: bool, now_ns: int, stamp_ns: int, *numbers: Any
+        self,
+        person: str,
+        helped: bool,
+        now_ns: int,
+        stamp_ns: int,
+        labels: Sequence[str],
+        probabilities: Floats,
+        log_evidence: Floats | None = None,
     ) -> DecisionState | None:
         """What is decided by an observation; None where it is ruled out (`EstimatorInbox`).
 
@@ -103,7 +111,7 @@ class People:
             inbox.forget_interaction()
         needed = inbox.needed()
         request = self._request(person, needed) if self.named and needed else None
-        if not inbox.take_tasks(now_ns, stamp_ns, *numbers):
+        if not inbox.take_tasks(now_ns, stamp_ns, labels, probabilities, log_evidence):
             return None
         if self.named and not inbox.decision.idle:
             inbox.order(None)

@@ -189,9 +189,10 @@ class Activation:
         Raises:
             ArgumentError: what `decide` cannot take.
         """
-        numbers = labels, probabilities, log_evidence
         helped = isinstance(self.state, UNDER_WAY) and person == self._helped
-        decision = self._people.take_tasks(person, helped, now_ns, stamp_ns, *numbers)
+        decision = self._people.take_tasks(
+            person, helped, now_ns, stamp_ns, labels, probabilities, log_evidence
+        )
         if decision is None:
             return
         if decision.event:
