@@ -104,7 +104,8 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
         parts.append(f"coworker: {task_chip(state.truth)}")
     why = ""
     if state.helped and (asked := state.asked):
-        why = f'<div style="{SMALL};margin-top:.3em">{ASKED}: {escape(asked)}</div>'
+        said = f"{ASKED} when this was decided: {escape(asked)}"
+        why = f'<div style="{SMALL};margin-top:.3em">{said}</div>'
     return _block(f'<div style="padding:.25em 0 .55em">{" &nbsp; ".join(parts)}{why}</div>')
 
 
