@@ -172,6 +172,8 @@ class TransferMachine:
         if self.holding in (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING):
             self._weigh(now)
             slip = self._slips(now)
+            if self._lasts("lost", now.half_opening_m < EMPTY_M, now.time_s, GRIPPED_S):
+                self.drop()  # somebody pulled it out, or it fell
         getattr(self, f"_{self.holding.value}")(request, now)
         self._half_opening_m = now.half_opening_m
         return TransferOutput(self.holding, self._share, self.weight_n, self._grip(now), slip)

@@ -120,6 +120,18 @@ def test_what_nobody_takes_is_brought_back_and_put_down():
     assert course.run(0.5, Request.PUT_DOWN)[-1].holding is Holding.EMPTY
 
 
+@pytest.mark.parametrize("way_s", [0.2, PATIENCE_S + 0.1])  # pulled out on the way, or brought back
+def test_fingers_that_stand_closed_on_nothing_hold_nothing_and_take_the_next_object(way_s):
+    course = Course()
+    course.offer()
+    held = course.run(way_s, Request.GIVE, half_opening_m=0.015)[-1].holding
+    assert held is (Holding.RETURNING if way_s > PATIENCE_S else Holding.OFFERING)
+    lost = course.run(0.3, Request.NOTHING, (0.0, 0.0, 0.0), half_opening_m=0.0)[-1]
+    assert (lost.holding, lost.weight_n, lost.grip_n) == (Holding.EMPTY, 0.0, 0.0)
+    taking = course.run(0.1, Request.TAKE, (0.0, 0.0, 0.0), half_opening_m=0.04)
+    assert taking[-1].holding is Holding.RECEIVING
+
+
 def test_a_slip_is_noticed_within_50_ms_and_gripped_against():
     course = Course()
     course.machine.carry(WEIGHT_N)
