@@ -8,14 +8,13 @@ A room is a folder with an `__init__.py`, also each folder of `sim_bridge/scenar
 import ast
 import graphlib
 import importlib
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from programs import python_says
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY, SIMULATION, EXPERIMENTS = "intent_recognition", "sim_bridge", "experiments"
@@ -219,11 +218,7 @@ def loaded_after_importing(modules: list[str]) -> list[str]:
         f"import importlib, sys\nfor name in {modules!r}: importlib.import_module(name)\n"
         f"print(*[name for name in {HEAVY!r} if name in sys.modules])"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert run.returncode == 0, run.stderr
-    return run.stdout.split()
+    return python_says(code).split()
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ import ast
 import importlib
 import json
 import re
-import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from functools import cache
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from programs import output_of, python_says
 
 import intent_recognition
 from intent_recognition.extras import EXTRAS
@@ -30,14 +30,8 @@ def python_files():
 
 
 def setup_says(option):
-    run = subprocess.run(
-        [sys.executable, "setup.py", "--quiet", option],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return run.stdout.strip().splitlines()[-1]
+    said = output_of(sys.executable, "setup.py", "--quiet", option)
+    return said.strip().splitlines()[-1]
 
 
 @pytest.fixture(scope="module")
@@ -85,10 +79,7 @@ def setup_arguments():
         " ('entry_points', 'install_requires', 'extras_require')}))\n"
         "import setup"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return json.loads(run.stdout)
+    return json.loads(python_says(code))
 
 
 def required(extras=()):

@@ -3,15 +3,13 @@
 
 import inspect
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import get_type_hints
 
 import numpy as np
 import pytest
-from test_imports import HEAVY
+from programs import python_says
 
 import intent_recognition as ir
 from intent_recognition.model import Model
@@ -23,23 +21,9 @@ FUNCTIONS = [name for name in ir.__all__ if inspect.isfunction(getattr(ir, name)
 CLASSES = [name for name in ir.__all__ if inspect.isclass(getattr(ir, name)) and name not in ERRORS]
 
 
-def run(code: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 def test_the_root_alone_loads_no_room():
     code = "import sys, intent_recognition; print(*[m for m in sys.modules if m[:6] == 'intent'])"
-    assert set(run(code).split()) == {"intent_recognition"}
-
-
-@pytest.mark.slow
-def test_no_name_loads_ros_simulation_plots_or_the_page():
-    code = "import sys, intent_recognition as ir; [getattr(ir, n) for n in ir.__all__]; "
-    assert run(code + f"print(*[m for m in {HEAVY!r} if m in sys.modules])").split() == []
+    assert set(python_says(code).split()) == {"intent_recognition"}
 
 
 def test_all_is_sorted_and_what_the_stub_takes():

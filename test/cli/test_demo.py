@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from programs import output_of
 
 from intent_recognition.cli.main import main
 from intent_recognition.interrupts import END_SIGNALS
@@ -78,19 +79,13 @@ def run(tmp_path, capsys):
 
 
 def test_recognises_and_helps(tmp_path, toolbox_model):
-    result = subprocess.run(
-        command(
-            tmp_path / "out",
-            *("--model", str(toolbox_model), "--task-list", "hold_screwdriver"),
-            *("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag")),
-        ),
-        capture_output=True,
-        text=True,
-        timeout=END_S,
-        check=False,
+    words = command(
+        tmp_path / "out",
+        *("--model", str(toolbox_model), "--task-list", "hold_screwdriver"),
+        *("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag")),
     )
-    assert result.returncode == 0, result.stdout + result.stderr
-    drawing, session, last = result.stdout.strip().splitlines()[-3:]
+    said = output_of(*words, timeout_s=END_S)
+    drawing, session, last = said.strip().splitlines()[-3:]
     assert drawing == "drawing the report ..."
     numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
     duration_s = numbers["settings"]["duration of the session [s, simulated]"]

@@ -2,13 +2,13 @@
 """Several arms in the demo: what is run with each, and the one report of all."""
 
 import json
-import subprocess
 import sys
 from itertools import product
 
 import numpy as np
 import pytest
 from kinematics.trees import TREES, urdf
+from programs import output_of
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli import demo
@@ -157,14 +157,7 @@ def test_a_step_of_the_plan_is_done_when_its_object_has_changed_hands(tmp_path, 
     files = ("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag"))
     session = ("--scenario", "cell", "--interactions", "3", "--model", str(toolbox_model))
     words = ("demo", "--headless", "--output", str(tmp_path / "out"), *session, *files)
-    result = subprocess.run(
-        [sys.executable, "-m", "intent_recognition.cli.main", *words],
-        capture_output=True,
-        text=True,
-        timeout=END_S,
-        check=False,
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
+    output_of(sys.executable, "-m", "intent_recognition.cli.main", *words, timeout_s=END_S)
     numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
     assert [one["person"] for one in numbers["interactions"]] == ["anna", "ben", "anna"]
     for interaction in numbers["interactions"]:

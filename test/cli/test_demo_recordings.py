@@ -8,6 +8,7 @@ from argparse import Namespace
 from pathlib import Path
 
 import pytest
+from programs import output_of
 from rich.console import Console
 
 from intent_recognition.cli import demo_recordings
@@ -60,15 +61,9 @@ def test_the_arm_does_what_was_learned(learned, tmp_path):
     numbers = tmp_path / "numbers.json"
     given = ["--arm", "panda", "--headless", "--model", str(model), "--recordings", str(held_out)]
     given += ["--output", str(tmp_path / "out"), "--json", str(numbers)]
-    result = subprocess.run(
-        [sys.executable, "-m", "intent_recognition.cli.main", "demo", *given],
-        capture_output=True,
-        text=True,
-        timeout=END_S,
-        check=False,
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert result.stdout.splitlines()[-1].startswith("acted on as labelled 2/2, hand off by ")
+    words = (sys.executable, "-m", "intent_recognition.cli.main", "demo", *given)
+    said = output_of(*words, timeout_s=END_S)
+    assert said.splitlines()[-1].startswith("acted on as labelled 2/2, hand off by ")
     shown = json.loads(numbers.read_text(encoding="utf-8"))
     assert [one["task"] for one in shown] == ["hand_bolt", "hand_tray"]
     assert all(one["after_s"] > 0.9 for one in shown)  # the person rests before

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pages that come from the code are up to date; `make reference` makes them so."""
 
-import os
-import subprocess
 import sys
 
 import pytest
 from docs.shown import ROOT
+from programs import output_of
 
 pytestmark = pytest.mark.slow
 
@@ -17,9 +16,7 @@ PAGES = ("commands", "launch", "nodes")
 def written(tmp_path_factory):
     """The pages, written anew in a process of its own: it starts every node once."""
     folder = tmp_path_factory.mktemp("reference")
-    command = [sys.executable, str(ROOT / "docs" / "tools" / "write_reference.py"), str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
-    assert done.returncode == 0, done.stderr
+    output_of(sys.executable, ROOT / "docs" / "tools" / "write_reference.py", folder)
     return folder
 
 

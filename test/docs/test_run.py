@@ -8,7 +8,6 @@ Ctrl-C; completion in a shell. What stays unrun, and why, is in `NOT_RUN` and `t
 import shutil
 import signal
 import socket
-import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +15,7 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from docs.shown import ROOT, commands, launched
+from programs import output_of
 from ros_harness import NodeProcess
 
 from intent_recognition.cli import main as cli
@@ -156,11 +156,5 @@ MODULES = [
 @pytest.mark.parametrize("words", MODULES, ids=" ".join)
 def test_generators_take_the_options_shown(words):
     """They take minutes to an hour: test/experiments runs parts of them."""
-    done = subprocess.run(
-        [sys.executable, "-m", words[2], "--help"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert all(word in done.stdout for word in words[3:] if word.startswith("--"))
+    said = output_of(sys.executable, "-m", words[2], "--help")
+    assert all(word in said for word in words[3:] if word.startswith("--"))

@@ -3,12 +3,12 @@
 
 import os
 import re
-import subprocess
 import sys
 from importlib.util import find_spec
 
 import pytest
 from docs.shown import PAGES, ROOT
+from programs import output_of
 
 import intent_recognition as ir
 
@@ -29,9 +29,7 @@ def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
     options = ["-W", "--keep-going", "-q", "-c", "docs", "-b", "html", "-d", f"{folder}/trees"]
     options += ["-D", "plot_gallery=0"]  # test_examples.py runs the examples
-    command = [sys.executable, "-m", "sphinx", *options, ".", f"{folder}/html"]
-    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert built.returncode == 0, built.stderr
+    output_of(sys.executable, "-m", "sphinx", *options, ".", f"{folder}/html")
     return folder / "html"
 
 

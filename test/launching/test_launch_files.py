@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """All seven launch files under launch_testing, where that is installed."""
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from programs import output_of
 
 from intent_recognition.nodes.graph import GRAPHS
 from intent_recognition.share import share_path
@@ -25,16 +24,9 @@ def test_every_graph_has_its_arguments():
 @pytest.mark.slow
 def test_launch_files_bring_their_nodes_up(toolbox_model):
     pytest.importorskip("launch_testing", reason="launch_testing is not installed")
-    run = subprocess.run(
-        [sys.executable, "-m", "launch_testing.launch_test", HERE / "launched_graphs.py"],
-        env={
-            **os.environ,
-            "INTENT_MODEL": str(toolbox_model),
-            "INTENT_BAG": str(share_path("bags/toolbox/test/plate_handover_00")),
-        },
-        capture_output=True,
-        text=True,
-        timeout=LONGEST_S,
-        check=False,
+    output_of(
+        *(sys.executable, "-m", "launch_testing.launch_test", HERE / "launched_graphs.py"),
+        timeout_s=LONGEST_S,
+        INTENT_MODEL=str(toolbox_model),
+        INTENT_BAG=str(share_path("bags/toolbox/test/plate_handover_00")),
     )
-    assert run.returncode == 0, run.stdout + run.stderr

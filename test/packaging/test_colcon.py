@@ -2,7 +2,6 @@
 """The tree builds with colcon and pip, and a node starts from there."""
 
 import os
-import subprocess
 import sys
 import sysconfig
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from packaging_sources import copy_sources
+from programs import output_of
 from ros_harness import NodeProcess
 
 from intent_recognition.gaussian import KERNEL
@@ -28,27 +28,13 @@ def workspace(repository, tmp_path_factory) -> Path:
     return folder
 
 
-def call(*command, cwd, **environment):
-    """Run a command; its output is the failure message."""
-    run = subprocess.run(
-        [str(part) for part in command],
-        cwd=cwd,
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout + run.stderr
-    return run.stdout
-
-
 @pytest.fixture(scope="module")
 def install(workspace) -> Path:
     """The install folder after `colcon build`."""
     colcon = Path(sys.prefix, "bin", "colcon")
     if not colcon.is_file():
         pytest.skip("colcon is not installed here (requirements-dev.txt)")
-    call(colcon, "build", "--event-handlers", "console_direct+", cwd=workspace)
+    output_of(colcon, "build", "--event-handlers", "console_direct+", cwd=workspace)
     return workspace / "install" / "intent_recognition"
 
 
@@ -98,19 +84,19 @@ def test_pip_puts_names_on_the_path(workspace, tmp_path, mode):
     """In a throw-away environment that sees the packages of this one."""
     package = workspace / "src" / "intent_recognition"
     environment = tmp_path / "venv"
-    call(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
+    output_of(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
     python = environment / "bin" / "python"
     (target,) = environment.glob("lib/python3*/site-packages")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
     (target / "outer.pth").write_text(f"{outer_site_packages()}\n", encoding="utf-8")
     options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
-    call(*pip, "install", *options, *mode, package, cwd=tmp_path)
+    output_of(*pip, "install", *options, *mode, package, cwd=tmp_path)
     assert {path.name for path in (environment / "bin").iterdir()} >= EXECUTABLES
     share = environment / "share"
     assert (share / "intent_recognition/config/params.yaml").is_file()
     assert (share / "ament_index/resource_index/packages/intent_recognition").is_file()
     code = "from intent_recognition.share import share_path; print(share_path('config/dofs.yaml'))"
-    where = call(python, "-c", code, cwd=tmp_path, PYTHONPATH="", AMENT_PREFIX_PATH="")
+    where = output_of(python, "-c", code, cwd=tmp_path, PYTHONPATH="", AMENT_PREFIX_PATH="")
     assert where.startswith(str(package if mode else environment))
 
 
@@ -129,26 +115,13 @@ def sources(repository, tmp_path) -> Path:
     return folder
 
 
-def run(folder: Path, *command: object, **environment: str) -> str:
-    found = subprocess.run(
-        [str(word) for word in command],
-        cwd=folder,
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert found.returncode == 0, found.stdout + found.stderr
-    return found.stdout
-
-
 def test_without_a_compiler_it_installs_and_numpy_serves(sources, tmp_path):
     target = tmp_path / "installed"
     options = ["--no-deps", "--no-build-isolation", "--no-index", "--no-compile", "--quiet"]
     pip = [sys.executable, "-m", "pip", "install", "--target", target]
-    run(tmp_path, *pip, *options, sources, CC="false")
+    output_of(*pip, *options, sources, cwd=tmp_path, CC="false")
     code = "from intent_recognition.cli.main import main; main(['--version'])"
-    assert "update: numpy" in run(target, sys.executable, "-c", code)
+    assert "update: numpy" in output_of(sys.executable, "-c", code, cwd=target)
 
 
 @pytest.mark.skipif(KERNEL != "c" or sys.platform != "linux", reason="no compiler")
@@ -166,10 +139,11 @@ def test_the_tests_of_compiled_code_pass_with_sanitizers(sources, repository, so
     flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     build = ["-shared", "-fPIC", "-fopenmp-simd", "-DPy_LIMITED_API=0x030b0000"]
     include = f"-I{sysconfig.get_paths()['include']}"
-    run(sources, compiler, *flags, *build, include, source, "-o", source.with_suffix(".abi3.so"))
-    library = run(sources, compiler, "-print-file-name=libasan.so").strip()
+    compile_ = [compiler, *flags, *build, include, source, "-o", source.with_suffix(".abi3.so")]
+    output_of(*compile_, cwd=sources)
+    library = output_of(compiler, "-print-file-name=libasan.so").strip()
     environment = {"LD_PRELOAD": library, "ASAN_OPTIONS": "detect_leaks=0"}
     tests = [repository / "test" / test, "-p", "no:cacheprovider"]
     pytest_ = [sys.executable, "-m", "pytest", "-q", "-m", "not slow"]  # of the folder it is in
-    found = run(sources, *pytest_, *tests, **environment)
+    found = output_of(*pytest_, *tests, cwd=sources, **environment)
     assert " passed" in found and "skipped" not in found
