@@ -5,7 +5,10 @@ import argparse
 import importlib
 
 import pytest
-from cli.recorded import write_all
+from cli.recorded import DOFS, TRUTH, write_all
+from model_builder import learned_model
+
+from intent_recognition.model import save_model
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -44,3 +47,11 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     write_all(folder)
     return folder
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """File of a model of those tasks."""
+    path = tmp_path_factory.mktemp("model") / "model.npz"
+    save_model(path, learned_model(DOFS, TRUTH))
+    return path

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from cli.recorded import DOFS, TRUTH
 from model_builder import (
     TOOL,
     WRIST,
@@ -19,18 +20,7 @@ from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import Source, iter_samples
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import explain, replay
-from intent_recognition.model import save_model
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
-
-DOFS = make_dofs()
-TRUTH = true_library(DOFS, n_tasks=2)
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("model") / "model.npz"
-    save_model(path, learned_model(DOFS, TRUTH))
-    return path
 
 
 @pytest.fixture(scope="module")

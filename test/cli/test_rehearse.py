@@ -4,13 +4,11 @@
 import json
 
 import pytest
-from model_builder import learned_model, make_dofs, perform, true_library, write_recording
+from cli.recorded import DOFS, TRUTH
+from model_builder import learned_model, perform, write_recording
 
 from intent_recognition.errors import ModelError
 from intent_recognition.model import save_model
-
-DOFS = make_dofs()
-TRUTH = true_library(DOFS, n_tasks=2)
 
 
 @pytest.fixture(scope="module")

@@ -7,23 +7,16 @@ import numpy as np
 import pytest
 from bag_builder import START_NS, TEXT
 from cli.recorded import DOFS, TRUTH
-from model_builder import learned_model, perform, write_recording
+from model_builder import perform, write_recording
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.observations import iter_observations
 from intent_recognition.errors import BagError, ModelError, ResourceBusyError
-from intent_recognition.model.file import load_model, save_model
+from intent_recognition.model.file import load_model
 from intent_recognition.recognition.decision import DecisionSettings, decision_settings
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.signals.observation import merge
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("model") / "model.npz"
-    save_model(path, learned_model(DOFS, TRUTH))
-    return path
 
 
 @pytest.fixture

@@ -21,6 +21,7 @@ from intent_recognition.nodes.conversions import (
     to_stamp,
     trajectory_arrays,
 )
+from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import POSTURE_USED, start_mean
@@ -131,7 +132,7 @@ def test_a_posture_outside_is_skipped_counted_and_reported(harness, model, path,
     far = start_mean(model.library, 1) + 0.8
     graph.feed(movement(truth, 1), lambda stamp: far)
     assert graph.rejected("start_posture_outside")
-    values = {v.key: v.value for v in graph.node._diagnostics.report().values}
+    values = values_of(graph.node._diagnostics.report())
     assert values["start posture"] == "outside"
 
 

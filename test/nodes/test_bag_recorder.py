@@ -182,11 +182,8 @@ def test_full_disk_is_reported_and_ends_the_recording_whole(harness, tmp_path, m
 
 def test_namespace_is_left_out_of_the_bag(harness, tmp_path):
     publisher = harness.publisher(PoseStamped, "/lab/mocap/wrist/pose", STATE)
-    overrides = [
-        Parameter("output", value=str(tmp_path / "bag")),
-        Parameter("topics", value=["mocap/wrist/pose"]),
-    ]
-    node = harness.add(BagRecorder(namespace="lab", parameter_overrides=overrides))
+    topics = ["mocap/wrist/pose"]
+    node = harness.add(recorder("lab", output=str(tmp_path / "bag"), topics=topics))
     harness.connect(publisher)
     publisher.publish(pose(0))
     harness.spin_until(lambda: node._writer.message_count)
@@ -200,8 +197,7 @@ def test_all_there_are_in_a_namespace_leave_other_cells_out(harness, tmp_path):
         harness.publisher(PoseStamped, topic, STATE)
         for topic in ("/p", "/lab/p", "/lab2/p", "/diagnostics_of_others")
     ]
-    overrides = [Parameter("output", value=str(tmp_path / "bag"))]
-    node = harness.add(BagRecorder(namespace="lab", parameter_overrides=overrides))
+    node = harness.add(recorder("lab", output=str(tmp_path / "bag")))
     harness.connect(publishers[1])
     harness.spin_until(lambda: {"/lab/p", "/diagnostics"} <= set(node.listening))
     harness.spin_until(lambda: all(node.count_publishers(p.topic_name) for p in publishers))
@@ -211,9 +207,8 @@ def test_all_there_are_in_a_namespace_leave_other_cells_out(harness, tmp_path):
 
 
 def test_topics_that_would_be_one_in_the_bag_are_refused(harness, tmp_path):
-    overrides = [Parameter("topics", value=["p", "/p"])]
     with pytest.raises(BagError, match="differ in the bag"):
-        BagRecorder(namespace="lab", parameter_overrides=overrides)
+        recorder("lab", topics=["p", "/p"])
 
 
 def start_process(harness: Harness, path: Path) -> tuple[NodeProcess, object]:

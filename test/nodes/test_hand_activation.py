@@ -2,6 +2,7 @@
 """A predicted hand on the topics: another arm moves, what it cannot reach is refused."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,6 @@ from activation_graph import START_NS, Graph
 from joint_trajectories import build_joint_trajectory
 from model_builder import true_library
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation, Slerp
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -175,7 +175,7 @@ def test_the_estimator_hears_where_the_hand_is(harness, panda, dofs):
     An arm in the second person's place stands where that person's wrist would be.
     """
     taken = []
-    node = harness.add(Node("listener", parameter_overrides=[Parameter("hand_link", value=TIP)]))
+    node = harness.node(partial(Node, "listener"), hand_link=TIP)
     inputs = PostureInput(node, Diagnostics(node))
     estimator = SimpleNamespace(update_controlled=taken.append)
     inputs.open([estimator], load_dofs(share_path(f"config/{dofs}.yaml")).controlled)

@@ -120,56 +120,26 @@ def hear(node, subscription, message):
     subscription.callback(data if subscription.raw else message)
 
 
-def make(harness, kind, **values):
-    return harness.node(kind, **values)
+def with_sequences(harness, folder, model):
+    (folder / "sequence.yaml").write_text(SEQUENCE)
+    values = {"sequences": str(folder / "sequence.yaml"), "person_dofs": list(PERSON)}
+    return harness.node(PrimitiveActivation, model=str(model), correction="lwr", **values)
 
 
-def mocap(harness, tmp_path, model):
-    return make(harness, mocap_ingest.MocapIngest, bodies=["wrist"])
-
-
-def estimator(harness, tmp_path, model):
-    return make(harness, IntentEstimatorNode, model=str(model))
-
-
-def activation(harness, tmp_path, model):
-    (tmp_path / "sequence.yaml").write_text(SEQUENCE)
-    values = {"sequences": str(tmp_path / "sequence.yaml"), "person_dofs": list(PERSON)}
-    return make(harness, PrimitiveActivation, model=str(model), correction="lwr", **values)
-
-
-def warper(harness, tmp_path, model):
-    return make(harness, object_warper.ObjectWarper, source="mug")
-
-
-def primitive(harness, tmp_path, model):
-    return make(harness, WarpedPrimitiveNode)
-
-
-def teacher(harness, tmp_path, model):
-    return make(harness, task_teacher.TaskTeacher, library=str(tmp_path / "t"))
-
-
-def coworker(harness, tmp_path, model):
-    return make(harness, CoworkerSim)
-
-
-def session(harness, tmp_path, model):
-    return harness.add(SessionObserver(str, str))
-
-
-def pouring(harness, tmp_path, model):
-    return harness.add(PouringObserver())
-
-
-def arm(harness, tmp_path, model):
-    return make(harness, LwrSim)
-
-
-MADE = (mocap, estimator, activation, warper, primitive, teacher, coworker, session, pouring, arm)
-NODES = {function.__name__: function for function in MADE}
-
-
+NODES = {
+    "mocap": lambda harness, *_: harness.node(mocap_ingest.MocapIngest, bodies=["wrist"]),
+    "estimator": lambda harness, _, model: harness.node(IntentEstimatorNode, model=str(model)),
+    "activation": with_sequences,
+    "warper": lambda harness, *_: harness.node(object_warper.ObjectWarper, source="mug"),
+    "primitive": lambda harness, *_: harness.node(WarpedPrimitiveNode),
+    "teacher": lambda harness, folder, _: harness.node(
+        task_teacher.TaskTeacher, library=str(folder / "t")
+    ),
+    "coworker": lambda harness, *_: harness.node(CoworkerSim),
+    "session": lambda harness, *_: harness.add(SessionObserver(str, str)),
+    "pouring": lambda harness, *_: harness.add(PouringObserver()),
+    "arm": lambda harness, *_: harness.node(LwrSim),
+}
 TELLS = {
     "mocap": ("mocap/wrist/pose", Odometry, "human/wrist"),
     "estimator": ("human/wrist", JointState, "intent/tasks"),

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -25,9 +24,8 @@ class Cell:
     """The node with an arm at rest, on which forces act."""
 
     def __init__(self, harness, **parameters):
-        chosen = [Parameter(name, value=value) for name, value in parameters.items()]
         self.harness = harness
-        self.node = harness.add(ObjectTransfer(parameter_overrides=chosen))
+        self.node = harness.node(ObjectTransfer, **parameters)
         self.arm = arm_in_world(ROBOT.description, "")
         zero = np.zeros(7)
         self.held = self.arm.inverse_dynamics(ROBOT.ready, zero, zero)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.parameter import Parameter
 from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2, PointField
@@ -218,6 +217,5 @@ def test_a_grasp_that_does_not_fit_costs_no_parameters(harness, tmp_path):
 )
 def test_wrong_parameters_stop_the_node(harness, overrides, error):
     """At start-up, with the reason."""
-    parameters = [Parameter(name, value=value) for name, value in overrides.items()]
     with pytest.raises(error):
-        ObjectWarper(parameter_overrides=parameters)
+        harness.node(ObjectWarper, **overrides)

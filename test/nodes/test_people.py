@@ -8,7 +8,6 @@ import pytest
 from activation_graph import HOME, JOINT_NAMES, LABELS, START_NS, predicted
 from geometry_msgs.msg import PoseStamped
 from model_builder import WRIST, learned_model, make_dofs, perform, true_library
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -31,10 +30,6 @@ TASKS = {"anna": 0, "ben": 1}
 BESIDE = {"anna": np.zeros(3), "ben": np.array([0.0, 0.2, 0.0])}
 T0 = 10**18
 STEP_NS = 2 * 10**7
-
-
-def overrides(**values):
-    return [Parameter(name, value=value) for name, value in values.items()]
 
 
 @pytest.fixture(scope="module")
@@ -127,8 +122,8 @@ class TwoBeliefs:
 
     def __init__(self, harness):
         self.harness, self.now_ns, self.needs = harness, START_NS, {}
-        named = overrides(use_sim_time=True, home=HOME.tolist(), persons=["anna", "ben"])
-        self.node = harness.add(PrimitiveActivation(parameter_overrides=named))
+        named = {"use_sim_time": True, "home": HOME.tolist(), "persons": ["anna", "ben"]}
+        self.node = harness.node(PrimitiveActivation, **named)
         self.clock = harness.publisher(Clock, "/clock", 10)
         self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
         self.tasks = {
@@ -189,7 +184,7 @@ def test_the_arm_helps_the_one_who_needs_it_first_and_says_whom(harness):
 @pytest.mark.parametrize("names", [["anna", "anna"], ["no/topic"], ["1st"]])
 def test_names_that_cannot_be_told_apart_or_be_topics_are_refused(harness, names):
     with pytest.raises(ArgumentError, match="persons"):
-        MocapIngest(parameter_overrides=overrides(persons=names))
+        harness.node(MocapIngest, persons=names)
 
 
 PLAN = "steps: [{step: task_0}, {step: task_1}]\nby_hand: {task_0 < task_1: 1}\n"

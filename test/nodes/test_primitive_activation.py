@@ -228,9 +228,8 @@ def test_a_limit_that_is_given_alone_counts_beside_those_of_the_arm(harness, nam
     ],
 )
 def test_wrong_parameters_are_errors_at_start(harness, wrong):
-    overrides = [Parameter(name, value=value) for name, value in wrong.items()]
     with pytest.raises(ArgumentError):
-        PrimitiveActivation(parameter_overrides=overrides)
+        harness.node(PrimitiveActivation, **wrong)
 
 
 @pytest.mark.parametrize("allowed", [False, True])

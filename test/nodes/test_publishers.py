@@ -8,6 +8,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 
@@ -16,7 +17,7 @@ ALONE = f"alone_{uuid.uuid4().hex}"
 
 
 def publishers(diagnostics, topic):
-    return {row.key: row.value for row in diagnostics.report().values}[f"publishers {topic}"]
+    return values_of(diagnostics.report())[f"publishers {topic}"]
 
 
 def test_publishers_that_come_and_go_are_told(harness):

@@ -8,7 +8,6 @@ from model_builder import WRIST, learned_model, make_dofs
 from nav_msgs.msg import Odometry
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from std_msgs.msg import Empty
 
 from intent_recognition.model.file import save_model
@@ -17,10 +16,6 @@ from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.readiness import Readiness
-
-
-def make(kind, **values):
-    return kind(parameter_overrides=[Parameter(name, value=v) for name, v in values.items()])
 
 
 @pytest.mark.parametrize(
@@ -58,17 +53,15 @@ def test_a_player_loses_nothing_to_nodes_that_come_late(harness, tmp_path):
     model = tmp_path / "m.npz"
     save_model(model, learned_model(make_dofs(WRIST)))
     bag = write_bag(tmp_path / "bag", 8)  # as many as the queues hold, however busy the machine
-    player = harness.add(
-        make(
-            BagPlayer,
-            bag=str(bag),
-            wait_for_nodes=["mocap_ingest", "intent_estimator"],
-            wait_for_subscribers=0.5,
-        )
+    player = harness.node(
+        BagPlayer,
+        bag=str(bag),
+        wait_for_nodes=["mocap_ingest", "intent_estimator"],
+        wait_for_subscribers=0.5,
     )
-    ingest = harness.add(make(MocapIngest))
+    ingest = harness.node(MocapIngest)
     harness.spin_until(lambda: player._readiness.missing() == ["intent_estimator"], what="ingest")
-    estimator = harness.add(make(IntentEstimatorNode, model=str(model), autostart=False))
+    estimator = harness.node(IntentEstimatorNode, model=str(model), autostart=False)
     name = "intent_estimator"
     harness.spin_until(lambda: name in player._readiness._reports, what="a report")
     assert player.published == 0 and player._readiness.missing() == [name]

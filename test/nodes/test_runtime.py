@@ -4,6 +4,7 @@
 import gc
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes import mocap_ingest, qos
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, values_of
 from intent_recognition.nodes.parameters import declare_one
 from intent_recognition.nodes.runtime import _Signals, run, when_clock_goes_back
 from intent_recognition.parameter_table import ParameterSpec
@@ -205,9 +206,7 @@ def test_a_node_that_does_not_end_is_ended_by_a_later_interrupt(monkeypatch):
 
 
 def node_with(harness, **overrides):
-    return harness.add(
-        Node("owner", parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
-    )
+    return harness.node(partial(Node, "owner"), **overrides)
 
 
 def declared(node, name, default, **fields):
@@ -272,10 +271,6 @@ class FakeClock:
         return self.now_s
 
 
-def rows(status):
-    return {row.key: row.value for row in status.values}
-
-
 def test_diagnostics_measure(harness):
     clock = FakeClock()
     diagnostics = Diagnostics(node_with(harness), clock=clock)
@@ -291,14 +286,14 @@ def test_diagnostics_measure(harness):
     assert status.name == "owner"
     assert status.level == b"\x01"
     assert status.message == "no input"
-    values = rows(status)
+    values = values_of(status)
     assert values["rate pose [Hz]"] == "100.0"
     assert values["rejected jump"] == "2"
     assert values["task"] == "plate"
     assert float(values["latency p50 [ms]"]) == pytest.approx(50.5)
     assert float(values["latency p99 [ms]"]) == pytest.approx(99.01)
     clock.now_s += 1.0
-    values = rows(diagnostics.report())
+    values = values_of(diagnostics.report())
     assert values["rate pose [Hz]"] == "0.0"
     assert values["received pose"] == "50"
     assert values["rejected jump"] == "2"
@@ -331,7 +326,7 @@ def test_diagnostics_go_on_while_simulated_time_stands_still(harness):
 
 @pytest.mark.parametrize("back_s", [0.05, 0.2, 30.0])
 def test_a_clock_that_goes_back_is_acted_on_at_once(harness, back_s):
-    node = harness.add(Node("owner", parameter_overrides=[Parameter("use_sim_time", value=True)]))
+    node = node_with(harness, use_sim_time=True)
     acted = []
     when_clock_goes_back(node, lambda: acted.append(True))
     gc.collect()

@@ -63,7 +63,7 @@ def test_a_task_of_two_parts_with_a_via_point_and_another_task_leads_out(harness
     graph.until(lambda: graph.node.activation.arrived)
     graph.task = "idle"
     graph.until(lambda: told and "screw (2 of 2) waits" in told[-1].message)
-    assert {row.key: row.value for row in told[-1].values}["task"] == "screw"
+    assert values_of(told[-1])["task"] == "screw"
     for _ in range(10):
         graph.step()
     assert graph.active[-1].data == "plate", "the wrist is not there"
@@ -101,8 +101,7 @@ def test_the_estimator_expects_the_step(harness, tmp_path):
     status = harness.publisher(DiagnosticStatus, "intent/sequence", qos.LATCHED)
 
     status.publish(DiagnosticStatus(values=[KeyValue(key="task", value="task_1")]))
-    value = Parameter("model", value=str(folder.path))
-    node = harness.add(IntentEstimatorNode(parameter_overrides=[value]))
+    node = harness.node(IntentEstimatorNode, model=str(folder.path))
     expectation = node.people[""].estimator.expectation
     harness.spin_until(lambda: expectation.prior[1] > HABIT_TRUST, what="the step")
     status.publish(DiagnosticStatus(message="no sequence"))

@@ -334,7 +334,7 @@ def test_practice_begins_ends_goes_on_and_is_accepted_by_services(harness, tmp_p
     assert len(teacher.practice._begun.session.tried) == done
     assert call("discard").success
     harness.spin_until(lambda: not teacher.practice.running)
-    shown = {row.key: row.value for row in teacher.diagnostics.report().values}
+    shown = values_of(teacher.diagnostics.report())
     assert shown["practice"] == f"{OLD[0]}, 14 of 14"
     assert teacher.folder.model_path.read_bytes() == before
     answer = call("accept")

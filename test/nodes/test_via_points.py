@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from estimator_graph import DOFS, Folder, Graph
 from kinematics.robots import lwr_urdf
-from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from intent_recognition.cli import via
@@ -72,12 +71,8 @@ def test_by_command_the_path_passes_until_the_point_is_removed(harness, folder):
 
 def test_given_at_the_start_a_point_of_the_hand_waits_for_the_arm(harness, folder):
     told = harness.collect(String, "intent/via_points", qos.LATCHED)
-    values = {"model": str(folder.path)}
-    values["via_points"] = "[{name: far, task: task_0, phase: 0.5, hand: [3, 0, 0.5]}]"
-    node = IntentEstimatorNode(
-        parameter_overrides=[Parameter(n, value=v) for n, v in values.items()]
-    )
-    harness.add(node)
+    far = "[{name: far, task: task_0, phase: 0.5, hand: [3, 0, 0.5]}]"
+    node = harness.node(IntentEstimatorNode, model=str(folder.path), via_points=far)
     arm = harness.publisher(String, "robot_description", qos.LATCHED)
     harness.spin_until(lambda: node.active, what="an active node")
     assert told == [] and node._diagnostics.rejected("bad_via_points") == 0

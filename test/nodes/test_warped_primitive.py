@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.parameter import Parameter
 from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -89,8 +88,7 @@ def test_a_container_survives_its_messages():
 @pytest.mark.slow
 def test_a_request_becomes_a_task_and_a_trajectory(harness, skill):
     """Too early it is refused; then the arm's own posture, there and back, upright at both ends."""
-    node = WarpedPrimitiveNode(parameter_overrides=[Parameter("skill", value=str(skill))])
-    harness.add(node)
+    node = harness.node(WarpedPrimitiveNode, skill=str(skill))
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     planned = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
     reports = harness.collect(DiagnosticArray, "/diagnostics", 10)

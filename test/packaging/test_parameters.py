@@ -9,7 +9,6 @@ import yaml
 from bag_builder import write_bag
 from dashboard.browser import free_port
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from intent_recognition.activation import ActivationSettings
 from intent_recognition.kinematics import DEFAULT_ACCELERATION_RAD_S2
@@ -50,9 +49,7 @@ def test_node_takes_its_section(harness, section, tmp_path):
     values = SECTIONS[section]["ros__parameters"] | needed(name, tmp_path)
     if "autostart" in values:
         values["autostart"] = False
-    node = harness.add(
-        node_class(name)(parameter_overrides=[Parameter(k, value=v) for k, v in values.items()])
-    )
+    node = harness.node(node_class(name), **values)
     assert node.get_name() == name
     for parameter, value in values.items():
         assert node.get_parameter(parameter).value == value, parameter
