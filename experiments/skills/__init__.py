@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Skills that grow: corrected by hand, practised, poured with other containers."""
+"""Skills that grow: corrected by hand, practised."""
