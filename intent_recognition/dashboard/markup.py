@@ -30,7 +30,7 @@ GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
 SMALL = f"font-size:.84em;color:{SOFT}"
-COLUMNS = "minmax(0, 9.2em) minmax(1.5em, 1fr) 3.2em 2.6em"
+COLUMNS = "minmax(0, 10.6em) minmax(1.5em, 1fr) 3.2em 2.6em"
 STEP_LOOKS = {
     "done": ("&#10003;", GOOD, "400"),
     "forgotten": ("!", BAD, "600"),

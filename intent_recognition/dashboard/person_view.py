@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The person on the page: a grey figure whose wrist is the measured one."""
+"""A person on the page: a figure whose wrist is the measured one."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,6 +13,9 @@ from intent_recognition.dashboard.figure import Stance, bone_axes, reach
 from intent_recognition.dashboard.things_view import quaternions
 
 ROOT = "/person"
+SKIN = (158, 160, 163)
+TINT = 0.3
+"""Part of a person's own colour in the figure's. Convention: told apart, and still a stand-in."""
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
 MOVED_M = 1e-3
@@ -61,10 +64,23 @@ class PersonView:
 
     The frames of the bones hang on one another, so that a posture is sent as two rotations, and
     one more where the figure leans.
+
+    Args:
+        server: of the page.
+        stance: of the person.
+        root: node of the scene.
+        colour: of the person, red, green and blue from 0 to 255; grey where there is only one.
     """
 
-    def __init__(self, server: viser.ViserServer, stance: Stance, root: str = ROOT):
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        stance: Stance,
+        root: str = ROOT,
+        colour: tuple[int, int, int] = SKIN,
+    ):
         self._server, self._stance, self._path = server, stance, root
+        self._colour = (1.0 - TINT) * np.array(SKIN) + TINT * np.array(colour)
         self._root = self._frame("", wxyz=quaternions(stance.rotation), visible=False)
         self._upper_body = self._frame("/upper_body")
         self._upper_arm = self._frame(UPPER_ARM_FRAME, position=stance.rotation.T @ stance.arm)
@@ -120,7 +136,7 @@ class PersonView:
         """A smooth shape around balls."""
         shape = around(self._stance.height_m * np.array(balls))
         self._server.scene.add_mesh_simple(
-            f"{self._path}{name}", shape.vertices, shape.faces, color=(158, 160, 163)
+            f"{self._path}{name}", shape.vertices, shape.faces, color=self._colour / 255.0
         )
 
 

@@ -105,7 +105,9 @@ class PageScene:
                 continue
             if name not in self._figures:
                 stance = self._stances[name]
-                self._figures[name] = PersonView(self._server, stance, f"/figures/{name}")
+                self._figures[name] = PersonView(
+                    self._server, stance, f"/figures/{name}", rgb(people[name])
+                )
             self._figures[name].update(person.wrist)
 
     def _guard(self, update: Callable[[], None]) -> None:
