@@ -72,9 +72,6 @@ sixth of it (docs/decisions/change_of_mind.md)."""
 PUSH = 0.5
 """Standard deviation of the push c, in standard deviations of the offset a times r^2.
 Convention."""
-DELAY_OFFSET = 0.3
-"""Standard deviation of the offset after a delay, in those of another offset
-(docs/decisions/change_of_mind.md)."""
 BIRTHS_EVERY = 2
 """Used observations of each signal between births (docs/decisions/change_of_mind.md)."""
 SETTLING = 2
@@ -331,7 +328,7 @@ class Births:
         row, course = table.rows[best].copy(), table.courses(np.array([best]))
         delay, rate = np.divmod(np.arange(len(DELAYS) * len(FADINGS)), len(FADINGS))
         self._table.add(
-            with_offsets(*course.moments(), DELAY_OFFSET**2 * self._offset_variance)[rate],
+            with_offsets(*course.moments(), self._offset_variance)[rate],
             task=row["task"],
             kind=DELAY,
             settling=self._settling,

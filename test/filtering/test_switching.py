@@ -238,7 +238,7 @@ def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch
     (late,) = np.flatnonzero(np.isclose(durations_s, duration_s + 0.12 * usual_s))
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
-    std = births.DELAY_OFFSET * np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
+    std = np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
     scale = (12.0 / usual_s) ** np.arange(3) * [1.0, 1.0, births.PUSH]
     mean = np.r_[bank_of(until).mean[parent], np.zeros(3 * p)]
     covariance = block_diag(
