@@ -44,7 +44,18 @@ TRANSFORMS = keep_last(100)
 FIXED_TRANSFORMS = keep_last(100, latched=True)
 """Reliable, transient local, keep last 100: /tf_static, as tf2 has it."""
 
-FEEDBACK = keep_last(100)
+EACH = 100
+"""Messages that a taker keeps of which none may be missed. Convention."""
+
+
+def each_of(profile: QoSProfile) -> QoSProfile:
+    """As a profile, for a taker that counts every message: a newer one takes no other's place."""
+    reliable = profile.reliability == QoSReliabilityPolicy.RELIABLE
+    latched = profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
+    return keep_last(EACH, reliable=reliable, latched=latched)
+
+
+FEEDBACK = keep_last(EACH)
 """Reliable, keep last 100: what is told of an execution, every line of it (`intent/feedback`)."""
 
 

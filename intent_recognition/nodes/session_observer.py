@@ -114,7 +114,9 @@ class SessionObserver(Node):
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
         self._inputs = [
-            self.create_subscription(kind, topic, partial(self._take, topic, take), profile)
+            self.create_subscription(
+                kind, topic, partial(self._take, topic, take), qos.each_of(profile)
+            )
             for kind, topic, take, profile in topics
         ]
 

@@ -21,7 +21,7 @@ from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import declare
-from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, SENSOR, STATE
+from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, SENSOR, STATE, each_of
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.registry import ANSWERS
 from sim_bridge.arm import Robot, SensorNoise, SimulatedArm, SpreadControl, Surroundings, find_robot
@@ -152,11 +152,13 @@ class ArmSim(Node):
         if self.clock.publishes:
             self._clock_out = self.create_publisher(ClockMessage, "/clock", STATE)
         listen = self.create_subscription
-        commands = listen(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND)
+        commands = listen(
+            JointTrajectory, "joint_trajectory", self._on_trajectory, each_of(COMMAND)
+        )
         self.diagnostics.watch(commands, "joint_trajectory")
         if self.scene is not None:
             take_task = partial(self._on_task, self.scene.set_task)
-            listen(String, "intent/active_task", take_task, LATCHED)
+            listen(String, "intent/active_task", take_task, each_of(LATCHED))
         if self.commands.spread is not None:
             take = self.commands.take_prediction
             listen(JointTrajectory, "intent/robot_trajectory", take, COMMAND)

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from joint_trajectories import build_joint_trajectory
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -53,6 +54,19 @@ def test_a_trajectory_of_another_arm_is_refused(harness):
     )
     harness.spin_until(lambda: node.diagnostics.rejected("wrong_joint_names"))
     assert np.abs(np.array(states[-1].position) - find_robot("xarm").ready).max() < 1e-3
+
+
+def test_of_commands_sent_at_once_each_is_counted(harness):
+    """Simulated time would wait in vain for one that a newer one had replaced unseen."""
+    robot = find_robot("panda")
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, robot="panda")
+    harness.connect(sender)
+    ways, rest = np.stack([robot.ready, robot.ready]), np.zeros((2, 7))
+    for _ in range(3):
+        sender.publish(build_joint_trajectory(robot.joint_names, np.array([0, 1.0]), ways, rest))
+    assert sender.wait_for_all_acked(Duration(seconds=30))
+    harness.spin_until(lambda: node.diagnostics._totals["joint_trajectory"] == 3)
 
 
 @pytest.mark.slow
