@@ -67,7 +67,8 @@ class ClockAnswers:
         if not gone and now_s - since_s < NO_ANSWER_S:
             return True
         if not gone:
-            self._diagnostics.reject("no_answer", f"{late} has not answered for {NO_ANSWER_S:g} s")
+            text = f"{late} has not answered for {NO_ANSWER_S:g} s, of {missing.topic}"
+            self._diagnostics.reject("no_answer", text)
         self._lock_step.leave(gone or late)
         self._since_s = None
         return False
