@@ -18,6 +18,7 @@ from ros_harness import NodeProcess
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes import command_action
 from intent_recognition.nodes.diagnostics import Level
 
 pytestmark = pytest.mark.slow
@@ -149,18 +150,25 @@ def test_a_goal_cancelled_while_the_next_is_on_its_way_ends_the_interaction(cell
     cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the update cancelled")
 
 
-def test_a_goal_accepted_after_the_next_was_rejected_is_cancelled(cell):
+def test_a_goal_accepted_after_the_next_was_rejected_is_cancelled(cell, monkeypatch):
     """Answers of a controller with several threads come in any order."""
+    monkeypatch.setattr(command_action, "ANSWER_S", np.inf)  # they are kept back here
     cell.answer("hold")
-    action, answers = cell.node._action, []
+    action, accepted = cell.node._action, []
     answer = action._on_answer
-    action._on_answer = lambda goal, future: answers.append((goal, future))
+
+    def keep_back(goal, future):
+        if future.result().accepted:
+            accepted.append((goal, future))
+        else:
+            answer(goal, future)
+
+    action._on_answer = keep_back
     cell.begin()
-    cell.until(lambda: answers)
+    cell.until(lambda: accepted)
     cell.answer("reject")
-    cell.until(lambda: any(not future.result().accepted for _, future in answers))
-    rejected = [one for one in answers if not one[1].result().accepted]
-    for goal, future in (*rejected, *(one for one in answers if one not in rejected)):
+    cell.until(lambda: cell.rejected("controller_rejected"))
+    for goal, future in accepted:
         answer(goal, future)
     cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the goal cancelled")
 
