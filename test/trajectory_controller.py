@@ -69,7 +69,7 @@ class TrajectoryController(Node):
         last = handle.request.trajectory.points[-1].time_from_start
         end_s = time.monotonic() + last.sec + last.nanosec * 1e-9
         while handle is self._newest and not handle.is_cancel_requested and self.answer != "path":
-            if not rclpy.ok() or (not holds and time.monotonic() > end_s):
+            if (not rclpy.ok()) if holds else time.monotonic() > end_s:
                 break
             time.sleep(0.005)
         if handle.is_cancel_requested:
