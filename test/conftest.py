@@ -102,6 +102,14 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[bool | None]:
         faulthandler.cancel_dump_traceback_later()
 
 
+def pytest_enter_pdb() -> None:
+    """Who looks at a test with a debugger takes the time that it needs."""
+    faulthandler.cancel_dump_traceback_later()
+
+
+pytest_exception_interact = pytest_enter_pdb
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
     """Modules and tests stay: the garbage collector need not pass over them again and again."""
