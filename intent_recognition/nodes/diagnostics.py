@@ -128,12 +128,17 @@ class Diagnostics:
         stream: str = "",
         **options: Any,
     ) -> Subscription:
-        """Subscribe to a topic; watch it, and note its messages as `stream`, or under its name."""
+        """Subscribe to a topic; watch it, and note its messages as `stream`, or under its name.
+
+        Simulated time waits for the messages that are noted, so that none may hide another there.
+        """
 
         def noted(message: Any) -> None:
             self.tick(stream or topic)
             take(message)
 
+        if self._node.get_parameter("use_sim_time").value:
+            profile = qos.each_of(profile)
         subscription = self._node.create_subscription(kind, topic, noted, profile, **options)
         self.watch(subscription, topic)
         return subscription

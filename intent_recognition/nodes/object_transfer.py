@@ -63,9 +63,9 @@ class ObjectTransfer(Node):
         self._wrench: tuple[int, str, NDArray[np.float64]] | None = None
         self._out = self.create_publisher(JointState, TRANSFER, qos.STATE)
         hear = self._diagnostics.subscribe
-        hear(String, "intent/active_task", self._on_task, qos.each_of(qos.LATCHED))
+        hear(String, "intent/active_task", self._on_task, qos.LATCHED)
         hear(Bool, HOLDING, self._on_holding, qos.STATE)
-        hear(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.each_of(qos.COMMAND))
+        hear(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
         if meet(self, f"human/{{}}/{values['body']}", partial(self._meet, values["body"])):
             hear(String, "intent/active_person", self._on_attended, qos.LATCHED)
         else:

@@ -100,13 +100,7 @@ class PrimitiveActivation(ManagedNode):
         hear, of = self.diagnostics.subscribe, f"intent/{person}/" if person else "intent/"
         tasks, predicted = partial(self._on_tasks, person), partial(self._on_prediction, person)
         hear(JointState, f"{of}tasks", tasks, qos.STATE, TASKS)
-        hear(
-            JointTrajectory,
-            f"{of}robot_trajectory",
-            predicted,
-            qos.each_of(qos.COMMAND),
-            PREDICTION,
-        )
+        hear(JointTrajectory, f"{of}robot_trajectory", predicted, qos.COMMAND, PREDICTION)
         self._person.hear(person, f"{of}human_trajectory")
 
     # Lifecycle

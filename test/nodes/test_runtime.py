@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -60,8 +61,30 @@ def test_simulated_time_hears_of_a_node_before_its_first_message(harness):
     assert heard[0].position.tolist() == [0.0]
 
 
+@pytest.mark.parametrize(("simulated", "taken"), [(True, [0, 1, 2]), (False, [2])])
+def test_only_in_simulated_time_every_one_of_messages_sent_at_once_is_taken(
+    harness, simulated, taken
+):
+    """It waits for what is counted; in real time only the newest command matters."""
+    sender = harness.publisher(JointState, "commands", qos.COMMAND)
+    node = harness.add(
+        Node("taker", parameter_overrides=[Parameter("use_sim_time", value=simulated)])
+    )
+    heard = []
+    Diagnostics(node).subscribe(
+        JointState, "commands", lambda said: heard.append(int(said.position[0])), qos.COMMAND
+    )
+    harness.connect(sender)
+    for number in range(3):
+        sender.publish(JointState(position=[float(number)]))
+    assert sender.wait_for_all_acked(Duration(seconds=30))
+    harness.spin_until(lambda: 2 in heard, what="the newest")
+    assert heard == taken
+
+
 STUCK = """
 import ctypes, sys
+from rclpy.duration import Duration
 from rclpy.node import Node
 from intent_recognition.nodes import runtime
 
