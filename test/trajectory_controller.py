@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A controller with the action FollowJointTrajectory, as a process of its own.
 
-Its parameter `answer` says what becomes of a goal: `accept`, `hold` (and do not end by yourself),
+Its parameter `answer` says what becomes of a goal: `accept`, `hold` (which does not end by itself),
 `reject`, `silent` (accepted late), and of one that is executed: `path` or `goal` (the tolerance
-that is violated). A newer goal takes
-the place of the one before. What it did is told on the topic `told`.
+that is violated). A newer goal takes the place of the one before. What it did is told on the topic
+`told`.
 """
 
 import contextlib
@@ -69,7 +69,8 @@ class TrajectoryController(Node):
         last = handle.request.trajectory.points[-1].time_from_start
         end_s = time.monotonic() + last.sec + last.nanosec * 1e-9
         while handle is self._newest and not handle.is_cancel_requested and self.answer != "path":
-            if (not rclpy.ok()) if holds else time.monotonic() > end_s:
+            over = not rclpy.ok() if holds else time.monotonic() > end_s
+            if over:
                 break
             time.sleep(0.005)
         if handle.is_cancel_requested:

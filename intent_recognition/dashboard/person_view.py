@@ -10,10 +10,10 @@ import viser
 from numpy.typing import NDArray
 
 from intent_recognition.dashboard.figure import Stance, bone_axes, reach
-from intent_recognition.dashboard.things_view import quaternions
+from intent_recognition.dashboard.things_view import Colour, quaternions
 
 ROOT = "/person"
-SKIN = (158, 160, 163)
+FIGURE_GREY = (158, 160, 163)
 TINT = 0.3
 """Part of a person's own colour in the figure's. Convention: told apart, and still a stand-in."""
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
@@ -77,10 +77,11 @@ class PersonView:
         server: viser.ViserServer,
         stance: Stance,
         root: str = ROOT,
-        colour: tuple[int, int, int] = SKIN,
+        colour: Colour = FIGURE_GREY,
     ):
         self._server, self._stance, self._path = server, stance, root
-        self._colour = (1.0 - TINT) * np.array(SKIN) + TINT * np.array(colour)
+        mixed = (1.0 - TINT) * np.array(FIGURE_GREY) + TINT * np.array(colour)
+        self._colour = mixed / 255.0
         self._root = self._frame("", wxyz=quaternions(stance.rotation), visible=False)
         self._upper_body = self._frame("/upper_body")
         self._upper_arm = self._frame(UPPER_ARM_FRAME, position=stance.rotation.T @ stance.arm)
@@ -136,7 +137,7 @@ class PersonView:
         """A smooth shape around balls."""
         shape = around(self._stance.height_m * np.array(balls))
         self._server.scene.add_mesh_simple(
-            f"{self._path}{name}", shape.vertices, shape.faces, color=self._colour / 255.0
+            f"{self._path}{name}", shape.vertices, shape.faces, color=self._colour
         )
 
 

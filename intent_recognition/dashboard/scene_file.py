@@ -121,7 +121,7 @@ class _Person(Struct, forbid_unknown_fields=True):
 class _SceneFile(Struct, forbid_unknown_fields=True):
     floor: Coordinate = 0.0
     person: _Person | None = None
-    people: dict[str, object] = {}
+    people: dict[str, object] = {}  # each a `_Person`: msgspec does not name the key at fault
     furniture: Annotated[tuple[Thing, ...], Meta(max_length=MOST_THINGS)] = ()
     bodies: Annotated[tuple[Body, ...], Meta(max_length=MOST_THINGS)] = ()
     view: tuple[Vector, Vector] = VIEW
