@@ -84,7 +84,6 @@ def test_only_in_simulated_time_every_one_of_messages_sent_at_once_is_taken(
 
 STUCK = """
 import ctypes, sys
-from rclpy.duration import Duration
 from rclpy.node import Node
 from intent_recognition.nodes import runtime
 
