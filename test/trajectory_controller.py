@@ -8,6 +8,7 @@ that is violated). A newer goal takes the place of the one before. What it did i
 """
 
 import contextlib
+import signal
 import sys
 import time
 
@@ -90,9 +91,11 @@ class TrajectoryController(Node):
 
 
 def main():
-    rclpy.init()
+    # A KeyboardInterrupt that came while the executor's threads are told to end would leave them.
+    signal.signal(signal.SIGINT, lambda *_: None)
+    rclpy.init()  # whose own handler shuts the context down
     node, executor = TrajectoryController(), MultiThreadedExecutor(4)
-    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+    with contextlib.suppress(ExternalShutdownException):
         rclpy.spin(node, executor)
     return 0
 
