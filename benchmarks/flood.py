@@ -25,8 +25,8 @@ from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
+from intent_recognition.nodes.diagnostics import Readiness
 from intent_recognition.nodes.processes import NodeProcesses, node_environment
-from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import make_executor, spin_until
 from intent_recognition.promp import TaskLibrary
 

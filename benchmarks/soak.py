@@ -27,9 +27,9 @@ from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.diagnostics import Readiness
 from intent_recognition.nodes.graph import RECOGNITION, NodeCall, resolve
 from intent_recognition.nodes.processes import NodeProcesses, node_environment
-from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import make_executor, spin_until
 from intent_recognition.nodes.session_observer import SessionObserver
 from intent_recognition.promp import TaskLibrary

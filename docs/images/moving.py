@@ -34,7 +34,7 @@ from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.demonstrations import iter_observations
 from intent_recognition.model import load_model
-from intent_recognition.nodes.markers import MarkerBuilder
+from intent_recognition.nodes.intent_output import MarkerBuilder
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import IntentEstimator
 from sim_bridge.arm import find_robot

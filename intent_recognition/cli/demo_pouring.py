@@ -22,7 +22,7 @@ from intent_recognition.share import share_path
 from intent_recognition.warping import amount_to_leave
 
 if TYPE_CHECKING:
-    from intent_recognition.nodes.pouring_observer import PouringObserver
+    from intent_recognition.nodes.demo_observers import PouringObserver
 
 
 class Done(NamedTuple):
@@ -96,7 +96,7 @@ def _pour(
         IntentError: a node died, the pour was refused, or did not end.
         KeyboardInterrupt: interrupted; all nodes are stopped by then.
     """
-    from intent_recognition.nodes.pouring_observer import PouringObserver
+    from intent_recognition.nodes.demo_observers import PouringObserver
 
     given = {
         "skill": str(skill.resolve()),

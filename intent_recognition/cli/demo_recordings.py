@@ -35,7 +35,7 @@ from intent_recognition.recognition import start_mean
 from intent_recognition.signals import Demonstration
 
 if TYPE_CHECKING:
-    from intent_recognition.nodes.recording_observer import RecordingObserver
+    from intent_recognition.nodes.demo_observers import RecordingObserver
     from sim_bridge.scenarios.toolbox import ToolboxArm
 
 AFTER_S = 6.0
@@ -67,7 +67,7 @@ class Shown(NamedTuple):
 
 def run_recordings(args: argparse.Namespace, console: Console) -> int:
     """Play recordings to the nodes; 1 if fewer than half were recognised."""
-    from intent_recognition.nodes.recording_observer import RecordingObserver
+    from intent_recognition.nodes.demo_observers import RecordingObserver
 
     _check(args)
     model = load_model(args.model)

@@ -23,8 +23,7 @@ from intent_recognition.motion import (
     is_hand,
     scaled_limits,
 )
-from intent_recognition.nodes.parameter_sources import DEFAULT
-from intent_recognition.nodes.parameters import Changes, declare
+from intent_recognition.nodes.parameters import DEFAULT, Changes, declare
 from intent_recognition.nodes.prediction_input import RejectionError
 from intent_recognition.promp import Risk, TaskLibrary, Trajectory, end_std_limits, least_end_std
 from intent_recognition.recognition import (

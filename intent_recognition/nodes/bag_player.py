@@ -17,10 +17,9 @@ from rosgraph_msgs.msg import Clock
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.conversions import message_class, to_stamp
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.diagnostics import Diagnostics, Level, Readiness
 from intent_recognition.nodes.parameters import Changes, declare, keep_live, live_parameters
 from intent_recognition.nodes.qos import recorded_profile
-from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import now_ns, run
 from intent_recognition.nodes.services import serve
 

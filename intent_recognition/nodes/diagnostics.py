@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node's health on `/diagnostics`: measured rates, rejected inputs by reason, latencies."""
+"""A node's health on `/diagnostics`: rates, rejected inputs, latencies; and who is ready by it."""
 
 import socket
 import time
@@ -248,3 +248,41 @@ class Diagnostics:
                     self._wrong_types.add(found)
                     text = f"{topic} is {publisher.topic_type}, expected {expected}"
                     self.reject("wrong_type", text)
+
+
+class Readiness:
+    """Listens to `/diagnostics` for nodes that must be there before something begins.
+
+    A node is ready when it has reported, is active if it has a lifecycle, and has matched the
+    publishers of every topic it watches that has any in the graph.
+    """
+
+    def __init__(self, node: Node, names: Iterable[str]):
+        self._node = node
+        self._space = node.get_namespace().rstrip("/") + "/"
+        self._names = [name for name in names if name]
+        self._reports: dict[str, Mapping[str, str]] = {}
+        if self._names:
+            node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
+
+    def missing(self) -> list[str]:
+        """Names of the nodes that are not ready yet."""
+        return [name for name in self._names if not self._is_ready(name)]
+
+    def forget(self, name: str) -> None:
+        """Wait for a node anew: it has ended."""
+        self._reports.pop(f"{self._space}{name}".lstrip("/"), None)
+
+    def _is_ready(self, name: str) -> bool:
+        report = self._reports.get(f"{self._space}{name}".lstrip("/"))
+        if report is None or report.get(LIFECYCLE) == INACTIVE:
+            return False
+        return all(
+            value != "0" or not self._node.count_publishers(key.removeprefix(PUBLISHERS))
+            for key, value in report.items()
+            if key.startswith(PUBLISHERS)
+        )
+
+    def _take(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._reports[status.name] = values_of(status)

@@ -9,7 +9,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from intent_recognition.errors import ArgumentError, nearest
 from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall
-from intent_recognition.nodes.parameter_sources import holds_for, sections
+from intent_recognition.nodes.parameters import holds_for, sections
 from intent_recognition.parameter_table import PARTS, parameters_of
 from intent_recognition.share import PACKAGE
 from intent_recognition.untrusted import load_yaml, read_text

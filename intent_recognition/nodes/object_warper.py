@@ -19,13 +19,16 @@ from sensor_msgs.msg import JointState, PointCloud2
 
 from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.conversions import position_array, stamp_ns, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput
+from intent_recognition.nodes.object_messages import (
+    cloud_arrays,
+    to_labelled_cloud,
+    to_named_vector,
+)
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run
-from intent_recognition.nodes.seen_container import to_named_vector
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
     Grasp,

@@ -19,19 +19,26 @@ from intent_recognition.errors import ArgumentError, IntentError, MessageError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import JointPath, hand_targets, is_hand
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.activation_inputs import (
+    ClearanceInput,
+    CorrectionInput,
+    PersonInput,
+    TransferInput,
+)
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import AT_REST, ActivationParameters
-from intent_recognition.nodes.clearance_input import ClearanceInput
 from intent_recognition.nodes.command_action import CommandAction
 from intent_recognition.nodes.conversions import joint_values, stamp_ns
-from intent_recognition.nodes.correction_input import CorrectionInput
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.parameter_sources import parameter_sources
-from intent_recognition.nodes.parameters import Changes, keep_live, live_parameters
+from intent_recognition.nodes.parameters import (
+    Changes,
+    keep_live,
+    live_parameters,
+    parameter_sources,
+)
 from intent_recognition.nodes.people import meet
-from intent_recognition.nodes.person_input import PersonInput
 from intent_recognition.nodes.prediction_input import (
     RejectionError,
     joint_path,
@@ -41,7 +48,6 @@ from intent_recognition.nodes.prediction_input import (
 from intent_recognition.nodes.runtime import now_ns, run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
-from intent_recognition.nodes.transfer_input import TransferInput
 from intent_recognition.promp import Trajectory
 
 SILENT_S = 0.6

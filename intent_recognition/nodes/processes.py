@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from intent_recognition.errors import IntentError
@@ -59,7 +60,7 @@ def transport(base: Mapping[str, str]) -> dict[str, str]:
     return {**within, RANGE: "SYSTEM_DEFAULT"}
 
 
-class NodeProcesses:
+class NodeProcesses(AbstractContextManager["NodeProcesses"]):
     """Starts nodes, checks that they run and stops them all at its end.
 
     Each node runs in a session of its own, so that Ctrl-C in the terminal reaches only the parent,
@@ -71,9 +72,6 @@ class NodeProcesses:
         self._log_folder = log_folder
         self._processes: dict[str, subprocess.Popen] = {}
         log_folder.mkdir(parents=True, exist_ok=True)
-
-    def __enter__(self) -> "NodeProcesses":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.stop()

@@ -26,7 +26,7 @@ from rclpy.utilities import try_shutdown
 
 from intent_recognition.errors import ArgumentError, IntentError, nearest, one_line
 from intent_recognition.interrupts import SAME_S
-from intent_recognition.nodes.parameter_sources import COMMAND_LINE, parameter_sources
+from intent_recognition.nodes.parameters import COMMAND_LINE, parameter_sources
 
 SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""

@@ -25,9 +25,9 @@ from intent_recognition.model import ARRIVED, load_pouring_skill
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
 from intent_recognition.nodes.diagnostics import Diagnostics, values_of
+from intent_recognition.nodes.object_messages import seen_container
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import now_ns, run, when_clock_goes_back
-from intent_recognition.nodes.seen_container import seen_container
 from intent_recognition.promp import NONE
 from intent_recognition.share import share_path
 from intent_recognition.warping import PourPlan, SeenContainer, plan_pour

@@ -13,11 +13,10 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.diagnostics import Diagnostics, Level, Readiness
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.people import named_people
 from intent_recognition.nodes.qos import SENSOR, STATE
-from intent_recognition.nodes.readiness import Readiness
 from intent_recognition.nodes.runtime import run, steady_timer
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_people
 from sim_bridge.scenarios.assembly import of_worker, plan_live

@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model import SPILLED
-from intent_recognition.nodes.clouds import to_labelled_cloud
+from intent_recognition.nodes.object_messages import to_labelled_cloud
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from sim_bridge.arm import SimulatedArm

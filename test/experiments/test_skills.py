@@ -19,7 +19,7 @@ from experiments.skills.correcting import (
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
 from intent_recognition.motion import scaled_limits
-from intent_recognition.nodes.correction_input import load_detector
+from intent_recognition.nodes.activation_inputs import load_detector
 from intent_recognition.report import TableBlock
 from sim_bridge.coworker import PLATE
 from sim_bridge.scenarios.toolbox import handover_point

@@ -87,7 +87,7 @@ def read_boxes(path):
 
 
 def read_detector(path):
-    from intent_recognition.nodes.correction_input import load_detector
+    from intent_recognition.nodes.activation_inputs import load_detector
 
     load_detector(path)
 

@@ -23,8 +23,8 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes import mocap_ingest, object_warper, task_teacher
 from intent_recognition.nodes.conversions import to_joint_state, to_pose
+from intent_recognition.nodes.demo_observers import PouringObserver
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
-from intent_recognition.nodes.pouring_observer import PouringObserver
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.nodes.session_observer import SessionObserver
 from intent_recognition.nodes.warped_primitive import WarpedPrimitiveNode

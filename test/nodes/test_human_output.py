@@ -9,7 +9,7 @@ from visualization_msgs.msg import Marker
 
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
-from intent_recognition.nodes.markers import MarkerBuilder, colour
+from intent_recognition.nodes.intent_output import MarkerBuilder, colour
 from intent_recognition.report.drawing import task_colours
 
 

@@ -14,7 +14,6 @@ from std_msgs.msg import Header
 
 from intent_recognition.errors import ArgumentError, MessageError, ModelError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.clouds import LABEL, cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.conversions import (
     orientation_array,
     position_array,
@@ -23,6 +22,7 @@ from intent_recognition.nodes.conversions import (
     to_stamp,
 )
 from intent_recognition.nodes.graph import NODES as GRAPH_NODES
+from intent_recognition.nodes.object_messages import LABEL, cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.objects.file import find_object, load_object, save_object
 from intent_recognition.registry import FRAMES, NODES

@@ -7,7 +7,7 @@ import pytest
 from ros_harness import NodeProcess
 
 from intent_recognition.kinematics import JOINT_NAMES
-from intent_recognition.nodes.parameter_sources import parameter_sources
+from intent_recognition.nodes.parameters import parameter_sources
 from intent_recognition.share import share_path
 
 OWN = """

@@ -13,9 +13,9 @@ from std_msgs.msg import Empty
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.diagnostics import Readiness
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.nodes.readiness import Readiness
 
 
 @pytest.mark.parametrize(

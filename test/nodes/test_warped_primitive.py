@@ -23,7 +23,7 @@ from intent_recognition.nodes.conversions import (
     to_pose,
     trajectory_arrays,
 )
-from intent_recognition.nodes.seen_container import seen_container, to_named_vector
+from intent_recognition.nodes.object_messages import seen_container, to_named_vector
 from intent_recognition.nodes.warped_primitive import WarpedPrimitiveNode
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.share import share_path

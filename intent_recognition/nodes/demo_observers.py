@@ -1,17 +1,81 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: asks for a pour, and takes down what the topics tell of it."""
+"""Nodes that take down what the cell does, during a recording that is played or a pour."""
 
 from functools import partial
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
+from intent_recognition.demonstrations import DofEntry
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import values_of
+from intent_recognition.nodes.runtime import now_ns
 from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
+
+
+class RecordingObserver(Node):
+    """Notes the active task, and where the arm is, from one recording to the next.
+
+    Args:
+        entry: observed topic by which a recording has begun.
+
+    Attributes:
+        joints: newest positions of the arm by name; None before there are any.
+        task: first active task of this recording; empty if there was none.
+        active: whether a task is active now.
+        held: posture farthest from the one before, while the task was active; None without one.
+    """
+
+    def __init__(self, entry: DofEntry, **kwargs: Any) -> None:
+        super().__init__("recording_observer", **kwargs)
+        self.joints: dict[str, float] | None = None
+        self._forget = self.create_client(Trigger, "intent_estimator/reset")
+        self.begin()
+        take = self.create_subscription
+        take(message_class(entry.type), entry.topic.lstrip("/"), self._begun, qos.SENSOR, raw=True)
+        take(String, "intent/active_task", self._take_active, qos.LATCHED)
+        take(JointState, "joint_states", self._take_joints, qos.MEASURED)
+
+    def begin(self) -> None:
+        """Forget what was noted: another recording follows."""
+        self.task, self.active = "", False
+        self.held: dict[str, float] | None = None
+        self._before, self._farthest = self.joints, 0.0
+        self._began_ns = self._acted_ns = 0
+        if self._forget.service_is_ready():
+            self._forget.call_async(Trigger.Request())
+
+    @property
+    def acted_s(self) -> float:
+        """Time from the first sample to the active task; NaN without one [s]."""
+        return (self._acted_ns - self._began_ns) * 1e-9 if self.task else np.nan
+
+    def posture(self, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+        """Positions (n,) of these joints where the arm went; None where it did not move."""
+        return None if self.held is None else np.array([self.held[name] for name in names])
+
+    def _begun(self, _: bytes) -> None:
+        self._began_ns = self._began_ns or now_ns(self)
+
+    def _take_active(self, message: String) -> None:
+        if message.data and self._began_ns and not self.task:
+            self.task, self._acted_ns = message.data, now_ns(self)
+        self.active = bool(message.data)
+
+    def _take_joints(self, message: JointState) -> None:
+        self.joints = joints = dict(zip(message.name, message.position, strict=False))
+        if self.active and self.task and self._before is not None:
+            distance = sum((joints[name] - q) ** 2 for name, q in self._before.items())
+            if distance > self._farthest:
+                self._farthest, self.held = distance, joints
+
 
 SETTLED = 2
 """Clouds of each container that are warped before a pour: from the second on the cup's lip is

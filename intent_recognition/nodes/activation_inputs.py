@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `primitive_activation` hears beside predictions: things, people, corrections, transfers."""
+
+import time
+from collections import deque
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ArgumentError, IntentError
+from intent_recognition.kinematics import Arm, Bodies, Box, parse_boxes
+from intent_recognition.motion import (
+    Clearance,
+    Correction,
+    DeviationDetector,
+    PredictedPerson,
+    Separation,
+    SeparationSettings,
+    SlowPlaces,
+    Spread,
+    parse_places,
+)
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.activation_parameters import Taught
+from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.hand_input import HandInput
+from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
+from intent_recognition.nodes.prediction_input import RejectionError
+from intent_recognition.share import share_path
+from intent_recognition.transfer import EXCHANGES
+from intent_recognition.untrusted import load_yaml, read_text
+
+
+class ClearanceInput:
+    """Makes the clearance for each description of the arm.
+
+    Attributes:
+        clearance: None where nothing is kept clear of, or as long as the arm is not known.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics) -> None:
+        self._node, self._diagnostics = node, diagnostics
+        values = declare(node, "clearance")
+        self._distance_m = values["clearance"]
+        self._boxes = parse_boxes(values["boxes"])
+        self._largest_bend = values["largest_bend"]
+        self._times_s = values["replan_budget"], values["clear_wait"]
+        if self._boxes and not self._distance_m:
+            cure = "Try 0.02, or leave boxes empty."
+            raise ArgumentError.about("clearance", "above 0 m with boxes", 0.0, cure)
+        use = values["planning_scene"]
+        if use in (READ, BOTH) and not self._distance_m:
+            cure = "Try 0.02, or leave planning_scene off."
+            raise ArgumentError.about("clearance", "above 0 m with a planning scene", 0.0, cure)
+        self._scene = PlanningSceneLink(
+            node, diagnostics, use, values["planning_frame"], self._boxes
+        )
+        self._of_scene: tuple[Box, ...] = ()
+        self.clearance: Clearance | None = None
+        self._description = ""
+        self._taught: Taught | None = None
+        self._rejection: RejectionError | None = None
+
+    def update(self, description: str, names: tuple[str, ...], taught: Taught) -> bool:
+        """Whether there is another clearance than before.
+
+        Args:
+            description: URDF of the arm; empty where it is not known.
+            names: of its joints.
+            taught: tasks whose motions may be bent.
+
+        Raises:
+            RejectionError: things are to be kept clear of, and there is no description for it.
+        """
+        if not self._distance_m:
+            return False
+        if not description:
+            raise RejectionError("no_robot_description", "clearance is set, but for which arm?")
+        changed = (description, self._scene.boxes) != (self._description, self._of_scene)
+        changed |= taught is not self._taught
+        if changed:
+            self._description, self._taught, self._rejection = description, taught, None
+            self._of_scene = self._scene.boxes
+            try:
+                self._make(description, names, taught)
+            except IntentError as error:
+                self._rejection = RejectionError("bad_robot_description", str(error))
+        if self._rejection is not None:
+            raise self._rejection
+        return changed
+
+    def _make(self, description: str, names: tuple[str, ...], taught: Taught) -> None:
+        boxes = (*self._boxes, *self._of_scene)
+        bodies = Bodies(description, names, boxes, clearance_m=self._distance_m)
+        spreads = taught.spreads(Spread.of)
+        self.clearance = Clearance(
+            bodies, spreads, self._largest_bend, *self._times_s, self._spent_s
+        )
+        things = ", ".join([*(box.name for box in boxes), "itself"])
+        self._node.get_logger().info(
+            f"keeps {self._distance_m:g} m clear of {things}: {len(bodies.pairs)} pairs of bodies"
+        )
+
+    def _spent_s(self) -> float:
+        """Processor time; none passes where time waits for the node: a busy machine plans alike."""
+        return 0.0 if self._diagnostics.answers else time.thread_time()
+
+
+TOPIC = "intent/human_trajectory"
+
+
+class PersonInput:
+    """Keeps the newest tube of each person's tracked point, from `intent/human_trajectory`.
+
+    Args:
+        diagnostics: counts what cannot be used under `bad_human_trajectory`.
+
+    Attributes:
+        people: in the frame of the URDF's root link; those of whom something is predicted.
+        separation: slows plans near people; None where that is not asked for, or as long as the
+            arm is not known.
+        slow_places: likewise.
+    """
+
+    def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
+        self._hand, self._diagnostics = hand, diagnostics
+        values = declare(node, "person")
+        dofs: list[str] = values["person_dofs"]
+        self._dofs = [name for name in dofs if name]
+        self._offset = values["person_offset"]
+        self._settings = SeparationSettings(
+            human_speed_m_s=values["human_speed"],
+            intrusion_m=values["intrusion"],
+            least_speed_m_s=values["least_speed"],
+        )
+        if len(self._dofs) not in (0, 3) or len(self._offset) != 3:
+            got = f"{len(self._dofs)}, and {len(self._offset)} in person_offset"
+            cure = "Name x, y and z: `intent inspect MODEL` lists them."
+            raise ArgumentError.about("person_dofs", "3 names, or none", got, cure)
+        self._places = parse_places(values["slow_at"])
+        self._node = node
+        self._people: dict[str, PredictedPerson] = {}
+        self.people: tuple[PredictedPerson, ...] = ()
+        self.separation: Separation | None = None
+        self.slow_places: SlowPlaces | None = None
+        self._arm: Arm | None = None
+
+    def hear(self, person: str, topic: str = TOPIC) -> None:
+        """Subscribe to the prediction of one more person, where the parameters ask for it."""
+        if self._dofs:
+            take = partial(self._take, person)
+            self._node.create_subscription(JointTrajectory, topic, take, qos.COMMAND)
+
+    def update(self, names: tuple[str, ...]) -> bool:
+        """Whether `separation` and `slow_places` are others than before.
+
+        Raises:
+            RejectionError: the arm is to slow, and is not known.
+        """
+        if not self._dofs and not len(self._places):
+            return False
+        arm = self._hand.arm
+        if arm is None:
+            raise RejectionError(
+                "no_robot_description", "person_dofs or slow_at is set, but for which arm?"
+            )
+        if arm.joint_names != names:
+            text = f"robot_description moves {', '.join(arm.joint_names)}, not {', '.join(names)}"
+            raise RejectionError("wrong_joint_names", text)
+        new, self._arm = self._arm is not arm, arm
+        if new and self._dofs:
+            self.separation = Separation(arm, self._settings)
+        if new and len(self._places):
+            self.slow_places = SlowPlaces(arm, self._places)
+        return new
+
+    def _take(self, who: str, message: JointTrajectory) -> None:
+        self._diagnostics.tick(TOPIC)
+        try:
+            times_s, positions, rest = trajectory_arrays(message)
+            names = list(message.joint_names)
+            columns = [names.index(name) for name in self._dofs]
+            if np.all(times_s == times_s[-1:]):  # the movement is at its end
+                times_s, positions = times_s[-1:], positions[-1:]
+                rest = {name: values[-1:] for name, values in rest.items()}
+            if not len(times_s) or np.any(np.diff(times_s) <= 0.0):
+                got = f"{len(times_s)} that do not" if len(times_s) else "none"
+                cure = "Check the sender."
+                raise ArgumentError.about(TOPIC, "points whose times increase", got, cure)
+            mean, std = positions[:, columns], rest["effort"][:, columns]
+            if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
+                raise ArgumentError.about(TOPIC, "finite numbers", "NaN", "Check the sender.")
+        except (IntentError, KeyError, ValueError) as error:
+            self._people.pop(who, None)
+            self.people = tuple(self._people.values())
+            self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")
+            return
+        times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
+        # The root of the trace: at least what the least certain direction has.
+        self._people[who] = PredictedPerson(
+            times_ns, mean + np.array(self._offset), np.linalg.norm(std, axis=1)
+        )
+        self.people = tuple(self._people.values())
+
+
+SHIPPED = "config/deviation"
+
+
+class CorrectionInput:
+    """Reads the detector, and knows how the tasks of a library may be corrected.
+
+    Attributes:
+        correction: None where the arm does not yield.
+    """
+
+    def __init__(self, node: Node) -> None:
+        name = declare(node, "correction")["correction"]
+        self._detector = load_detector(name) if name else None
+        self.correction: Correction | None = None
+        self._made_for: Taught | None = None
+
+    def update(self, names: tuple[str, ...], taught: Taught) -> None:
+        """Go by these joints and tasks."""
+        detector = self._detector
+        if detector is None:
+            return
+        if detector.explained.size != len(names):
+            expected = f"errors of {len(names)} joints"
+            cure = "Give a file of this arm."
+            raise ArgumentError.about("correction", expected, f"{detector.explained.size}", cure)
+        if taught is not self._made_for:
+            self._made_for = taught
+            self.correction = Correction(detector, taught.spreads(Spread.given_person))
+
+
+def load_detector(name: str) -> DeviationDetector:
+    """A detector from a YAML file, or a shipped one by its name."""
+    path = Path(name)
+    if path.suffix != ".yaml":
+        path = share_path(f"{SHIPPED}/{name}.yaml")
+    try:
+        found = load_yaml(read_text(path))
+        coefficients = np.array([found[key] for key in ("constant", "velocity", "acceleration")])
+        explained = np.array(found["explained"], dtype=np.float64)
+        numbers = [float(found[key]) for key in ("sustained", "false_alarm_rate", "least")]
+        fits = explained.ndim == 1 and coefficients.shape == (3, explained.size)
+        values = [*coefficients.ravel(), *explained.ravel(), *numbers]
+        if not fits or not np.all(np.isfinite(values)) or min(numbers) < 0.0:
+            raise ValueError("numbers that do not fit")
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        expected = (
+            "constant, velocity, acceleration, explained, one number a joint each, and sustained,"
+            " false_alarm_rate, least"
+        )
+        raise ArgumentError.about(str(path), expected, error, "Correct the file.") from None
+    return DeviationDetector(coefficients.astype(np.float64), explained, *numbers)
+
+
+TRANSFER = "intent/transfer"
+FRESH_NS = 300_000_000
+"""A state counts for so long [ns]. Convention: as `object_transfer` takes a sensor's."""
+_STATES = {state.value for state in EXCHANGES}
+
+
+class TransferInput:
+    """Keeps the newest states; one counts for what is later than its stamp.
+
+    Where time waits for the nodes, whichever message of one time comes first changes nothing so.
+    """
+
+    def __init__(self, diagnostics: Diagnostics) -> None:
+        self._states: deque[tuple[int, bool]] = deque(maxlen=2)
+        diagnostics.subscribe(JointState, TRANSFER, self._take, qos.STATE)
+
+    def _take(self, message: JointState) -> None:
+        self._states.append((stamp_ns(message), message.header.frame_id in _STATES))
+
+    def exchanging_until_ns(self, now_ns: int) -> int:
+        """Until when an object changes hands, as far as is known now; 0: it does not."""
+        for at_ns, exchanges in reversed(self._states):
+            if at_ns < now_ns:
+                return at_ns + FRESH_NS if exchanges else 0
+        return 0
