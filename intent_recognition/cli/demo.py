@@ -1,5 +1,70 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent demo`: learn from the shipped bags, then help a simulated coworker through a session."""
+"""Train on the shipped bags, start the nodes as separate processes, and let a simulated coworker
+assemble a toolbox with the arm's help. Needs ROS 2.
+
+what happens:
+--scenario         toolbox (default): hand over parts; cell: two people, one work plan of 20 steps,
+                   boxes on the arm's way, handovers by force; assembly: the arm takes the place of
+                   the second of two people; pouring: --interactions pours (default: 2) with
+                   containers it was not taught with
+--pour AMOUNT      how much is poured: empty (default), full or millilitres
+--pair CUP,SECOND  pour between these containers only, such as tea_cup,paper_cup
+--task-list F      labels separated by commas, OLD>NEW@SHARE for a reach whose goal changes, a file
+                   of them, 'habit' (default: the usual order, with variation) or 'random'
+--interactions N   number of interactions (default: those of the list; 40 with habit or random)
+--changes N        the coworker changes his mind in N of them (default: 0)
+--arm ARM          lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file; the others
+                   do with their hands what the LWR was taught. Several, separated by commas, run in
+                   turn
+--tip LINK         the arm's hand, where there are two arms (default: the end of the branch with the
+                   most joints, before the gripper)
+--base LINK        where the arm begins: joints before it, such as a lift, are held at zero
+                   (default: the root)
+--transfers        hand objects over by force, held by fingers (always in the scenario cell)
+--seed SEED        random seed of the session (default: 1)
+--sequences F      YAML file of sequences, in which the arm may begin a step by itself
+--params F         ROS 2 parameter file (YAML), over the parameters that the demo sets
+--no-anticipation  do not use the usual order of tasks, nor go ahead
+--rate X           speed of simulated time; 1 is real time (default: 1.5, with --dashboard 1.0)
+--model M.npz      use this model (pouring: this skill) instead of training one
+--recordings BAGS  play the people of these recordings in real time, in place of the coworker, with
+                   the --model learned from such recordings
+
+what is shown:
+--dashboard  serve a page that shows the cell and teaches tasks, until Ctrl-C
+--port PORT  port of the page (default: %(default)s)
+--headless   no window of the simulation
+
+# with a page to watch it, and to teach it tasks
+intent demo --dashboard
+# a short one without a window
+intent demo --headless --interactions 5 --seed 2
+# keep the session and its numbers
+intent demo --headless --record out/session --json out/numbers.json
+# the coworker changes his mind in ten of forty interactions
+intent demo --headless --changes 10
+# another arm does what the LWR was taught
+intent demo --arm panda
+# the left one of a robot with two arms
+intent demo --arm robot.urdf --base torso --tip left_gripper
+# four arms, and one report of all
+intent demo --arm lwr,panda,iiwa,xarm
+# a work plan, boxes on the way, and objects that change hands by force
+intent demo --scenario cell --arm panda
+# objects change hands by force
+intent demo --transfers --arm panda
+# an arm in the second of two people's place
+intent demo --scenario assembly --arm panda
+# a task made of parts: the arm goes on by itself
+intent demo --sequences config/examples/toolbox_sequence.yaml --headless --task-list
+  plate_handover,plate_handover,screw_handover
+# what was learned from recordings of your own, as their people move
+intent demo --arm panda --dashboard --model mine.npz --recordings held_out
+# the arm pours with other cups and bowls
+intent demo --scenario pouring
+# no more than 25 millilitres of it
+intent demo --scenario pouring --pour 25
+"""
 
 import argparse
 import socket
@@ -34,77 +99,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "demo",
         run,
-        f"""
-        Train on the shipped bags, start the nodes as separate processes, and let a simulated
-        coworker assemble a toolbox with the arm's help. Needs ROS 2.
-
-        what happens:
-        --scenario          toolbox (default): hand over parts; cell: two people, one work plan of
-                            20 steps, boxes on the arm's way, handovers by force; assembly: the arm
-                            takes the place of the second of two people; pouring: --interactions
-                            pours (default: 2) with containers it was not taught with
-        --pour AMOUNT       how much is poured: empty (default), full or millilitres
-        --pair CUP,SECOND   pour between these containers only, such as tea_cup,paper_cup
-        --task-list F       labels separated by commas, OLD>NEW@SHARE for a reach whose goal
-                            changes, a file of them, 'habit' (default: the usual order, with
-                            variation) or 'random'
-        --interactions N    number of interactions (default: those of the list; 40 with habit or
-                            random)
-        --changes N         the coworker changes his mind in N of them (default: 0)
-        --arm ARM           lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file;
-                            the others do with their hands what the LWR was taught. Several,
-                            separated by commas, run in turn
-        --tip LINK          the arm's hand, where there are two arms (default: the end of the branch
-                            with the most joints, before the gripper)
-        --base LINK         where the arm begins: joints before it, such as a lift, are held at zero
-                            (default: the root)
-        --transfers         hand objects over by force, held by fingers (always in the scenario
-                            cell)
-        --seed SEED         random seed of the session (default: 1)
-        --sequences F       YAML file of sequences, in which the arm may begin a step by itself
-        --params F          ROS 2 parameter file (YAML), over the parameters that the demo sets
-        --no-anticipation   do not use the usual order of tasks, nor go ahead
-        --rate X            speed of simulated time; 1 is real time (default: {DEFAULT_RATE}, with
-                            --dashboard {DASHBOARD_RATE})
-        --model M.npz       use this model (pouring: this skill) instead of training one
-        --recordings BAGS   play the people of these recordings in real time, in place of the
-                            coworker, with the --model learned from such recordings
-
-        what is shown:
-        --dashboard  serve a page that shows the cell and teaches tasks, until Ctrl-C
-        --port PORT  port of the page (default: %(default)s)
-        --headless   no window of the simulation
-
-        # with a page to watch it, and to teach it tasks
-        intent demo --dashboard
-        # a short one without a window
-        intent demo --headless --interactions 5 --seed 2
-        # keep the session and its numbers
-        intent demo --headless --record out/session --json out/numbers.json
-        # the coworker changes his mind in ten of forty interactions
-        intent demo --headless --changes 10
-        # another arm does what the LWR was taught
-        intent demo --arm panda
-        # the left one of a robot with two arms
-        intent demo --arm robot.urdf --base torso --tip left_gripper
-        # four arms, and one report of all
-        intent demo --arm lwr,panda,iiwa,xarm
-        # a work plan, boxes on the way, and objects that change hands by force
-        intent demo --scenario cell --arm panda
-        # objects change hands by force
-        intent demo --transfers --arm panda
-        # an arm in the second of two people's place
-        intent demo --scenario assembly --arm panda
-        # a task made of parts: the arm goes on by itself
-        intent demo --sequences config/examples/toolbox_sequence.yaml --headless --task-list
-          plate_handover,plate_handover,screw_handover
-        # what was learned from recordings of your own, as their people move
-        intent demo --arm panda --dashboard --model mine.npz --recordings held_out
-        # the arm pours with other cups and bowls
-        intent demo --scenario pouring
-        # no more than 25 millilitres of it
-        intent demo --scenario pouring --pour 25
-        """,
+        __doc__,
         scenario={"choices": SCENARIOS, "default": "toolbox"},
         pour={"default": "empty"},
         task_list={"default": "habit", "type": str},

@@ -1,5 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent evaluate`: recognition and prediction on recordings left out of training."""
+"""Train on a part of the recordings and score on the rest, in turn.
+
+what is scored:
+--protocol loo|kfold:K|logo:KEY|temporal[:F]|holdout:FOLDER  loo (default): leave one recording out
+                                                             at a time; kfold:K: K folds, by index
+                                                             modulo K; logo:KEY: leave one group out
+                                                             at a time, by a key of custom_data;
+                                                             temporal:F: train on the first share F
+                                                             (0.7 if not given) of each task's
+                                                             recordings, by name; holdout:FOLDER:
+                                                             train on BAG and test on FOLDER
+--test FOLDER                                                the same as --protocol holdout:FOLDER
+--start-posture                                              whether predictions use the posture in
+                                                             which the controlled agent starts;
+                                                             both: without and with it (default:
+                                                             off)
+--unknown-tasks                                              also leave every task out in turn: are
+                                                             its movements taken for another's?
+                                                             (default: on)
+
+what is written:
+--report OUT.html  write an HTML report
+
+# leave one out
+intent evaluate demos --dofs my_dofs.yaml --report evaluation.html
+# faster, in five parts
+intent evaluate demos --protocol kfold:5 --json numbers.json
+# learn from one folder, score on another
+intent evaluate bags/toolbox/train --test bags/toolbox/test
+# leave one person out at a time, by the key `person` of custom_data
+intent evaluate demos --protocol logo:person
+"""
 
 import argparse
 from pathlib import Path
@@ -32,34 +63,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "evaluate",
         run,
-        """
-        Train on a part of the recordings and score on the rest, in turn.
-
-        what is scored:
-        --protocol loo|kfold:K|logo:KEY|temporal[:F]|holdout:FOLDER
-                         loo (default): leave one recording out at a time; kfold:K: K folds, by
-                         index modulo K; logo:KEY: leave one group out at a time, by a key of
-                         custom_data; temporal:F: train on the first share F (0.7 if not given) of
-                         each task's recordings, by name; holdout:FOLDER: train on BAG and test on
-                         FOLDER
-        --test FOLDER    the same as --protocol holdout:FOLDER
-        --start-posture  whether predictions use the posture in which the controlled agent starts;
-                         both: without and with it (default: off)
-        --unknown-tasks  also leave every task out in turn: are its movements taken for another's?
-                         (default: on)
-
-        what is written:
-        --report OUT.html  write an HTML report
-
-        # leave one out
-        intent evaluate demos --dofs my_dofs.yaml --report evaluation.html
-        # faster, in five parts
-        intent evaluate demos --protocol kfold:5 --json numbers.json
-        # learn from one folder, score on another
-        intent evaluate bags/toolbox/train --test bags/toolbox/test
-        # leave one person out at a time, by the key `person` of custom_data
-        intent evaluate demos --protocol logo:person
-        """,
+        __doc__,
         start_posture={"choices": ("on", "off", "both"), "default": "off"},
         unknown_tasks={"choices": ("on", "off"), "default": "on"},
     )

@@ -1,5 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent experiments`: the papers' tables and figures, each beside the paper's own."""
+"""Run the experiments of the papers on simulated recordings, print the results beside the paper's,
+and write one report that opens without network.
+
+names NAME    experiment to run (default: all; --list shows them)
+--output DIR  folder of report.html, numbers.json and figures/ (default: %(default)s)
+--seed SEED   seed of all random variation (default: 1)
+--seeds N     draws of the recordings of pointing, pole and toolbox; the first are the shipped ones,
+              each other takes minutes (default: %(default)s)
+--quick       run a fast subset of each experiment
+--bags DIR    folder of recordings (default: the shipped ones)
+--jobs JOBS   number of processes (default: %(default)s)
+--list        show the names and stop
+
+# what there is
+intent experiments --list
+# a first look at all of them
+intent experiments --quick
+# one of them, its numbers for a script
+intent experiments alignment --json numbers.json
+"""
 
 import argparse
 import sys
@@ -36,27 +55,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "experiments",
         run,
-        """
-        Run the experiments of the papers on simulated recordings, print the results beside the
-        paper's, and write one report that opens without network.
-
-        names NAME    experiment to run (default: all; --list shows them)
-        --output DIR  folder of report.html, numbers.json and figures/ (default: %(default)s)
-        --seed SEED   seed of all random variation (default: 1)
-        --seeds N     draws of the recordings of pointing, pole and toolbox; the first are the
-                      shipped ones, each other takes minutes (default: %(default)s)
-        --quick       run a fast subset of each experiment
-        --bags DIR    folder of recordings (default: the shipped ones)
-        --jobs JOBS   number of processes (default: %(default)s)
-        --list        show the names and stop
-
-        # what there is
-        intent experiments --list
-        # a first look at all of them
-        intent experiments --quick
-        # one of them, its numbers for a script
-        intent experiments alignment --json numbers.json
-        """,
+        __doc__,
         names={"nargs": "*"},
         output={"default": Path("out/experiments")},
         seed={"type": number(int, 0), "default": 1},

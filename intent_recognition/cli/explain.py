@@ -1,5 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent explain`: why each decision during a recording was taken."""
+"""Say why each decision in a recording was taken: the evidence against the runner-up by time and
+degree of freedom, and what would have been decided without each signal.
+
+bag BAG            bag directory or .mcap file
+--model M.npz      model that `intent train` wrote
+--against TASK     a task, or none, instead of the runner-up
+--report OUT.html  write an HTML report
+
+# as tables, and as figures in a page
+intent explain demos/give_bracket_00 --model bracket.npz --report why.html
+# against another task than the runner-up
+intent explain demos/give_bracket_00 --model bracket.npz --against give_screw
+"""
 
 import argparse
 from collections import Counter
@@ -23,26 +35,7 @@ PARTS = 3
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = add_command(
-        subparsers,
-        "explain",
-        run,
-        """
-        Say why each decision in a recording was taken: the evidence against the runner-up by time
-        and degree of freedom, and what would have been decided without each signal.
-
-        bag BAG            bag directory or .mcap file
-        --model M.npz      model that `intent train` wrote
-        --against TASK     a task, or none, instead of the runner-up
-        --report OUT.html  write an HTML report
-
-        # as tables, and as figures in a page
-        intent explain demos/give_bracket_00 --model bracket.npz --report why.html
-        # against another task than the runner-up
-        intent explain demos/give_bracket_00 --model bracket.npz --against give_screw
-        """,
-        model={"required": True},
-    )
+    parser = add_command(subparsers, "explain", run, __doc__, model={"required": True})
     output.add_json_option(parser, "the evidence")
 
 

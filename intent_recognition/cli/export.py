@@ -1,5 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent export`: demonstrations as one table, CSV or Parquet, or as a LeRobot data set."""
+"""Write the degrees of freedom of all demonstrations as one table, with a row for each stamp that
+training would use, and beside it the map by which `intent import` reads it again:
+docs/import.md.
+
+bags BAG...    a bag, a folder of bags, or a session bag; any number
+--dofs F       DOF file (default: the shipped config/dofs.yaml)
+--output FILE  table to write, .csv or .parquet; a name without ending is a LeRobot data set
+
+# for pandas, polars or R
+intent export demos --output demos.csv
+# a LeRobot data set of version 3; needs pyarrow
+intent export demos --output demos_lerobot
+# smaller and typed; needs pyarrow
+intent export demos --dofs my_dofs.yaml --output demos.parquet
+"""
 
 import argparse
 
@@ -16,28 +30,7 @@ from intent_recognition.tables import export_columns, export_map, write_lerobot,
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    add_command(
-        subparsers,
-        "export",
-        run,
-        """
-        Write the degrees of freedom of all demonstrations as one table, with a row for each stamp
-        that training would use, and beside it the map by which `intent import` reads it again:
-        docs/import.md.
-
-        bags BAG...    a bag, a folder of bags, or a session bag; any number
-        --dofs F       DOF file (default: the shipped config/dofs.yaml)
-        --output FILE  table to write, .csv or .parquet; a name without ending is a LeRobot data set
-
-        # for pandas, polars or R
-        intent export demos --output demos.csv
-        # a LeRobot data set of version 3; needs pyarrow
-        intent export demos --output demos_lerobot
-        # smaller and typed; needs pyarrow
-        intent export demos --dofs my_dofs.yaml --output demos.parquet
-        """,
-        output={"required": True},
-    )
+    add_command(subparsers, "export", run, __doc__, output={"required": True})
 
 
 def run(args: argparse.Namespace) -> int:

@@ -2,8 +2,6 @@
 """How `intent --help` and the help of each command read."""
 
 import argparse
-from collections.abc import Generator
-from typing import Any
 
 GROUPS = {
     "see it work": {
@@ -55,43 +53,17 @@ class Formatter(argparse.HelpFormatter):
             return "".join(f"{indent}{line}\n" for line in text.splitlines())
         return super()._fill_text(text, width, indent)
 
-    def _iter_indented_subactions(
-        self, action: argparse.Action
-    ) -> Generator[argparse.Action, None, None]:
-        if not isinstance(action, argparse._SubParsersAction):
-            yield from super()._iter_indented_subactions(action)
-            return
-        if not action.choices.keys() & COMMANDS.keys():  # the actions of a command
-            yield from super()._iter_indented_subactions(action)
-            return
-        by_name = {choice.dest: choice for choice in super()._iter_indented_subactions(action)}
-        for title, commands in GROUPS.items():
-            self._indent()
-            present = [by_name[command] for command in commands if command in by_name]
-            if present:
-                yield _Title([], f"\n{' ' * self._current_indent}{title}")
-            self._indent()
-            yield from present
-            self._dedent()
-            self._dedent()
-
     def _format_action(self, action: argparse.Action) -> str:
-        if isinstance(action, _Title):
-            return f"{action.dest}\n"
-        if isinstance(action, argparse._SubParsersAction):
-            return self._join_parts(
-                map(self._format_action, self._iter_indented_subactions(action))
-            )
-        return super()._format_action(action)
-
-
-class CommandList(argparse._SubParsersAction):
-    """The commands, each with what it does."""
-
-    def add_parser(self, name: str, **options: Any) -> Any:
-        """Add a command, as argparse does."""
-        return super().add_parser(name, **options | {"help": COMMANDS[name]})
-
-
-class _Title(argparse.Action):
-    """The line above a group of commands; no argument."""
+        if not isinstance(action, argparse._SubParsersAction):
+            return super()._format_action(action)
+        choices = {choice.dest: choice for choice in action._choices_actions}
+        self._indent()
+        parts = [self._format_action(one) for name, one in choices.items() if name not in COMMANDS]
+        for title, commands in GROUPS.items():
+            if present := [choices[command] for command in commands if command in choices]:
+                parts.append(f"\n{' ' * self._current_indent}{title}\n")
+                self._indent()
+                parts += [self._format_action(one) for one in present]
+                self._dedent()
+        self._dedent()
+        return "".join(parts)

@@ -1,5 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent import`: demonstrations from files of motion capture and robot learning."""
+"""Write each demonstration of a file, a folder of files or a data set as a bag, and a DOF file
+beside them. The map says which columns are which degrees of freedom, where times come from, and
+where a demonstration begins and ends: docs/import.md. --suggest writes a first one.
+
+source SOURCE   a file, a folder of files, or a data set
+--map MAP.yaml  map of the columns
+--output BAGS   folder of the new bags; with --suggest the file of the map
+--suggest       write or print a first map by what SOURCE holds, with comments; import nothing
+
+# a first map to correct
+intent import take.csv --suggest --output map.yaml
+# two files for each recording, as the map says
+intent import handover_csv --map config/maps/baton.yaml --output out/baton
+# then score them
+intent evaluate out/baton --dofs out/baton/dofs.yaml --protocol kfold:5
+"""
 
 import argparse
 import sys
@@ -30,29 +45,7 @@ from intent_recognition.tables import (
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    add_command(
-        subparsers,
-        "import",
-        run,
-        """
-        Write each demonstration of a file, a folder of files or a data set as a bag, and a DOF file
-        beside them. The map says which columns are which degrees of freedom, where times come from,
-        and where a demonstration begins and ends: docs/import.md. --suggest writes a first one.
-
-        source SOURCE   a file, a folder of files, or a data set
-        --map MAP.yaml  map of the columns
-        --output BAGS   folder of the new bags; with --suggest the file of the map
-        --suggest       write or print a first map by what SOURCE holds, with comments; import
-                        nothing
-
-        # a first map to correct
-        intent import take.csv --suggest --output map.yaml
-        # two files for each recording, as the map says
-        intent import handover_csv --map config/maps/baton.yaml --output out/baton
-        # then score them
-        intent evaluate out/baton --dofs out/baton/dofs.yaml --protocol kfold:5
-        """,
-    )
+    add_command(subparsers, "import", run, __doc__)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,5 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent improve`: let the robot practise a task, and take over what it has come to."""
+"""Let the robot practise in simulation. Each rollout tries a path within two standard deviations of
+the demonstrations and within the limits of the arm, and gets a cost. After Ctrl-C the same
+command continues. The skill in use changes only with --accept (docs/tutorials/practise.md).
+
+task TASK         `pouring`, or the label of a task in --library
+--cost FILE|NAME  what to lower: `spilled` (default) or `level` for pouring, `distance` (default) or
+                  `time` for a task, `thumbs` (you judge each rollout), or a Python file with one
+                  function from a rollout to a number
+--rollouts N      rollouts in all, earlier ones included (default: %(default)s)
+--seed SEED       random seed of practice (default: %(default)s)
+
+for a task of a library:
+--beside X Y Z  where the robot's hand should end, from where the person's comes to rest [m], along
+                the axes of the arm's base (default: as demonstrated)
+--moved X Y Z   move that place by so much [m] (default: 0 0 0)
+--robot URDF    URDF of the arm that was taught (default: the LWR)
+
+for pouring:
+--cup CUP          container in the robot's hand (default: %(default)s)
+--into INTO        container to pour into (default: %(default)s)
+--wanted N         balls, of 40, that should end in it (default: %(default)s)
+--start BAGS|FILE  demonstrations, or an accepted skill, to begin with (default: the shipped ones)
+--short RADII      spoil the demonstrations: move them away from the container to pour into, on
+                   average by so many of its radii (default: %(default)s)
+--output DIR       folder of rollouts and results (default: practice)
+
+# practise to pour from demonstrations that fall short, 40 pours in simulation
+intent improve pouring --short 0.9
+# bring the plate earlier
+intent improve plate_handover --library tasks --cost time
+# with a cost of one's own
+intent improve pouring --cost my_cost.py
+# say up or down after each pour
+intent improve pouring --cost thumbs
+# take over what it has come to
+intent improve pouring --short 0.9 --accept
+"""
 
 import argparse
 import sys
@@ -32,46 +68,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "improve",
         run,
-        """
-        Let the robot practise in simulation. Each rollout tries a path within two standard
-        deviations of the demonstrations and within the limits of the arm, and gets a cost. After
-        Ctrl-C the same command continues. The skill in use changes only with --accept
-        (docs/tutorials/practise.md).
-
-        task TASK         `pouring`, or the label of a task in --library
-        --cost FILE|NAME  what to lower: `spilled` (default) or `level` for pouring, `distance`
-                          (default) or `time` for a task, `thumbs` (you judge each rollout), or a
-                          Python file with one function from a rollout to a number
-        --rollouts N      rollouts in all, earlier ones included (default: %(default)s)
-        --seed SEED       random seed of practice (default: %(default)s)
-
-        for a task of a library:
-        --beside X Y Z  where the robot's hand should end, from where the person's comes to rest
-                        [m], along the axes of the arm's base (default: as demonstrated)
-        --moved X Y Z   move that place by so much [m] (default: 0 0 0)
-        --robot URDF    URDF of the arm that was taught (default: the LWR)
-
-        for pouring:
-        --cup CUP          container in the robot's hand (default: %(default)s)
-        --into INTO        container to pour into (default: %(default)s)
-        --wanted N         balls, of 40, that should end in it (default: %(default)s)
-        --start BAGS|FILE  demonstrations, or an accepted skill, to begin with (default: the shipped
-                           ones)
-        --short RADII      spoil the demonstrations: move them away from the container to pour into,
-                           on average by so many of its radii (default: %(default)s)
-        --output DIR       folder of rollouts and results (default: practice)
-
-        # practise to pour from demonstrations that fall short, 40 pours in simulation
-        intent improve pouring --short 0.9
-        # bring the plate earlier
-        intent improve plate_handover --library tasks --cost time
-        # with a cost of one's own
-        intent improve pouring --cost my_cost.py
-        # say up or down after each pour
-        intent improve pouring --cost thumbs
-        # take over what it has come to
-        intent improve pouring --short 0.9 --accept
-        """,
+        __doc__,
         rollouts={"type": number(int, 1), "default": 40},
         seed={"type": number(int, 0), "default": 1},
         beside=number(float),

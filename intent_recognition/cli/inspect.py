@@ -1,5 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent inspect`: what is in bags, folders of bags or of tasks, and models."""
+"""Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of a folder, or in a
+model (tasks, degrees of freedom, timing, noise, provenance); of a library of tasks, how each
+task has done since each change. The exit code is 1 if a bag is damaged.
+
+paths BAG|MODEL|TASKS...  a bag, a folder of bags, a model, or a library of tasks; any number
+--dofs F                  DOF file whose streams are checked (default: all tracked bodies and
+                          joint_states)
+
+# one line per recording
+intent inspect bags/toolbox/test
+# one recording: topics, rates, gaps, outliers
+intent inspect demos/give_bracket_00
+# a library of tasks: what changed, and how executions went
+intent inspect tasks
+# a model, for a script
+intent inspect bracket.npz --json
+"""
 
 import argparse
 import os
@@ -43,30 +59,7 @@ CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = add_command(
-        subparsers,
-        "inspect",
-        run,
-        """
-        Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of a folder, or
-        in a model (tasks, degrees of freedom, timing, noise, provenance); of a library of tasks,
-        how each task has done since each change. The exit code is 1 if a bag is damaged.
-
-        paths BAG|MODEL|TASKS...  a bag, a folder of bags, a model, or a library of tasks; any
-                                  number
-        --dofs F                  DOF file whose streams are checked (default: all tracked bodies
-                                  and joint_states)
-
-        # one line per recording
-        intent inspect bags/toolbox/test
-        # one recording: topics, rates, gaps, outliers
-        intent inspect demos/give_bracket_00
-        # a library of tasks: what changed, and how executions went
-        intent inspect tasks
-        # a model, for a script
-        intent inspect bracket.npz --json
-        """,
-    )
+    parser = add_command(subparsers, "inspect", run, __doc__)
     output.add_json_option(parser, "what is in it")
 
 

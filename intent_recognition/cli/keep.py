@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent keep`: what a person corrected by hand becomes a part of the task."""
+"""Learn from the last execution in which a person guided the arm: from now on the robot moves as
+corrected, and other tasks stay as they are. A running task_teacher must have recorded it
+(docs/correcting.md). `intent undo` takes it back. Needs ROS 2.
+
+# keep the last correction
+intent keep --library tasks
+"""
 
 from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.teach import add_library_options
@@ -8,17 +14,5 @@ from intent_recognition.cli.undo import change_library
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = add_command(
-        subparsers,
-        "keep",
-        change_library,
-        """
-        Learn from the last execution in which a person guided the arm: from now on the robot moves
-        as corrected, and other tasks stay as they are. A running task_teacher must have recorded it
-        (docs/correcting.md). `intent undo` takes it back. Needs ROS 2.
-
-        # keep the last correction
-        intent keep --library tasks
-        """,
-    )
+    parser = add_command(subparsers, "keep", change_library, __doc__)
     add_library_options(parser)

@@ -13,7 +13,7 @@ from difflib import get_close_matches
 
 from intent_recognition import __version__
 from intent_recognition.cli.completion import COMPLETION, add_completion_option
-from intent_recognition.cli.help import COMMANDS, CommandList, Formatter
+from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.cli.options import CommandParser
 from intent_recognition.errors import IntentError, missing_package, one_line
 from intent_recognition.interrupts import (
@@ -45,11 +45,11 @@ def make_parser(commands: Iterable[str] = COMMANDS, whole: bool = True) -> argpa
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     add_completion_option(parser)
     subparsers = parser.add_subparsers(
-        title="commands", dest="command", metavar="COMMAND", required=True, action=CommandList
+        title="commands", dest="command", metavar="COMMAND", required=True
     )
     for command in commands:
         if not whole:
-            subparsers.add_parser(command)
+            subparsers.add_parser(command, help=COMMANDS[command])
             continue
         module = command + "_" * keyword.iskeyword(command)
         importlib.import_module(f"intent_recognition.cli.{module}").add_parser(subparsers)

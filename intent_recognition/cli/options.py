@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from intent_recognition.cli.help import HEADING, Formatter
+from intent_recognition.cli.help import COMMANDS, HEADING, Formatter
 from intent_recognition.nodes.processes import yaml_value
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -79,7 +79,12 @@ def number(
 
 
 def add_command(
-    subparsers: Subparsers, name: str, run: Callable[..., object] | None, text: str, /, **more: Any
+    subparsers: Subparsers,
+    name: str,
+    run: Callable[..., object] | None,
+    text: str | None,
+    /,
+    **more: Any,
 ) -> argparse.ArgumentParser:
     """Add a command, or an action of one.
 
@@ -87,16 +92,17 @@ def add_command(
         subparsers: get it.
         name: of the command.
         run: what does it, from its arguments to the exit code; None: one of its actions.
-        text: what its help says, in sections between empty lines: what it does, the tables of
-            `add_options`, and its examples, each a line `# what it does` above the command.
+        text: what its help says, the docstring of a command's file: in sections between empty
+            lines what it does, the tables of `add_options`, and its examples, each a line
+            `# what it does` above the command.
         more: as of `add_options`.
     """
-    about, *sections = textwrap.dedent(text).strip().split("\n\n")
+    about, *sections = textwrap.dedent(text or "").strip().split("\n\n")
     examples = sections.pop() if sections and sections[-1].startswith("#") else ""
     shown = textwrap.indent(re.sub(r"\n +", " ", examples), "  ")
     parser = subparsers.add_parser(
         name,
-        help=about[:1].lower() + about[1:].rstrip("."),
+        help=COMMANDS.get(name) or about[:1].lower() + about[1:].rstrip("."),
         description=" ".join(about.split()),
         formatter_class=Formatter,
         epilog=HEADING + shown if examples else None,

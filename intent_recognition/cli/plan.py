@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent plan`: learn the plan of an assembly from sessions, and show it."""
+"""Learn the plan of an assembly from a few sessions: its steps, their order, who does them and what
+they take. The estimator's parameter `plan` takes it (docs/plans.md).
+
+# from session bags in which boxes are built one after the other
+intent plan learn bags/sessions --first plate_handover -o box.yaml
+# from written sessions
+intent plan learn sessions.yaml -o shelf.yaml
+# what it says
+intent plan show shelf.yaml
+"""
 
 import argparse
 from collections.abc import Sequence
@@ -32,22 +41,7 @@ YAML = (".yaml", ".yml")
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = add_command(
-        subparsers,
-        "plan",
-        None,
-        """
-        Learn the plan of an assembly from a few sessions: its steps, their order, who does them and
-        what they take. The estimator's parameter `plan` takes it (docs/plans.md).
-
-        # from session bags in which boxes are built one after the other
-        intent plan learn bags/sessions --first plate_handover -o box.yaml
-        # from written sessions
-        intent plan learn sessions.yaml -o shelf.yaml
-        # what it says
-        intent plan show shelf.yaml
-        """,
-    )
+    parser = add_command(subparsers, "plan", None, __doc__)
     actions = parser.add_subparsers(
         title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
     )

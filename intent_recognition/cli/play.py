@@ -1,5 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent play`: the player node from the terminal."""
+"""Publish a bag's messages on their topics in the recorded rhythm. Playing begins when a topic has
+a subscriber, or after --wait.
+
+bag BAG    bag directory or .mcap file
+--rate R   speed; 1 is the recorded one, 0 as fast as possible (default: 1)
+--loop     begin again at the end
+--paused   wait for the service ~/resume before the start
+--wait S   longest wait for subscribers in seconds (default: 3)
+--clock    publish the recorded time on /clock
+--restamp  shift header stamps to the present
+
+# to the nodes, stamped with the present
+intent play demos/give_bracket_00 --restamp
+# slowly, again and again
+intent play demos/give_bracket_00 --rate 0.5 --loop
+"""
 
 import argparse
 
@@ -28,23 +43,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "play",
         run,
-        """
-        Publish a bag's messages on their topics in the recorded rhythm. Playing begins when a topic
-        has a subscriber, or after --wait.
-
-        bag BAG    bag directory or .mcap file
-        --rate R   speed; 1 is the recorded one, 0 as fast as possible (default: 1)
-        --loop     begin again at the end
-        --paused   wait for the service ~/resume before the start
-        --wait S   longest wait for subscribers in seconds (default: 3)
-        --clock    publish the recorded time on /clock
-        --restamp  shift header stamps to the present
-
-        # to the nodes, stamped with the present
-        intent play demos/give_bracket_00 --restamp
-        # slowly, again and again
-        intent play demos/give_bracket_00 --rate 0.5 --loop
-        """,
+        __doc__,
         rate={"type": number(float, 0), "default": 1.0},
         paused={"dest": "start_paused"},
         wait={"dest": "wait_for_subscribers", "type": number(float, 0), "default": 3.0},

@@ -1,5 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent record`: the recorder node from the terminal."""
+"""Record topics, bit for bit, into a new MCAP bag until Ctrl-C.
+
+topics TOPIC  topics to record (default: all there are)
+--output BAG  directory of the new bag
+--task TASK   label of the demonstration
+
+# a demonstration of a task
+intent record --task give_bracket --output demos/give_bracket_00 /mocap/wrist/pose /joint_states
+# everything there is
+intent record --output session_00
+"""
 
 import argparse
 
@@ -19,19 +29,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "record",
         run,
-        """
-        Record topics, bit for bit, into a new MCAP bag until Ctrl-C.
-
-        topics TOPIC  topics to record (default: all there are)
-        --output BAG  directory of the new bag
-        --task TASK   label of the demonstration
-
-        # a demonstration of a task
-        intent record --task give_bracket --output demos/give_bracket_00 /mocap/wrist/pose
-          /joint_states
-        # everything there is
-        intent record --output session_00
-        """,
+        __doc__,
         topics={"type": topic_name, "nargs": "*"},
         output={"required": True},
         task={"default": ""},

@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent recover`: save what can be saved from a truncated or damaged recording."""
+"""Write a whole new bag with every message of a truncated or damaged MCAP recording whose checksum
+holds. The damaged recording is not changed.
+
+bag BAG       bag directory or .mcap file
+--output BAG  directory of the new bag
+
+# write a whole recording beside the damaged one
+intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved
+"""
 
 import argparse
 import sys
@@ -16,22 +24,7 @@ from intent_recognition.cli.options import Subparsers, add_command
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = add_command(
-        subparsers,
-        "recover",
-        run,
-        """
-        Write a whole new bag with every message of a truncated or damaged MCAP recording whose
-        checksum holds. The damaged recording is not changed.
-
-        bag BAG     bag directory or .mcap file
-        --output BAG  directory of the new bag
-
-        # write a whole recording beside the damaged one
-        intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved
-        """,
-        output={"required": True},
-    )
+    parser = add_command(subparsers, "recover", run, __doc__, output={"required": True})
     output.add_json_option(parser, "what was saved and lost")
 
 

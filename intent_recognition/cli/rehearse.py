@@ -1,5 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent rehearse`: what a model would do with people, before it is deployed."""
+"""Follow labelled recordings that a model was not trained on as the nodes would: how many are acted
+on wrongly or missed, how long decisions take, the worst moments, what to demonstrate next.
+
+model M.npz        model that `intent train` wrote
+bags BAG...        a labelled bag, a folder of them, or a session bag; any number
+--max-wrong SHARE  share of interactions that may be acted on wrongly, as the parameter `max_wrong`
+                   of primitive_activation (default: %(default)s)
+--report OUT.html  write an HTML report
+
+# before the robot moves
+intent rehearse bracket.npz holdout --report rehearsal.html
+"""
 
 import argparse
 
@@ -29,20 +40,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "rehearse",
         run,
-        """
-        Follow labelled recordings that a model was not trained on as the nodes would: how many are
-        acted on wrongly or missed, how long decisions take, the worst moments, what to demonstrate
-        next.
-
-        model M.npz        model that `intent train` wrote
-        bags BAG...        a labelled bag, a folder of them, or a session bag; any number
-        --max-wrong SHARE  share of interactions that may be acted on wrongly, as the parameter
-                           `max_wrong` of primitive_activation (default: %(default)s)
-        --report OUT.html  write an HTML report
-
-        # before the robot moves
-        intent rehearse bracket.npz holdout --report rehearsal.html
-        """,
+        __doc__,
         max_wrong={"type": number(float, 0.001, 0.5), "default": MAX_WRONG},
     )
     output.add_json_option(parser, "the numbers")

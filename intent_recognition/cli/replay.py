@@ -1,5 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent replay`: the online estimator over a recording, without ROS."""
+"""Run the online estimator over a recording, and print the probabilities of the tasks over time and
+when a task became active.
+
+bag BAG            bag directory or .mcap file
+--model M.npz      model that `intent train` wrote
+--report OUT.html  write an HTML report of the decisions, as `intent explain` does
+
+# the posterior over time, and when the robot would have acted
+intent replay demos/give_bracket_00 --model bracket.npz
+# every observation, for a script
+intent replay demos/give_bracket_00 --model bracket.npz --json rows.json
+"""
 
 import argparse
 from collections import Counter
@@ -20,25 +31,7 @@ from intent_recognition.promp import NONE, TaskLibrary
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = add_command(
-        subparsers,
-        "replay",
-        run,
-        """
-        Run the online estimator over a recording, and print the probabilities of the tasks over
-        time and when a task became active.
-
-        bag BAG            bag directory or .mcap file
-        --model M.npz      model that `intent train` wrote
-        --report OUT.html  write an HTML report of the decisions, as `intent explain` does
-
-        # the posterior over time, and when the robot would have acted
-        intent replay demos/give_bracket_00 --model bracket.npz
-        # every observation, for a script
-        intent replay demos/give_bracket_00 --model bracket.npz --json rows.json
-        """,
-        model={"required": True},
-    )
+    parser = add_command(subparsers, "replay", run, __doc__, model={"required": True})
     output.add_json_option(parser, "every observation")
 
 

@@ -1,5 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent segment`: a session into demonstrations."""
+"""Find the interactions in a recording of several, and write each as a bag: labelled with --model,
+otherwise cut by the motion of both agents. Markers in the session are not used.
+
+session SESSION  one bag, or its .mcap file
+--dofs F         DOF file, where no model is given (default: the shipped config/dofs.yaml)
+--output BAGS    folder of the new bags (default: %(default)s)
+
+# cut at the rests of both agents, then find out which tasks there are
+intent segment sessions/monday --unlabelled --output demos
+# then learn from them
+intent train demos --unlabelled --output model.npz
+# cut and label by what is known already
+intent segment sessions/monday --model model.npz --output demos
+"""
 
 import argparse
 from pathlib import Path
@@ -23,25 +36,7 @@ from intent_recognition.model import load_model
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = add_command(
-        subparsers,
-        "segment",
-        run,
-        """
-        Find the interactions in a recording of several, and write each as a bag: labelled with
-        --model, otherwise cut by the motion of both agents. Markers in the session are not used.
-
-        session SESSION  one bag, or its .mcap file
-        --dofs F         DOF file, where no model is given (default: the shipped config/dofs.yaml)
-        --output BAGS    folder of the new bags (default: %(default)s)
-
-        # cut at the rests of both agents, then find out which tasks there are
-        intent segment sessions/monday --unlabelled --output demos
-        # then learn from them
-        intent train demos --unlabelled --output model.npz
-        # cut and label by what is known already
-        intent segment sessions/monday --model model.npz --output demos
-        """,
-        output={"default": Path("out/segments")},
+        subparsers, "segment", run, __doc__, output={"default": Path("out/segments")}
     )
     add_options(
         parser.add_mutually_exclusive_group(),

@@ -1,5 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent teach`: demonstrate a task while the graph runs, and have it recognised at once."""
+"""Record demonstrations of a task while the nodes run. Each is learned as soon as its recording
+ends, and a running estimator uses it at once. Needs ROS 2.
+
+task TASK    label of the task
+--seconds S  length of each recording [s]; without it Enter begins and ends one
+--count N    number of demonstrations (default: until q is entered)
+
+# Enter begins and ends each demonstration
+intent teach give_bracket --library tasks --model bracket.npz
+# one of five seconds, without questions
+intent teach give_bracket --library tasks --seconds 5
+"""
 
 import argparse
 import queue
@@ -45,19 +56,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "teach",
         run,
-        """
-        Record demonstrations of a task while the nodes run. Each is learned as soon as its
-        recording ends, and a running estimator uses it at once. Needs ROS 2.
-
-        task TASK    label of the task
-        --seconds S  length of each recording [s]; without it Enter begins and ends one
-        --count N    number of demonstrations (default: until q is entered)
-
-        # Enter begins and ends each demonstration
-        intent teach give_bracket --library tasks --model bracket.npz
-        # one of five seconds, without questions
-        intent teach give_bracket --library tasks --seconds 5
-        """,
+        __doc__,
         seconds=number(float, 0.1),
         count={"type": number(int, 0), "default": 0},
     )

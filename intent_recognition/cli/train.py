@@ -1,5 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent train`: learn a library of interaction primitives from bags."""
+"""Learn a library of tasks from labelled demonstrations, and write it to one file. What could not
+be used is named.
+
+what is written:
+--output M.npz  model file to write
+
+# learn from the shipped recordings
+intent train bags/toolbox/train --output toolbox.npz
+# with DOFs of your own
+intent train demos --dofs my_dofs.yaml --output bracket.npz
+# add one more demonstration
+intent train --add bracket.npz demos/give_bracket_20 --output bracket2.npz
+# find the tasks in recordings without labels
+intent train demos --unlabelled --output tasks.npz
+"""
 
 import argparse
 from pathlib import Path
@@ -42,28 +56,7 @@ PACE_WORDS = {
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
-    parser = add_command(
-        subparsers,
-        "train",
-        run,
-        """
-        Learn a library of tasks from labelled demonstrations, and write it to one file. What could
-        not be used is named.
-
-        what is written:
-        --output M.npz  model file to write
-
-        # learn from the shipped recordings
-        intent train bags/toolbox/train --output toolbox.npz
-        # with DOFs of your own
-        intent train demos --dofs my_dofs.yaml --output bracket.npz
-        # add one more demonstration
-        intent train --add bracket.npz demos/give_bracket_20 --output bracket2.npz
-        # find the tasks in recordings without labels
-        intent train demos --unlabelled --output tasks.npz
-        """,
-        output={"required": True},
-    )
+    parser = add_command(subparsers, "train", run, __doc__, output={"required": True})
     add_recording_options(parser, "movement")
     add_unlabelled_options(parser)
     add_sessions_option(parser)

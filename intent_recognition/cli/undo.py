@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent undo`: take the last demonstration back, also from the running graph."""
+"""Take back the last change of a library, by `intent teach` or `intent keep`. A running estimator
+loads the model before it, and the recording moves to the folder `undone`. Needs ROS 2.
+
+# take the last demonstration back
+intent undo --library tasks
+"""
 
 import argparse
 
@@ -19,19 +24,7 @@ FOUND_S = 2.0
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = add_command(
-        subparsers,
-        "undo",
-        change_library,
-        """
-        Take back the last change of a library, by `intent teach` or `intent keep`. A running
-        estimator loads the model before it, and the recording moves to the folder `undone`. Needs
-        ROS 2.
-
-        # take the last demonstration back
-        intent undo --library tasks
-        """,
-    )
+    parser = add_command(subparsers, "undo", change_library, __doc__)
     add_library_options(parser)
 
 

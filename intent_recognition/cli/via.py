@@ -1,5 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent via`: where the robot shall pass, told to a running estimator."""
+"""Add, list or remove via points: places or joint values through which the robot passes until they
+are removed. Needs ROS 2 and a running estimator.
+
+# over the bottle, in the middle of the way
+intent via add bottle --hand 0.45 0.1 0.4 --phase 0.5 --task plate_handover
+# another end
+intent via add end --hand 0.5 -0.2 0.3 --phase 1 --std 0.005
+# a joint, 2 s after the onset
+intent via add elbow --dof lwr_a4_joint=-1.2 --time 2 --std 0.05
+# which there are
+intent via list
+# no more
+intent via remove bottle
+"""
 
 import argparse
 import math
@@ -29,26 +42,7 @@ Change = Callable[[argparse.Namespace, Points], Sequence[ViaPoint]]
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
-    parser = add_command(
-        subparsers,
-        "via",
-        None,
-        """
-        Add, list or remove via points: places or joint values through which the robot passes until
-        they are removed. Needs ROS 2 and a running estimator.
-
-        # over the bottle, in the middle of the way
-        intent via add bottle --hand 0.45 0.1 0.4 --phase 0.5 --task plate_handover
-        # another end
-        intent via add end --hand 0.5 -0.2 0.3 --phase 1 --std 0.005
-        # a joint, 2 s after the onset
-        intent via add elbow --dof lwr_a4_joint=-1.2 --time 2 --std 0.05
-        # which there are
-        intent via list
-        # no more
-        intent via remove bottle
-        """,
-    )
+    parser = add_command(subparsers, "via", None, __doc__)
     actions = parser.add_subparsers(
         title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
     )

@@ -1,5 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent warp`: measure an object by warping an annotated one onto it."""
+"""Warp an annotated object onto a mesh or a cloud, and print its parameters (opening, volume,
+height, lip, tilt) and grasp in the target's coordinates. docs/warping.md says how to annotate
+objects.
+
+source SOURCE      annotated object: a file, or `mug`
+target TARGET      file of a mesh or point cloud
+--report OUT.html  write a page with figures (default: %(const)s)
+--mapping          label: carry the source's labels to the target's points; point: move the source's
+                   points onto the target (default: %(default)s)
+--neighbours K     nearest points that vote on a label (default: 1)
+--points POINTS    points used of the target (default: %(default)s)
+--scale SCALE      factor from the target's unit to metres, such as 0.001
+--toward X Y Z     place of the other container [m]
+--viewpoint X Y Z  where the camera was [m], for clouds without normals
+--seed SEED        seed of the points sampled on a mesh
+--grasp            carry the source's grasp to the target: where, from where, how wide
+
+# a mesh, with the shipped mug
+intent warp mug bowl.obj
+# in millimetres, for a script
+intent warp mug cup.stl --scale 0.001 --json
+# the grasp for a script
+intent warp mug bowl.obj --grasp --json
+# a cloud without normals
+intent warp mug seen.ply --viewpoint 0.5 0 0.6
+"""
 
 import argparse
 import time
@@ -45,33 +70,7 @@ def add_parser(subparsers: Subparsers) -> None:
         subparsers,
         "warp",
         run,
-        """
-        Warp an annotated object onto a mesh or a cloud, and print its parameters (opening, volume,
-        height, lip, tilt) and grasp in the target's coordinates. docs/warping.md says how to
-        annotate objects.
-
-        source SOURCE          annotated object: a file, or `mug`
-        target TARGET          file of a mesh or point cloud
-        --report OUT.html      write a page with figures (default: %(const)s)
-        --mapping              label: carry the source's labels to the target's points; point: move
-                               the source's points onto the target (default: %(default)s)
-        --neighbours K         nearest points that vote on a label (default: 1)
-        --points POINTS        points used of the target (default: %(default)s)
-        --scale SCALE          factor from the target's unit to metres, such as 0.001
-        --toward X Y Z         place of the other container [m]
-        --viewpoint X Y Z      where the camera was [m], for clouds without normals
-        --seed SEED            seed of the points sampled on a mesh
-        --grasp                carry the source's grasp to the target: where, from where, how wide
-
-        # a mesh, with the shipped mug
-        intent warp mug bowl.obj
-        # in millimetres, for a script
-        intent warp mug cup.stl --scale 0.001 --json
-        # the grasp for a script
-        intent warp mug bowl.obj --grasp --json
-        # a cloud without normals
-        intent warp mug seen.ply --viewpoint 0.5 0 0.6
-        """,
+        __doc__,
         report={"nargs": "?", "const": Path("warp.html")},
         mapping={"choices": ("label", "point"), "default": "label"},
         neighbours={"type": number(int, 1), "default": 1},
