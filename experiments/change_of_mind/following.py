@@ -9,7 +9,7 @@ import numpy as np
 from experiments.toolbox.session import predicted_hand, watch
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
-from sim_bridge.coworker import ChangedReach, SessionTiming, WristMovement, sample_wrist
+from sim_bridge.coworker import JoinedMovement, SessionTiming, WristMovement, sample_wrist
 from sim_bridge.scenarios.toolbox import DECIDED_WITHIN_S, handover_point
 
 REST_S = 1.0
@@ -117,7 +117,7 @@ def follow_reach(
 
 def tasks_of(movement: WristMovement) -> tuple[tuple[str, ...], float]:
     """The tasks of a reach in order, and when the mind changed for the last time."""
-    if not isinstance(movement, ChangedReach):
+    if not isinstance(movement, JoinedMovement):
         return (movement.task,), 0.0
     return (*tasks_of(movement.first)[0], movement.task), movement.change_s
 

@@ -18,7 +18,7 @@ from intent_recognition.report import Block, Column, Drawing, Figure, TableBlock
 from sim_bridge.coworker import (
     TASKS,
     USUAL_BLEND,
-    ChangedReach,
+    JoinedMovement,
     WristMovement,
     change_of_mind,
     draw_reach,
@@ -194,7 +194,7 @@ def blocks(study: ChangeStudy, seed: int) -> tuple[Block, ...]:
 def _courses(seed: int) -> Drawing:
     """One reach, changed in each way; every generator draws the same two reaches."""
 
-    def draw(blend: float | None) -> ChangedReach:
+    def draw(blend: float | None) -> JoinedMovement:
         rng = np.random.default_rng(seed)
         first = draw_reach(rng, TASKS[0], draw_rest(rng))
         return change_of_mind(rng, first, TASKS[1], SHARES[2], blend)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
-from sim_bridge.coworker.change import USUAL_BLEND, ChangedReach, change_of_mind
+from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind
 from sim_bridge.coworker.reach import (
+    JoinedMovement,
     Reach,
     WristMovement,
     bow_profile,
@@ -19,6 +20,5 @@ from sim_bridge.coworker.session import (
     plan_session,
 )
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
-from sim_bridge.coworker.task_list import change_some, parse_task_list
+from sim_bridge.coworker.task_list import change_some, parse_task_list, work_shares
 from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
-from sim_bridge.coworker.work import work_shares

@@ -6,7 +6,7 @@ start and the same timing. In a replanned one it makes a new reach from where it
 velocity and the acceleration it has (Flash and Henis 1991 find both in people).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import minimum_jerk
 from sim_bridge.coworker.reach import (
+    JoinedMovement,
     Reach,
     WristMovement,
     depart,
@@ -30,71 +31,51 @@ APART_M = 0.20
 """Least distance of such an end from every region of goals [m]. Convention."""
 
 
-@dataclass(frozen=True)
-class ChangedReach:
-    """A reach that goes over into another one.
+def _joined(
+    first: WristMovement, second: Reach, change_s: float, onset_s: float, blend_s: float
+) -> JoinedMovement:
+    """A reach that goes over into another one, which began at `onset_s`, within `blend_s`."""
 
-    Attributes:
-        first: as it was meant until then; itself a changed one where the mind changes again.
-        second: what becomes of it.
-        change_s: when the mind changes, in seconds after the onset.
-        blend_s: how long the hand takes from the one course to the other, which began with it; 0
-            where the second begins at `change_s`, from the hand's state.
-    """
+    def done(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share (T, 1) of the change that is done."""
+        since_s = time_s - change_s
+        share = minimum_jerk(since_s / blend_s) if blend_s else since_s >= 0.0
+        return np.asarray(share, dtype=np.float64)[:, None]
 
-    first: WristMovement
-    second: Reach
-    change_s: float
-    blend_s: float
-
-    @property
-    def task(self) -> str:
-        """Label of the task it ends in."""
-        return self.second.task
-
-    @property
-    def start_m(self) -> NDArray[np.float64]:
-        """Where it begins, (3,), world."""
-        return self.first.start_m
-
-    @property
-    def goal_m(self) -> NDArray[np.float64]:
-        """Where it stops, (3,), world."""
-        return self.second.goal_m
-
-    @property
-    def duration_s(self) -> float:
-        """Time from onset to end."""
-        return self._second_onset_s + self.second.duration_s
-
-    @property
-    def _second_onset_s(self) -> float:
-        return 0.0 if self.blend_s else self.change_s
-
-    def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
-        meant = self.first.positions(time_s)
-        return meant + self._done(time_s) * (
-            self.second.positions(time_s - self._second_onset_s) - meant
-        )
+    def positions(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        meant = first.positions(time_s)
+        return meant + done(time_s) * (second.positions(time_s - onset_s) - meant)
 
     def rotations(
-        self, time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
+        time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
-        onset_s = self._second_onset_s
-        meant = self.first.rotations(time_s, before_rad)
-        then = self.first.rotations(np.array([onset_s]), before_rad)[0]
-        return meant + self._done(time_s) * (self.second.rotations(time_s - onset_s, then) - meant)
+        meant = first.rotations(time_s, before_rad)
+        then = first.rotations(np.array([onset_s]), before_rad)[0]
+        return meant + done(time_s) * (second.rotations(time_s - onset_s, then) - meant)
 
-    def _done(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Share (T, 1) of the change that is done."""
-        since_s = time_s - self.change_s
-        done = minimum_jerk(since_s / self.blend_s) if self.blend_s else since_s >= 0.0
-        return np.asarray(done, dtype=np.float64)[:, None]
+    duration_s = onset_s + second.duration_s
+    return JoinedMovement(first, second, change_s, duration_s, positions, rotations)
 
 
-def blend(first: WristMovement, second: Reach, share: float, blend_share: float) -> ChangedReach:
+def superposed(movement: WristMovement, before: WristMovement, into_s: float) -> JoinedMovement:
+    """A movement that begins while the one before still ends: the hand makes both at once.
+
+    So do people who go over from one reach to another (superposition: Flash and Henis 1991).
+
+    Args:
+        movement: from where the one before ends.
+        before: the other.
+        into_s: time after its onset at which the movement begins.
+    """
+
+    def positions(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        remains = before.positions(time_s + into_s) - before.goal_m
+        return movement.positions(time_s) + remains
+
+    return JoinedMovement(before, movement, 0.0, movement.duration_s, positions, movement.rotations)
+
+
+def blend(first: WristMovement, second: Reach, share: float, blend_share: float) -> JoinedMovement:
     """A reach that goes over to the course of another.
 
     Args:
@@ -111,10 +92,12 @@ def blend(first: WristMovement, second: Reach, share: float, blend_share: float)
     timing = _last(first)
     second = replace(second, nominal_s=timing.nominal_s, hesitations=timing.hesitations)
     duration_s = first.duration_s
-    return ChangedReach(first, second, share * duration_s, blend_share * duration_s)
+    return _joined(first, second, share * duration_s, 0.0, blend_share * duration_s)
 
 
-def replan(rng: np.random.Generator, first: WristMovement, task: str, share: float) -> ChangedReach:
+def replan(
+    rng: np.random.Generator, first: WristMovement, task: str, share: float
+) -> JoinedMovement:
     """A reach in which a new one to another task begins in the hand's present state.
 
     It takes the time that was left, and what the new reach's own hesitations add. Its bow is as
@@ -134,7 +117,7 @@ def replan(rng: np.random.Generator, first: WristMovement, task: str, share: flo
         np.linalg.norm(drawn.goal_m - start) for start in (first.start_m, state.position_m)
     )
     second = depart(replace(drawn, bow_m=drawn.bow_m * min(left / whole, 1.0)), state)
-    return ChangedReach(first, second, change_s, 0.0)
+    return _joined(first, second, change_s, change_s, 0.0)
 
 
 def change_of_mind(
@@ -143,7 +126,7 @@ def change_of_mind(
     task: str,
     share: float,
     blend_share: float | None,
-) -> ChangedReach:
+) -> JoinedMovement:
     """Change a reach to another task on the way.
 
     Args:
@@ -187,11 +170,7 @@ def _draw(
 
 def _last(movement: WristMovement) -> Reach:
     """The reach that a movement ends as."""
-    if isinstance(movement, ChangedReach):
-        return movement.second
-    if isinstance(movement, Reach):
-        return movement
-    raise TypeError(type(movement))
+    return movement if isinstance(movement, Reach) else _last(movement.second)
 
 
 def _check(share: float) -> None:

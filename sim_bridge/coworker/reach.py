@@ -5,8 +5,9 @@ A reach that begins in motion adds what minimum jerk makes of the velocity and t
 that the wrist has then.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,34 +47,6 @@ class Hesitation:
     centre: float
     width: float
     extra_s: float
-
-
-class WristMovement(Protocol):
-    """What the wrist does between two rests."""
-
-    @property
-    def task(self) -> str:
-        """Label of the task it ends in, or ""."""
-
-    @property
-    def start_m(self) -> NDArray[np.float64]:
-        """Where it begins, (3,), world."""
-
-    @property
-    def goal_m(self) -> NDArray[np.float64]:
-        """Where it stops, (3,), world."""
-
-    @property
-    def duration_s(self) -> float:
-        """Time from onset to end."""
-
-    def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
-
-    def rotations(
-        self, time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +105,46 @@ class Reach:
             duration_s * (1.0 + 3.0 * u) * self.velocity_m_s
             + 0.5 * duration_s**2 * u * self.acceleration_m_s2
         )
+
+
+@dataclass(frozen=True)
+class JoinedMovement:
+    """Two movements of the wrist joined to one.
+
+    Attributes:
+        first: as it was meant, or the one before.
+        second: what becomes of it.
+        change_s: when the mind changes, in seconds after the onset; 0 where it does not.
+        duration_s: time from onset to end.
+        positions: as of a `Reach`.
+        rotations: likewise.
+    """
+
+    first: "WristMovement"
+    second: "WristMovement"
+    change_s: float
+    duration_s: float
+    positions: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    rotations: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+    @property
+    def task(self) -> str:
+        """Label of the task it ends in, or ""."""
+        return self.second.task
+
+    @property
+    def start_m(self) -> NDArray[np.float64]:
+        """Where it begins, (3,), world."""
+        return self.positions(np.zeros(1))[0]
+
+    @property
+    def goal_m(self) -> NDArray[np.float64]:
+        """Where it stops, (3,), world."""
+        return self.second.goal_m
+
+
+WristMovement: TypeAlias = Reach | JoinedMovement
+"""What the wrist does between two rests."""
 
 
 class WristState(NamedTuple):

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind
+from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind, superposed
 from sim_bridge.coworker.reach import WristMovement, draw_reach, draw_rest, draw_retract
 from sim_bridge.coworker.styles import STYLES
-from sim_bridge.coworker.superposition import SuperposedMovement
 from sim_bridge.coworker.task_list import Intention, read_intention
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
@@ -173,7 +172,7 @@ def _following(
     if before is None or not timing.overlap_share:
         return movement
     into_s = (1.0 - timing.overlap_share) * before.duration_s
-    return SuperposedMovement(movement, before, into_s)
+    return superposed(movement, before, into_s)
 
 
 def _interaction(

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a worker is to do: task lists, and how a change of mind is written in them."""
+"""What a worker is to do: task lists and changes of mind in them, a habit, a share of a plan.
+
+The habit: per box a plate, a screw, the screwdriver; now and then a part is skipped or taken twice.
+A first-order Markov chain, drawn from a seed. Nothing of it is told to the robot, which learns it
+from recordings of earlier sessions.
+"""
 
 import re
 from pathlib import Path
@@ -8,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.plans import WorkPlan
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
-from sim_bridge.coworker.habit import habitual_tasks
-from sim_bridge.coworker.styles import STYLES, TASKS
+from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 
 CHANGED = re.compile(r"(?P<task>[^>@]+)>(?P<then>[^>@]+)@(?P<share>[^>@]+)")
 """One task that is changed to another one: OLD>NEW@SHARE."""
@@ -139,3 +144,56 @@ def _labels_of(text: str) -> tuple[str, ...]:
             return tuple(str(label) for label in content)
         text = str(content or "").replace(" ", ",")
     return tuple(label.strip() for label in text.split(",") if label.strip())
+
+
+ORDER = (PLATE, SCREW, HOLD)
+"""The tasks of one box, in their usual order."""
+FIRST = np.array([0.8, 0.1, 0.1])
+"""Probability of the first task, in ORDER."""
+FOLLOWS = np.array([[0.05, 0.85, 0.10], [0.05, 0.10, 0.85], [0.85, 0.10, 0.05]])
+"""Probability of the next task (columns) after each (rows), both in ORDER."""
+
+
+def habitual_tasks(seed: int, count: int) -> tuple[str, ...]:
+    """The tasks of a session in the order of the habit, the same for the same seed."""
+    rng = np.random.default_rng([seed, 11])
+    tasks: list[str] = []
+    row = FIRST
+    for _ in range(count):
+        k = int(rng.choice(len(ORDER), p=row))
+        tasks.append(ORDER[k])
+        row = FOLLOWS[k]
+    return tuple(tasks)
+
+
+REQUIRED = 0.5
+"""Probability from which on a relation of the plan is kept. Convention."""
+
+
+def work_shares(
+    plan: WorkPlan, seed: int, n_people: int, n_steps: int = 0
+) -> tuple[tuple[str, ...], ...]:
+    """The tasks of each of several people who share an assembly, or its first steps.
+
+    At any time each of them does a step that may be next, as long as there are so many; who has
+    done the fewest is the first to take one. Each such step is as probable as the others.
+
+    Args:
+        plan: of the assembly.
+        seed: of the order.
+        n_people: who share it.
+        n_steps: how many steps; 0: all.
+    """
+    rng = np.random.default_rng([seed, 23])
+    before = plan.before > REQUIRED
+    left = list(range(len(plan.steps)))
+    most = len(left) - (n_steps or len(left))
+    shares: list[list[str]] = [[] for _ in range(n_people)]
+    while len(left) > most:
+        due = [k for k in left if not before[left, k].any()]
+        for share in sorted(shares, key=len)[: len(left) - most]:
+            if due:
+                step = due.pop(due.index(int(rng.choice(due))))
+                left.remove(step)
+                share.append(plan.steps[step].task)
+    return tuple(map(tuple, shares))
