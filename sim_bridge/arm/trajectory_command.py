@@ -108,13 +108,16 @@ class TrajectoryCommand:
         order = _column_order(names, joint_names)
         times = _checked_times(times_s)
         shape = (len(times), len(order))
-        q = _checked_rows("positions", positions, shape)[:, order]
-        qd = _optional_rows("velocities", velocities, shape)
-        qdd = _optional_rows("accelerations", accelerations, shape)
-        qd = _smooth_velocities(times, q) if qd is None else qd[:, order]
-        qdd = None if qdd is None else qdd[:, order]
-        _check_positions(q, limits, joint_names, position)
-        _check_rates(times, q, qd if velocities is not None else None, qdd, limits, joint_names)
+        q = _rows("positions", positions, shape)[:, order]
+        sent = (("velocities", velocities), ("accelerations", accelerations))
+        qd, qdd = (
+            _rows(field, rows, shape)[:, order]
+            if rows is not None and any(map(len, rows))
+            else None
+            for field, rows in sent
+        )
+        _check_limits(times, q, qd, qdd, limits, joint_names, position)
+        qd = _smooth_velocities(times, q) if qd is None else qd
         if np.any(np.abs(qd[-1]) > VELOCITY_TOLERANCE):
             _reject("velocity_at_end", "velocities", "zero in the last point", qd[-1].tolist())
         if start_s is not None:
@@ -151,25 +154,17 @@ def _checked_times(times_s: Sequence[float] | NDArray[np.float64]) -> NDArray[np
     return times
 
 
-def _checked_rows(argument: str, rows: CommandRows, shape: tuple[int, int]) -> NDArray[np.float64]:
+def _rows(field: str, rows: CommandRows, shape: tuple[int, int]) -> NDArray[np.float64]:
     if len(rows) != shape[0]:
-        _reject("wrong_size", argument, f"{shape[0]} rows", f"{len(rows)} rows")
+        _reject("wrong_size", field, f"{shape[0]} rows", f"{len(rows)} rows")
     for k, row in enumerate(rows):
         if len(row) != shape[1]:
-            _reject("wrong_size", f"points[{k}].{argument}", f"{shape[1]} values", len(row))
+            _reject("wrong_size", f"points[{k}].{field}", f"{shape[1]} values", len(row))
     array = np.array(rows, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         k = int(np.argmin(np.all(np.isfinite(array), axis=1)))
-        _reject("not_finite", f"points[{k}].{argument}", "finite values", array[k].tolist())
+        _reject("not_finite", f"points[{k}].{field}", "finite values", array[k].tolist())
     return array
-
-
-def _optional_rows(
-    argument: str, rows: CommandRows | None, shape: tuple[int, int]
-) -> NDArray[np.float64] | None:
-    if rows is None or (len(rows) == shape[0] and all(len(row) == 0 for row in rows)):
-        return None
-    return _checked_rows(argument, rows, shape)
 
 
 def _smooth_velocities(times: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -188,60 +183,38 @@ def _smooth_velocities(times: NDArray[np.float64], q: NDArray[np.float64]) -> ND
     return velocities
 
 
-def _check_positions(
-    q: NDArray[np.float64],
-    limits: JointLimits,
-    names: Sequence[str],
-    position: NDArray[np.float64] | None,
-) -> None:
-    """Reject positions outside the limits, naming point and joint."""
-    bounds = f"[{limits.lower.round(4).tolist()}, {limits.upper.round(4).tolist()}] rad"
-    excess = position_violation(q, limits)
-    if position is not None:
-        pushed = position_violation(np.atleast_2d(position), limits).max(axis=0)
-        room = np.where(pushed > 0.0, pushed + PUSHED_ROOM_RAD, 0.0)
-        excess[:-1] = np.maximum(excess[:-1] - room, 0.0)
-    _check_excess("position", excess, q, bounds, names)
-
-
-def _check_rates(
+def _check_limits(
     times: NDArray[np.float64],
     q: NDArray[np.float64],
     qd: NDArray[np.float64] | None,
     qdd: NDArray[np.float64] | None,
     limits: JointLimits,
     names: Sequence[str],
+    position: NDArray[np.float64] | None,
 ) -> None:
-    """Reject a trajectory too fast or too sharp, naming point and joint."""
-    if qd is None:
-        qd = np.zeros_like(q)
+    """Reject a trajectory outside the limits, or too fast on average, naming point and joint."""
+    outside = position_violation(q, limits)
+    if position is not None:
+        pushed = position_violation(np.atleast_2d(position), limits).max(axis=0)
+        outside[:-1] -= np.where(pushed > 0.0, pushed + PUSHED_ROOM_RAD, 0.0)
     means = np.zeros_like(q)
     means[1:] = np.diff(q, axis=0) / np.diff(times)[:, None]
-    for speeds in (qd, means):
-        excess = np.maximum(np.abs(speeds) - limits.velocity * (1.0 + RATE_TOLERANCE), 0.0)
-        bound = f"speeds up to {limits.velocity.round(4).tolist()} rad/s"
-        _check_excess("velocity", excess, speeds, bound, names)
-    if qdd is not None:
-        excess = np.maximum(np.abs(qdd) - limits.acceleration * (1.0 + RATE_TOLERANCE), 0.0)
-        bound = f"accelerations up to {limits.acceleration.tolist()} rad/s^2"
-        _check_excess("acceleration", excess, qdd, bound, names)
-
-
-def _check_excess(
-    kind: str,
-    excess: NDArray[np.float64],
-    values: NDArray[np.float64],
-    expected: str,
-    names: Sequence[str],
-) -> None:
-    if np.any(excess > POSITION_TOLERANCE_RAD):
-        k, joint = divmod(int(np.argmax(excess)), excess.shape[1])
-        _reject(
-            f"outside_{kind}_limits",
-            f"points[{k}] {names[joint]}",
-            expected,
-            f"{values[k, joint]:.4f}",
-        )
+    bounds = f"[{limits.lower.round(4).tolist()}, {limits.upper.round(4).tolist()}] rad"
+    speeds = f"speeds up to {limits.velocity.round(4).tolist()} rad/s"
+    found = [("position", q, outside, bounds)]
+    for kind, values, limit, expected in (
+        ("velocity", qd, limits.velocity, speeds),
+        ("velocity", means, limits.velocity, speeds),
+        ("acceleration", qdd, limits.acceleration, "accelerations up to {} rad/s^2"),
+    ):
+        if values is not None:
+            excess = np.abs(values) - limit * (1.0 + RATE_TOLERANCE)
+            found.append((kind, values, excess, expected.format(limit.tolist())))
+    for kind, values, excess, expected in found:
+        if np.any(excess > POSITION_TOLERANCE_RAD):
+            k, joint = divmod(int(np.argmax(excess)), excess.shape[1])
+            at, got = f"points[{k}] {names[joint]}", f"{values[k, joint]:.4f}"
+            _reject(f"outside_{kind}_limits", at, expected, got)
 
 
 def _check_start(start_s: float, duration_s: float, now_s: float) -> None:
