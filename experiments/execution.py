@@ -122,7 +122,7 @@ def execute(
         Surroundings,
         TrajectoryFollower,
     )
-    from sim_bridge.scenarios.toolbox import HOME, make_gripper
+    from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper
 
     refusals: list[str] = []
 
@@ -145,7 +145,7 @@ def execute(
     corrected = None
     with SimulatedArm(HOME, noise=SensorNoise(), rng=rng) as arm:
         surroundings = Surroundings(arm, boxes)
-        gripper = make_gripper(arm, "toolbox")
+        gripper = ToolboxGripper(arm)
         follower = TrajectoryFollower(arm.reference.q, arm.limits)
 
         def before_step(arm: "SimulatedArm") -> None:

@@ -7,6 +7,7 @@ another base position is given. Units: m, rad, s, N, Nm.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ class _Push(NamedTuple):
     point: tuple[float, float, float]
 
 
-class SimulatedArm:
+class SimulatedArm(AbstractContextManager["SimulatedArm"]):
     """The arm, its torque controller and its world.
 
     Two modes: following a reference (`set_reference`), with inverse-dynamics feed-forward and
@@ -227,10 +228,6 @@ class SimulatedArm:
     def close(self) -> None:
         """Disconnect from the world."""
         end_world(self.client)
-
-    def __enter__(self) -> "SimulatedArm":
-        """Return the arm."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Close the world."""

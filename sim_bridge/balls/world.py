@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A PyBullet world with one fixed container and balls; gravity may point anywhere."""
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -23,7 +24,7 @@ SOLVER_ITERATIONS = 10
 """Of the contact solver: balls give way by up to 12 % of their diameter (docs/pouring.md)."""
 
 
-class BallWorld:
+class BallWorld(AbstractContextManager["BallWorld"]):
     """One container, fixed at the origin in its own frame, and balls of one size.
 
     Balls in maximal coordinates and a small contact threshold make it three times faster than
@@ -120,10 +121,6 @@ class BallWorld:
 
         end_world(self.client)
         self._folder.cleanup()
-
-    def __enter__(self) -> "BallWorld":
-        """Return the world."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """End the world."""

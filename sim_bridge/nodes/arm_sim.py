@@ -31,7 +31,7 @@ from sim_bridge.nodes.clock_answers import ClockAnswers
 from sim_bridge.nodes.physics_clock import PhysicsClock
 from sim_bridge.nodes.pouring_scene import POURING, PouringScene
 from sim_bridge.nodes.transfer_scene import TAKES, TRANSFERS, TransferScene
-from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper, make_gripper
+from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper
 
 TICK_S = 0.002
 """Period of the timer that runs due physics steps [s]. Convention: half a joint state."""
@@ -142,7 +142,7 @@ class ArmSim(Node):
             return TransferScene(self, self.arm, seed, lever_m, stamp, self._answers.note)
         if name == POURING:
             return pouring.begin(self.arm, seed, stamp)
-        return make_gripper(self.arm, name)
+        return ToolboxGripper(self.arm) if name == "toolbox" else None
 
     def _make_topics(self) -> None:
         self._states = self.create_publisher(JointState, "joint_states", STATE)

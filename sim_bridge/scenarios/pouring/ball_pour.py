@@ -6,6 +6,7 @@ caught if its centre comes down through the second container's opening, which ho
 `FULL_SHARE` of its volume. It takes far less time than `pour`; no ball bounces off the rim.
 """
 
+from contextlib import AbstractContextManager
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -40,7 +41,7 @@ def capacity(container: Container, ball_radius_m: float) -> int:
     return int(FULL_SHARE * balls_in(container.inner_volume_m3, ball_radius_m))
 
 
-class BallPours:
+class BallPours(AbstractContextManager["BallPours"]):
     """Pours with one pair of containers; use as a context, leaving it ends the physics.
 
     Args:
@@ -98,10 +99,6 @@ class BallPours:
         landing = place + ((up + falling) / GRAVITY_M_S2)[:, None] * velocity + self._opening_m
         landing[:, 2] = self._second.rim_height_m
         return self._second.clearance_m(landing) > 0.0
-
-    def __enter__(self) -> "BallPours":
-        """Return itself."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """End the physics."""

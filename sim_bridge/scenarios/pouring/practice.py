@@ -2,6 +2,7 @@
 """Practising to pour: the search space of the warped primitive, and rollouts in quick physics."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -54,7 +55,7 @@ class _Planned(NamedTuple):
     joints: CubicSpline
 
 
-class PouringPractice:
+class PouringPractice(AbstractContextManager["PouringPractice"]):
     """Rollouts of one skill with one pair of containers; use as a context.
 
     They pour as the graph does, with the parameters of the containers as they are seen. The arm is
@@ -183,10 +184,6 @@ class PouringPractice:
             joints = plan_joints(path, SideGrasp(self._cup.lip_point, self._cup.height_m))
             self._last = weights.copy(), _Planned(path, joints)
         return self._last[1]
-
-    def __enter__(self) -> "PouringPractice":
-        """Return itself."""
-        return self
 
     def __exit__(self, *args: object) -> None:
         """End the physics."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from .gripper import ToolboxGripper, make_gripper
+from .gripper import ToolboxGripper
 from .objects import ObjectHolder, ToolboxObjects
 from .other_arms import ToolboxArm
 from .scene import (
@@ -44,7 +44,6 @@ __all__ = [
     "handover_point",
     "handover_rotation",
     "home_pose",
-    "make_gripper",
     "pose",
     "score_people",
     "stand_pose",

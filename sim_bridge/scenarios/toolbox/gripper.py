@@ -4,7 +4,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, TASKS
 from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
@@ -31,13 +30,12 @@ class ToolboxGripper:
     task ends goes to the worker.
 
     Args:
-        arm: the arm.
-        objects: the bodies in its world.
+        arm: gets the objects into its world; its base stands at the world's origin.
     """
 
-    def __init__(self, arm: SimulatedArm, objects: ToolboxObjects) -> None:
+    def __init__(self, arm: SimulatedArm) -> None:
         self._arm = arm
-        self.objects = objects
+        self.objects = ToolboxObjects(arm)
         self.task = ""
         self._start_m = np.zeros(3)
         self._rest_since_s: float | None = None
@@ -93,20 +91,3 @@ class ToolboxGripper:
         if self._rest_since_s is None:
             self._rest_since_s = self._arm.time_s
         return self._arm.time_s - self._rest_since_s >= RELEASE_REST_S
-
-
-def make_gripper(arm: SimulatedArm, scene: str) -> ToolboxGripper | None:
-    """Put the objects of a scene into the arm's world; return who handles them, None for "none".
-
-    Args:
-        arm: the arm; its base stands at the world's origin.
-        scene: "toolbox" or "none".
-
-    Raises:
-        ArgumentError: another scene.
-    """
-    if scene not in ("toolbox", "none"):
-        raise ArgumentError.about(
-            "scene", "'toolbox' or 'none'", repr(scene), "Choose one of them."
-        )
-    return ToolboxGripper(arm, ToolboxObjects(arm)) if scene == "toolbox" else None

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
 from sim_bridge.physics import pybullet
@@ -78,11 +77,11 @@ class ToolboxObjects:
 
     def position(self, task: str) -> NDArray[np.float64]:
         """Where the centre of a task's object is (3,), world."""
-        return np.array(self._client.getBasePositionAndOrientation(self._checked(task))[0])
+        return np.array(self._client.getBasePositionAndOrientation(self.bodies[task])[0])
 
     def put_back(self, task: str) -> None:
         """Put plate or screw back into its stand, the screwdriver onto its place on the bench."""
-        body = self._checked(task)
+        body = self.bodies[task]
         self._let_go(task)
         if task in STANDS_M:
             target = stand_pose(task)
@@ -95,7 +94,7 @@ class ToolboxObjects:
 
     def worker_brings(self, task: str) -> None:
         """Put a task's object into the worker's hand, as the screwdriver that is handed over."""
-        body = self._checked(task)
+        body = self.bodies[task]
         self._let_go(task)
         position, _ = self._client.getBasePositionAndOrientation(self.worker)
         self._place(body, np.array(position) - np.array([0.1, 0.0, 0.0]), _NO_TURN)
@@ -104,7 +103,7 @@ class ToolboxObjects:
 
     def give_to_robot(self, task: str) -> None:
         """Fix a task's object in the arm's hand, and let the arm carry its weight."""
-        body = self._checked(task)
+        body = self.bodies[task]
         self._let_go(task)
         position, orientation = self._arm.hand_pose()
         centre, turn = self._client.multiplyTransforms(
@@ -118,17 +117,11 @@ class ToolboxObjects:
 
     def give_to_worker(self, task: str) -> None:
         """Release a task's object from the arm: the worker has it now."""
-        self._checked(task)
         self._let_go(task)
         self._fix(task, self.worker, -1)
         self._arm.set_payload(0.0)
         self._arm.others.set_gripper()
         self.holders[task] = ObjectHolder.WORKER
-
-    def _checked(self, task: str) -> int:
-        if task not in self.bodies:
-            raise ArgumentError.about("task", f"one of {TASKS}", repr(task), "Correct the label.")
-        return self.bodies[task]
 
     def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour: Rgba) -> int:
         key = "radius" if shape == pybullet.GEOM_SPHERE else "halfExtents"

@@ -12,9 +12,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Branch, solve
-from sim_bridge.coworker import HOLD, PLATE, SCREW, STYLES, TASKS
+from sim_bridge.coworker import HOLD, PLATE, SCREW
 
 ARM_BRANCH = Branch(shoulder=-1, elbow=1, wrist=1)
 ARM_SWIVEL_RAD = -0.25
@@ -81,23 +80,14 @@ def handover_point(task: str, goal_m: NDArray[np.float64]) -> NDArray[np.float64
     """The demonstrator's rule: where the robot's hand ends (3,) for the wrist's goal (3,).
 
     For plate and screwdriver it is the goal plus the task's offset; for the screw it is one place.
-
-    Raises:
-        ArgumentError: the task is unknown.
     """
-    _check_task(task)
     if task == SCREW:
         return SCREW_HANDOVER_M.copy()
     return np.asarray(goal_m, dtype=np.float64) + _OFFSETS_M[task]
 
 
 def handover_rotation(task: str) -> NDArray[np.float64]:
-    """Rotation (3, 3) of the robot's hand at the handover.
-
-    Raises:
-        ArgumentError: the task is unknown.
-    """
-    _check_task(task)
+    """Rotation (3, 3) of the robot's hand at the handover."""
     return hand_rotation(*_YAW_ROLL_RAD[task])
 
 
@@ -107,21 +97,8 @@ def home_pose() -> NDArray[np.float64]:
 
 
 def stand_pose(task: str) -> NDArray[np.float64]:
-    """The hand's pose (4, 4) at the stand of a task's object, turned as at home.
-
-    Raises:
-        ArgumentError: the task has no stand.
-    """
-    if task not in STANDS_M:
-        raise ArgumentError.about(
-            "task", f"one of {sorted(STANDS_M)}", repr(task), "Others need no stand."
-        )
+    """The hand's pose (4, 4) at a task's stand, one of `STANDS_M`, turned as at home."""
     return pose(STANDS_M[task], hand_rotation(*_HOME_YAW_ROLL_RAD))
-
-
-def _check_task(task: str) -> None:
-    if task not in STYLES:
-        raise ArgumentError.about("task", f"one of {TASKS}", repr(task), "Correct the label.")
 
 
 HOME = arm_posture(home_pose())

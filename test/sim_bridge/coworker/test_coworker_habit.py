@@ -17,7 +17,7 @@ from experiments.teaching.record_sessions import (
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
+from sim_bridge.coworker.task_list import FIRST, FOLLOWS, ORDER, habitual_tasks
 
 
 def test_the_habit_is_the_chain_it_says(repository):

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_bridge.coworker.orientation import quaternions
 from sim_bridge.coworker.reach import (
     Hesitation,
     Reach,
     bow_profile,
     normalised_time,
 )
+from sim_bridge.coworker.timeline import quaternions
 
 
 def reach(nominal_s=2.0, hesitations=(), bow=(0.0, 0.0, 0.0)) -> Reach:
