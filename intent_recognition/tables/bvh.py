@@ -65,13 +65,13 @@ def open_bvh(path: Path) -> Table:
 
 
 def _joints(hierarchy: str) -> list[_Joint]:
-    words = iter(hierarchy.split())
+    words = iter(re.findall(r"(?:ROOT|JOINT)[^\S\n]+[^\n{]*[^\s{]|\S+", hierarchy))
     joints: list[_Joint] = []
     above: list[int] = []  # the joints that are open; -1 for the end of a limb
     column, name = 0, ""
     for word in words:
-        if word in ("ROOT", "JOINT"):
-            name = next(words)
+        if word.startswith(("ROOT", "JOINT")):
+            _, name = word.split(maxsplit=1)
         elif word == "End":
             name = ""
         elif word == "{":

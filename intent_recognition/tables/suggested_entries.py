@@ -23,26 +23,36 @@ FARTHEST_CM = 300.0
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
 """Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
 NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
-NO_NAME |= {"position", "pos", "xyz", "translation", "t"}
+NO_NAME |= {"position", "pos", "poses", "xyz", "translation", "t"}
 """What names of columns say that is no name of a body."""
 
 
 class SeenColumn(NamedTuple):
-    """A column of numbers: its name, values, whether they change, and share of rows with one."""
+    """A column of numbers: its name, values, whether they change, share of rows with one, and the
+    largest size.
+    """
 
     name: str
     values: Floats
     moves: bool
     seen: float
+    farthest: float
 
 
 def body_entry(
-    table: Table, columns: Mapping[str, SeenColumn], body: str, names: Sequence[str]
+    table: Table,
+    columns: Mapping[str, SeenColumn],
+    body: str,
+    names: Sequence[str],
+    farthest: float,
 ) -> list[str]:
-    """Lines of the entry of a body, by what it is called and its columns x, y and z, if any."""
+    """Lines of the entry of a body, by what it is called and its columns x, y and z, if any.
+
+    All bodies of a table have one unit: `farthest` is the largest number of any.
+    """
     values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
     extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
-    unit, note = _unit_of(table, names[0], values, "m")
+    unit, note = _unit_of(table, names[0], farthest, "m")
     if len(names) == 2 and not note.startswith("from"):
         unit, note = "mm", "a pixel counts as one"
     parts = [part for part in re.split(r"[\W_]+", body.lower()) if part not in NO_NAME]
@@ -68,8 +78,8 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     if len(set(called)) < len(called):
         called = [joint.name for joint in joints]
     names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
-    values = np.column_stack([joint.values for joint in joints])
-    unit, note = _unit_of(table, joints[0].name, values, "rad")
+    farthest = max(joint.farthest for joint in joints)
+    unit, note = _unit_of(table, joints[0].name, farthest, "rad")
     return [
         "  - topic: /joint_states  # they move; not a position",
         f"    type: {JOINT_STATE}",
@@ -86,17 +96,15 @@ def is_angle(table: Table, name: str) -> bool:
     return spelled(table.units.get(number if number is not None else -1, "")) in ("", *ANGLES)
 
 
-def _unit_of(table: Table, name: str, values: Floats, base: str) -> tuple[str, str]:
+def _unit_of(table: Table, name: str, farthest: float, base: str) -> tuple[str, str]:
     """Unit of columns, "" where it is that of the entry, and how it is known."""
     number = table.find(name)
     said = spelled(table.units.get(number if number is not None else -1, "") or table.unit)
     if said:
         return ("" if said == base else said), "from the file"
-    if table.must_say and base == "m":
-        return "mm", "guessed: usual in motion capture"
-    farthest = float(np.nanmax(np.abs(values)))
     if farthest <= FARTHEST[base]:
-        return "", ""
+        is_asked = table.must_say and base == "m"
+        return ("m", f"guessed: {farthest:.3g} m is near") if is_asked else ("", "")
     unit = "deg" if base == "rad" else "cm" if farthest <= FARTHEST_CM else "mm"
     return unit, f"guessed: {farthest:.3g} {base} is too far"
 

@@ -4,11 +4,13 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
@@ -40,13 +42,17 @@ NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|times?|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)")
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|\bacc|gyr|mag|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
+    r"(?i)stamp|time|\bobject|\bacc|gyr|mag|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
     r"|[XYZ]position$"
 )
 """What columns are called that move and are no position of a joint."""
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
+LATER = re.compile(r"(?i)next(_obs)?[./]")
+"""What columns are called that hold the next row's, as robomimic and LeRobot have them."""
+NO_RATE = "not in the file: give the rate in Hz"
 ELEMENTS = re.compile(
-    r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose))[._\[](?P<element>\d)\]?$"
+    r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
+    r"[._\[](?P<element>\d)\]?$"
 )
 POSE_SIZES = (3, 6, 7)
 """Elements of a place: x, y, z, and a rotation vector or a quaternion."""
@@ -78,7 +84,8 @@ def suggest_map(source: Path) -> str:
         table = kinds[0].table
         twice = [name for name, count in Counter(table.names).items() if name and count > 1]
         got = f"none but {', '.join(twice[:MOST_LISTED])}, each twice" if twice else "none"
-        cure = " ".join([*table.notes, "Check the file."])
+        by_number = "Name columns by their numbers, from 0 on, in a map of your own."
+        cure = " ".join([*table.notes, *parts[0].texts, by_number if twice else "Check the file."])
         raise BagError.about(str(table.source), "columns that move", got, cure)
     others = [line for entry in entries[1:] for line in entry]
     lines = [
@@ -118,15 +125,18 @@ class _Part(NamedTuple):
     times: list[str]
     tasks: list[str]
     left_out: list[str]
+    texts: list[str]
 
 
 def _suggest(kind: FileKind, name: str) -> _Part:
     """The part of a kind of file, whose entries name it if it has a name."""
     table = kind.table
-    columns, labels = _columns(table)
+    columns, labels, texts_ = _columns(table)
     sizes = Counter(column.values.size for column in columns.values() if column.values.size > 1)
     rows = max(sizes, key=lambda size: sizes[size] * size, default=0)
     columns = {name: one for name, one in columns.items() if one.values.size == rows}
+    later = [name for name in columns if LATER.match(name)]
+    columns = {name: one for name, one in columns.items() if name not in later}
     time, time_note = _time(table, columns, labels)
     cut = table.defaults.get("segments")
     used = {str(time.get("column", "")), str(time.get("nanoseconds", ""))}
@@ -142,15 +152,25 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     seldom = [b for b in moving if columns[bodies[b][0]].seen < 0.5]
     markers = [b for b in moving if b not in seldom and _is_marker_of(b, moving)]
     moving = [b for b in moving if b not in (*seldom, *markers)]
-    own = [f"    file: {flow(name)}", f"    time: {flow(time)}  # {time_note}"] if name else []
-    found = [body_entry(table, columns, body, bodies[body]) + own for body in moving[:MOST_BODIES]]
-    arm = [joints_entry(table, joints[:MOST_JOINTS]) + own] if joints else []
+    time_line = f"time: {flow(time)}  # {time_note}"
+    time_line = f"# {time_line}" if time_note == NO_RATE else time_line
+    own = [f"    file: {flow(name)}", f"    {time_line}"] if name else []
+    farthest = max((columns[n].farthest for body in moving for n in bodies[body]), default=0.0)
+    found = [
+        body_entry(table, columns, body, bodies[body], farthest) + own
+        for body in moving[:MOST_BODIES]
+    ]
+    arm = [
+        joints_entry(table, list(array)) + own
+        for _, array in groupby(joints[:MOST_JOINTS], key=lambda joint: _array_of(joint.name))
+    ]
     left_out = []
     for title, names in (
         ("They do not move", still),
         ("They move, and are no positions", others),
         ("Markers of these bodies", markers),
         ("Seldom seen", seldom),
+        ("The same, a step later", later),
         ("More bodies that move", moving[MOST_BODIES:]),
         ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
     ):
@@ -162,9 +182,10 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         table.notes,
         found,
         arm,
-        [] if name else [f"time: {flow(time)}  # {time_note}"],
+        [] if name else [time_line],
         [*_of_texts(kind, labels, used)],
         left_out,
+        texts_,
     )
 
 
@@ -184,10 +205,17 @@ def _is_marker_of(body: str, bodies: Sequence[str]) -> bool:
     return bool(colon) and any(other.split(".")[0] == owner for other in bodies)
 
 
-def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]]]:
-    """Columns with a name of their own: those of numbers, and those of texts."""
+def _array_of(name: str) -> str:
+    """The array that a column is an element of, "" for none."""
+    body, _, element = name.rpartition(".")
+    return body if element.isdigit() else ""
+
+
+def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]], list[str]]:
+    """Columns with a name of their own: those of numbers, those of texts, and why of texts."""
     found: dict[str, SeenColumn] = {}
     labels: dict[str, list[str]] = {}
+    why: list[str] = []
     alone = [k for k, name in enumerate(table.names) if name and table.names.count(name) == 1]
     for start in range(0, len(alone), READ_AT_ONCE):
         part = alone[start : start + READ_AT_ONCE]
@@ -197,14 +225,16 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]]]
                 cells = cells / np.timedelta64(1, "s")
             try:
                 values = numbers(cells, table.source, name)
-            except (BagError, ValueError, TypeError):
+            except (BagError, ValueError, TypeError) as error:
                 labels[name] = texts(cells)
+                why = why or [str(error)]
                 continue
             seen = values[np.isfinite(values)]
             if seen.size:
-                moves = bool(np.ptp(seen) > STILL * max(1.0, float(np.abs(seen).max())))
-                found[name] = SeenColumn(name, values, moves, seen.size / values.size)
-    return found, labels
+                farthest = float(np.abs(seen).max())
+                moves = bool(np.ptp(seen) > STILL * max(1.0, farthest))
+                found[name] = SeenColumn(name, values, moves, seen.size / values.size, farthest)
+    return found, labels, why
 
 
 def _counts(column: SeenColumn) -> bool:
@@ -230,7 +260,8 @@ def _time(
             return {"column": column.name, "unit": unit}, f"{rate_hz:.4g} Hz then"
         if np.all(steps >= 0.0) and np.all(np.floor(column.values) == column.values):
             for more in columns.values():
-                if NANOSECONDS_NAME.search(more.name) and more.values.size == column.values.size:
+                unnamed = column.name == "0" and more.name == "1" and _are_nanoseconds(more.values)
+                if NANOSECONDS_NAME.search(more.name) or unnamed:
                     both: dict[str, object] = {"column": column.name, "nanoseconds": more.name}
                     return both, "seconds and nanoseconds"
     for name, cells in labels.items():
@@ -240,7 +271,13 @@ def _time(
             continue
         if steps.size and np.all(steps > 0):
             return {"column": name}, "dates, or times of day"
-    return {"rate": 100}, "not in the file: give the rate in Hz"
+    return {"rate": 100}, NO_RATE
+
+
+def _are_nanoseconds(values: Floats) -> bool:
+    """Whether numbers may be what is beyond whole seconds, as `ros2 topic echo --csv` has it."""
+    inside = (values >= 0.0) & (values < NANOSECONDS) & (np.floor(values) == values)
+    return bool(np.all(inside) and values.max() >= NANOSECONDS // 1000)
 
 
 def _bodies(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
@@ -254,8 +291,8 @@ def _bodies(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
             found.setdefault(match["body"], {})[match["axis"].lower()] = name
     bodies = {}
     for body, axes in found.items():
-        is_pose = len(axes) in (POSE_SIZES if body.lower().endswith("pose") else POSE_SIZES[:1])
-        is_pose = is_pose and set(axes) == set(map(str, range(len(axes))))
+        sizes = POSE_SIZES if "pose" in body.lower() else POSE_SIZES[:1]
+        is_pose = len(axes) in sizes and set(axes) == set(map(str, range(len(axes))))
         in_image = set(axes) == set("xy") and body.rstrip("._ ")
         if set(axes) == set("xyz") or is_pose or in_image:
             bodies[body] = [axes[a] for a in sorted(axes)][:3]

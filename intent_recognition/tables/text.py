@@ -47,6 +47,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
     before, others = _before_places(path, comments, encoding)
     head = list(islice(_rows(path, comments, encoding), before, before + HEAD_ROWS))
     header = known_header(head)
+    is_plain = header is None
     if header is not None:
         skip_rows = comments
     else:
@@ -74,6 +75,10 @@ def open_text(path: Path, skip_rows: int) -> Table:
             if len(row) <= last:  # of the last row, that writing stopped there
                 short = f"{len(row)} in row {number + 1}"
                 continue
+            if is_plain and _is_shifted(row, len(header.names)):
+                got = f"{len(row)} in row {number + 1}"
+                cure = "Name every column; between cells with decimal commas put semicolons."
+                raise unusable(path, f"{len(header.names)} cells, one for each name", got, cure)
             for column, place in zip(cells, wanted, strict=True):
                 column.append(row[place])
         return [np.array(column, object) for column in cells]
@@ -135,6 +140,14 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     if all(spelled(cell) in UNITS for cell in below[1:]) and len(below) > 1:
         return Header(names, 2, {"units": dict(enumerate(below[1:], 1))})
     return Header(names, 1, {"units": {k: u for k, u in units.items() if spelled(u) in UNITS}})
+
+
+def _is_shifted(row: Sequence[str], width: int) -> bool:
+    """Whether a row has more numbers than names: unnamed row numbers, or decimal commas.
+
+    Texts of the last column may have the separator in them.
+    """
+    return len(row) > width and _is_number(row[width - 1]) and any(map(str.strip, row[width:]))
 
 
 def _is_row(first: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:

@@ -117,7 +117,7 @@ ROOT Hips
 {{
   OFFSET 0 0 0
   CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
-  JOINT Wrist
+  JOINT Right Wrist
   {{
     OFFSET 0 10 0
     CHANNELS 3 Zrotation Xrotation Yrotation
@@ -276,7 +276,7 @@ EXAMPLES = {
     "Excel, text in UTF-16": (utf16, ["x", "y", "z"], {"time": {"column": "t"}}),
     "CSV without names": (without_names, [1, 2, 3], {"time": {"column": 0}}),
     "C3D": (c3d, three("RWRA"), {}),
-    "BVH": (bvh, three("Wrist"), {}),
+    "BVH": (bvh, three("Right Wrist"), {}),
     "Xsens, MVNX": (mvnx, three("RightHand.position"), {}),
     "robomimic, HDF5": (robomimic, [f"obs.robot0_eef_pos.{k}" for k in range(3)], {}),
     "ALOHA, HDF5": (

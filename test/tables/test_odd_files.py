@@ -65,7 +65,10 @@ def test_a_csv_that_can_be_read_in_one_way_is(kind, tmp_path):
 
 
 HEADS = {
-    "a key and its value on each line": ("sep=,\nDeviceTag:,D1\nOutputRate:,100Hz\n\n", "t,x,y,z"),
+    "a key and its value on each line": (
+        "sep=,\nDeviceTag:,D1\nOutputRate:,100Hz\n\n",
+        "t,x,y,z,in",
+    ),
     "texts in rows without names": ("", ""),
 }
 
@@ -112,6 +115,11 @@ REFUSED = {
         "stands in every column of 20 rows",
     ),
     "a line of names within": (plain() + plain(), "'x' in row 201"),
+    "row numbers without a name": (
+        table("t,x,y,z", lambda k: [f"{k + 1}", f"{TIMES_S[k]}", *cells(k)]),
+        "4 cells, one for each name, got 5 in row 1",
+    ),
+    "decimal commas between commas": (plain().replace(".", ","), "got 8 in row 1"),
     "one row": ("t,x,y,z\n0,1,2,3\n", "empty: 1 sample with a time of its own"),
     "another kind of file": ("PK\3\4\0\0\0\1" * 20, "bytes that are no text"),
 }

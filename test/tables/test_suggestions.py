@@ -27,9 +27,12 @@ def test_a_suggestion_knows_joints_from_clocks(tmp_path):
 
 def suggested(source):
     text = suggest_map(source)
-    found = list(import_demonstrations(source, ImportMap.from_dict(yaml.safe_load(text))))
+    content = yaml.safe_load(text)
+    assert "time" not in content or "# time:" not in text  # a rate that nobody said is not used
+    mapping = ImportMap.from_dict({"time": {"rate": 100}, **content})
+    found = list(import_demonstrations(source, mapping))
     assert found and not any(isinstance(one, Rejection) for one in found)
-    return yaml.safe_load(text), text, found
+    return content, text, found
 
 
 def test_a_map_is_suggested_of_bags(tmp_path):
@@ -136,5 +139,31 @@ def test_landmarks_of_an_image_are_places_of_two_axes(tmp_path):
 
 def test_names_that_are_there_twice_are_named(tmp_path):
     (tmp_path / "a.csv").write_text(plain(head="t,x,x,x"))
-    with pytest.raises(BagError, match="none but x, each twice"):
+    with pytest.raises(BagError, match=r"none but x, each twice\. Name columns by their numbers"):
         suggest_map(tmp_path / "a.csv")
+
+
+def test_what_is_no_number_is_named(tmp_path):
+    (tmp_path / "a.csv").write_text(plain() + plain())
+    with pytest.raises(BagError, match=r"columns that move, got none\..* got 't' in row 201"):
+        suggest_map(tmp_path / "a.csv")
+
+
+def test_arrays_have_units_of_their_own_and_bodies_one(tmp_path):
+    """A wrist in millimetres beside joints in radians, and a body near the origin."""
+    near = 0.1 * (PLACE - PLACE[0])
+    arrays = {"wrist": PLACE, "tray_pos": near, "q": np.repeat(SHARE, 6, axis=1), "t": TIMES_S}
+    np.savez(tmp_path / "a.npz", **arrays, **{"next_obs.tray_pos": near})
+    _, text, (found,) = suggested(tmp_path / "a.npz")
+    assert "# The same, a step later: next_obs.tray_pos.0" in text
+    for samples, wanted in zip(
+        found.samples, (PLACE / 1000, near / 1000, arrays["q"]), strict=True
+    ):
+        np.testing.assert_allclose(samples.values, wanted, atol=1e-12)
+
+
+def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
+    content = table("", lambda k: ["1700000000", f"{k * 10**6}", "world", *cells(k, scale=1e-3)])
+    (tmp_path / "a.csv").write_text(content.lstrip())
+    _, _, (found,) = suggested(tmp_path / "a.csv")
+    assert found.samples[0].stamps_ns[3] == 1_700_000_000_003_000_000
