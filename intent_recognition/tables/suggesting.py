@@ -42,14 +42,15 @@ NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|times?|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)")
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|\bobject|\bacc|gyr|mag|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort|torque|current|temp|force|quality|error"
-    r"|[XYZ]position$"
+    r"(?i)stamp|time|\bobject|\bacc|gyr|mag|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort"
+    r"|torque|current|temp|force|quality|error|gripper|\bjaw|[XYZ]position$"
 )
-"""What columns are called that move and are no position of a joint."""
+"""What columns are called that move and are no position of a joint of an arm."""
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
 LATER = re.compile(r"(?i)next(_obs)?[./]")
 """What columns are called that hold the next row's, as robomimic and LeRobot have them."""
 NO_RATE = "not in the file: give the rate in Hz"
+"""Comment of a time that is not used until somebody corrects it."""
 ELEMENTS = re.compile(
     r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
     r"[._\[](?P<element>\d)\]?$"

@@ -14,15 +14,18 @@ from intent_recognition.tables.import_map import ImportMap
 
 
 def test_a_suggestion_knows_joints_from_clocks(tmp_path):
-    head = "__time,header.stamp,/js/panda_joint1/position,/js/panda_joint1/velocity"
-    content = table(
-        head, lambda k: [f"{TIMES_S[k] + 1.7e9:.3f}", f"{k}.5", f"{SHARE[k, 0]}", f"{k % 7}.2"]
-    )
+    head = "__time,header.stamp,/js/panda_joint1/position,/js/panda_joint1/velocity,gripper.pos"
+
+    def row(k):
+        return [f"{TIMES_S[k] + 1.7e9:.3f}", f"{k}.5", f"{SHARE[k, 0]}", f"{k % 7}.2", f"{k / 2}"]
+
+    content = table(head, row)
     (tmp_path / "a.csv").write_text(content)
     text = suggest_map(tmp_path / "a.csv")
     (entry,) = yaml.safe_load(text)["observed"]
-    assert entry["joints"] == ["panda_joint1"]
-    assert "# They move, and are no positions: header.stamp, /js/panda_joint1/velocity" in text
+    assert entry["joints"] == ["panda_joint1"] and "columns_unit" not in entry
+    others = "header.stamp, /js/panda_joint1/velocity, gripper.pos"
+    assert f"# They move, and are no positions: {others}" in text
 
 
 def suggested(source):
