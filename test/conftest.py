@@ -77,7 +77,7 @@ settings.load_profile("untimed")
 
 
 LEFT_OUT = {
-    "intent_recognition.learning.switch_margin:MAX_FOLLOWED": 2,
+    "intent_recognition.learning.left_out_odds:MAX_FOLLOWED": 2,
     "intent_recognition.learning.unknown_task:MAX_CALIBRATED": 12,
     "intent_recognition.learning.selection:MAX_VALIDATED": 12,
 }

@@ -249,17 +249,13 @@ def _print_none(console: Console, none: dict) -> None:
             f" {none['activated_' + kind]:.1%}"
         )
     if none["held_back_known"]:
-        console.print(_why_held_back(none["end_std_known"]))
-
-
-def _why_held_back(end_std: dict) -> str:
-    """What the ends of recognised movements are predicted with, beside what is asked for."""
-    return (
-        f"ends of recognised movements are predicted to a standard deviation of"
-        f" {end_std['0.5']:.2f} (median; 10 % below {end_std['0.1']:.2f}, 90 % below"
-        f" {end_std['0.9']:.2f}) once all was seen, more than demonstrations of their task allow"
-        " to ask for (docs/recognition.md)."
-    )
+        end_std = none["end_std_known"]
+        console.print(
+            f"ends of recognised movements are predicted to a standard deviation of"
+            f" {end_std['0.5']:.2f} (median; 10 % below {end_std['0.1']:.2f}, 90 % below"
+            f" {end_std['0.9']:.2f}) once all was seen, more than demonstrations of their task"
+            " allow to ask for (docs/recognition.md)."
+        )
 
 
 def _cell(value: object, form: str = "{:.3f}") -> str:

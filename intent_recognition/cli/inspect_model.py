@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Models in `intent inspect`: as tables, and as plain values for JSON."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +71,8 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     """What was learned, with what accuracy, and from what."""
     library = model.library
     origin = dict(library.provenance)
-    bags = [str(bag) for bag in _listed(origin.pop("bags", ()))]
+    named = origin.pop("bags", ())
+    bags = [str(bag) for bag in (named if isinstance(named, (list, tuple)) else [named])]
     frames, _ = frames_of(library), origin.pop(FRAMES, None)
     print_facts(
         console,
@@ -108,7 +109,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             f"{library.durations_s[k]:.2f}",
             f"{low[k]:.2f} to {high[k]:.2f}",
             f"{library.task_prior[k]:.3f}",
-            _ends(least_end_std(library, k)),
+            ", ".join(f"{std:.3f} {unit}" for unit, std in least_end_std(library, k).items()),
         )
     console.print(tasks)
     dofs = plain_table("agent", "degree of freedom", "unit", ">noise std")
@@ -124,14 +125,6 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     console.print(dofs)
     if bags:
         console.print(f"from {len(bags)} bags: {escape(brief_list(bags))}")
-
-
-def _ends(std: Mapping[str, float]) -> str:
-    return ", ".join(f"{value:.3f} {unit}" for unit, value in std.items())
-
-
-def _listed(value: object) -> Iterable:
-    return value if isinstance(value, (list, tuple)) else [value]
 
 
 def _brief(value: object) -> str:

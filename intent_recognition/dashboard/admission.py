@@ -86,13 +86,14 @@ class Admission:
         host = headers.get("host", [])
         if len(host) != 1 or not self._is_own(host[0]):
             return "This server has another name. Open the address that the dashboard has logged."
-        origins = headers.get("origin", [])
-        if any(not _same_origin(origin, host[0]) for origin in origins):
+        own = {f"{scheme}://{host[0]}".lower() for scheme in ("http", "https")}  # also behind TLS
+        if any(origin.lower() not in own for origin in headers.get("origin", [])):
             return "Another page may not use this one."
         site = headers.get("sec-fetch-site", [])
         if upgrade and site and site != ["same-origin"]:
             return "Another page may not use this one."
-        if not (self.has_token(path) or self._has_cookie(headers.get("cookie", []))):
+        cookies = self._ours.findall(";".join(headers.get("cookie", [])))
+        if not (self.has_token(path) or any(map(self._is_token, cookies))):
             return (
                 "The token is missing or old. Open the address that the dashboard has logged:"
                 " it ends in ?token=..."
@@ -104,9 +105,6 @@ class Admission:
         pairs = path.partition("#")[0].partition("?")[2].split("&")
         given = [pair.removeprefix("token=") for pair in pairs if pair.startswith("token=")]
         return bool(given) and all(self._is_token(unquote(token)) for token in given)
-
-    def _has_cookie(self, headers: list[str]) -> bool:
-        return any(self._is_token(t) for header in headers for t in self._ours.findall(header))
 
     def _is_token(self, given: str) -> bool:
         return secrets.compare_digest(given.encode(errors="replace"), self._token.encode())
@@ -226,8 +224,3 @@ def script_sources(page: str) -> list[str]:
     """Hashes of the scripts in the text of a page; what they insert themselves may run, too."""
     scripts = (hashlib.sha256(text.encode()).digest() for text in _SCRIPT.findall(page))
     return [f"'sha256-{base64.b64encode(digest).decode()}'" for digest in scripts]
-
-
-def _same_origin(origin: str, host: str) -> bool:
-    """Whether an origin is the page that is served at this `Host`, by itself or behind TLS."""
-    return origin.lower() in (f"http://{host}".lower(), f"https://{host}".lower())

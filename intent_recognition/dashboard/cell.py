@@ -177,8 +177,8 @@ class TransferState:
     def take(self, holding: str, felt: Mapping[str, float], now_s: float) -> None:
         """What `intent/transfer` says."""
         self.holding, self.felt, self.at_s = holding, dict(felt), now_s
-        values = [felt[name] for name in FORCES]
-        self.forces.take((*FORCES, SENSOR), [*values, self._sensed(now_s)], now_s)
+        sensed = self._sensor_n if now_s - self.sensed_at_s <= FRESH_S else np.nan
+        self.forces.take((*FORCES, SENSOR), [*(felt[name] for name in FORCES), sensed], now_s)
 
     def take_sensor(self, force_n: float, now_s: float) -> None:
         """Magnitude of the force on `wrench`."""
@@ -195,9 +195,6 @@ class TransferState:
         """A force now [N], None where it is not known."""
         value = self._sensor_n if name == SENSOR else self.felt.get(name, np.nan)
         return None if np.isnan(value) else value
-
-    def _sensed(self, now_s: float) -> float:
-        return self._sensor_n if now_s - self.sensed_at_s <= FRESH_S else np.nan
 
 
 @dataclass

@@ -32,7 +32,13 @@ from intent_recognition.dashboard.cell import (
     PredictedMotion,
     SkillRow,
 )
-from intent_recognition.dashboard.checks import check, checked_names, checked_numbers, checked_text
+from intent_recognition.dashboard.checks import (
+    LONGEST_NAME,
+    check,
+    checked_names,
+    checked_numbers,
+    checked_text,
+)
 from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.model import OUTCOME
 from intent_recognition.nodes import qos
@@ -86,13 +92,13 @@ class CellSubscriptions:
             (JointState, "intent/transfer", self._on_transfer, qos.STATE),
             (WrenchStamped, "wrench", self._on_wrench, qos.SENSOR),
             (String, "intent/active_task", self._on_active, qos.LATCHED),
-            (String, "intent/active_person", self._on_helped, qos.LATCHED),
+            (String, "intent/active_person", self._text("helped"), qos.LATCHED),
             (DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK),
             (JointState, "intent/question", self._on_question, qos.LATCHED),
             (DiagnosticStatus, "intent/plan", self._on_plan, qos.LATCHED),
-            (String, "coworker/task", self._on_truth, qos.STATE),
-            (String, "robot_description", self._on_description, qos.LATCHED),
-            (String, "teach/status", self._on_teaching, qos.LATCHED),
+            (String, "coworker/task", self._text("truth"), qos.STATE),
+            (String, "robot_description", self._text("description"), qos.LATCHED),
+            (String, "teach/status", self._text("teaching"), qos.LATCHED),
             (DiagnosticArray, "teach/skills", self._on_skills, qos.LATCHED),
             (String, "intent/via_points", self._on_via_points, qos.LATCHED),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
@@ -201,9 +207,6 @@ class CellSubscriptions:
     def _on_active(self, message: String) -> None:
         self._state.take_active(checked_text("data", message.data))
 
-    def _on_helped(self, message: String) -> None:
-        self._state.helped = checked_text("data", message.data)
-
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         _, values = _told(message)
         if OUTCOME in values:
@@ -222,14 +225,12 @@ class CellSubscriptions:
         self._state.plan = plan
         self._state.progress = {step: what.rpartition(" ")[0] for step, what in told.items()}
 
-    def _on_truth(self, message: String) -> None:
-        self._state.truth = checked_text("data", message.data)
-
-    def _on_description(self, message: String) -> None:
-        self._state.description = checked_text("data", message.data, LONGEST_DESCRIPTION)
-
-    def _on_teaching(self, message: String) -> None:
-        self._state.teaching = checked_text("data", message.data, LONGEST_SENTENCE)
+    def _text(self, field: str) -> Callable[[String], None]:
+        """Keeps the newest text of a topic in a field of the state."""
+        longest = {"description": LONGEST_DESCRIPTION, "teaching": LONGEST_SENTENCE}
+        return lambda message: setattr(
+            self._state, field, checked_text("data", message.data, longest.get(field, LONGEST_NAME))
+        )
 
     def _on_via_points(self, message: String) -> None:
         points = read_via_points(checked_text("data", message.data, LONGEST_DESCRIPTION))

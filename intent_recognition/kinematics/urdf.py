@@ -126,7 +126,8 @@ def read_chain(
         tip = default_tip(base, joints, masters)
     way = _way(base, tip, above)
     if beyond:
-        way += _way(tip, default_tip(tip, joints, masters, _moving(way)), above)
+        moving = [joint.get("name", "") for joint in way if joint.get("type") in MOVING]
+        way += _way(tip, default_tip(tip, joints, masters, moving), above)
     names = []
     for joint in way:
         kind, name = joint.get("type", ""), joint.get("name", "")
@@ -151,10 +152,6 @@ def read_chain(
     return UrdfChain(
         _bare(root), base, tip, tuple(names), continuous, limits, tuple(mimics.values()), assumed
     )
-
-
-def _moving(way: list[ET.Element]) -> list[str]:
-    return [joint.get("name", "") for joint in way if joint.get("type") in MOVING]
 
 
 def _length_m(joint: ET.Element) -> float:

@@ -110,13 +110,10 @@ class LeavingOut:
             example: the demonstration.
         """
         found = self.group(example.group)
-        if found is None and self.can_spare_one_of(number):
+        something_is_left = self.statistics[number].n > 1 and self._pooled.freedom > 1
+        if found is None and something_is_left:
             return self.demonstration(number, example)
         return found
-
-    def can_spare_one_of(self, number: int) -> bool:
-        """Whether something is left to learn from without one demonstration of a task."""
-        return self.statistics[number].n > 1 and self._pooled.freedom > 1
 
     def demonstration(self, number: int, example: TrainingExample) -> LeftOut:
         """Without one demonstration of a task."""

@@ -1,25 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How probable a left-out demonstration ever makes other tasks than its own.
+"""How probable a left-out demonstration ever makes other tasks than its own, and what follows.
 
-From these odds follows from which probability a task may be acted on (`promp.risk_of`,
-docs/recognition.md). Demonstrations of a person are left out together, so that the odds are those
-of somebody new; where nobody else was recorded, one demonstration after the other.
+From the odds follows from which probability a task may be acted on (`promp.risk_of`,
+docs/recognition.md). Those of hypotheses that are born on the way say what must speak for a change
+of mind before it counts: they fit people who do not quite move as they were taught, too, and a
+change of mind has to be more probable than that (docs/decisions/change_of_mind.md). Demonstrations
+of a person are left out together, so that the odds are those of somebody new; where nobody else was
+recorded, one demonstration after the other.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.filtering import (
+    NEGLIGIBLE,
+    MovementFilter,
+    make_prior_grid,
+)
+from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import paired_examples
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.statistics import TaskStatistics
-from intent_recognition.learning.switch_margin import follow
-from intent_recognition.promp import NO_ODDS, LeftOutOdds, TaskLibrary
+from intent_recognition.promp import NO_ODDS, LeftOutOdds, TaskLibrary, conformal_bound
+from intent_recognition.signals import observations_of
 
+FALSE_SWITCHES = 0.05
+"""Share of movements in which another task may become more probable than the true one. Convention.
+"""
 MAX_FOLLOWED = 40
 """Demonstrations that are followed at most. Convention: it bounds the time; 19 suffice for a share
 of one in twenty."""
+N_FOLLOWED_SCALES = 5
+"""Durations per task meanwhile. Convention: likewise; with 15 the margin is alike."""
 
 
 def learn_left_out_odds(
@@ -59,3 +74,68 @@ def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExam
     total = np.array([one.log_joint[:-1] for one in beliefs])
     others = np.logaddexp.reduce(np.delete(total, task, axis=1), axis=1)
     return float(np.max(others - total[:, task]))
+
+
+def learn_switch_margin(
+    library: TaskLibrary,
+    tasks: Mapping[str, TaskStatistics],
+    recorded: Mapping[str, TaskStatistics],
+) -> float:
+    """Evidence by which turning to another task is held to be rarer, in nats, zero or more.
+
+    Args:
+        library: the learned tasks; its own margin is not used.
+        tasks: statistics that it was built from.
+        recorded: statistics of the examples as they were recorded.
+    """
+    if library.n_tasks == 1:
+        return 0.0
+    leaving_out = LeavingOut(library, tasks)
+    odds = [
+        largest_odds(without.as_library(), k, as_recorded)
+        for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED)
+        if (without := leaving_out.unseen(k, example)) is not None
+    ]
+    if len(odds) < 2:
+        return 0.0
+    return max(conformal_bound(np.array(odds), FALSE_SWITCHES), 0.0)
+
+
+def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
+    """Highest log odds along a movement of other tasks that were born on the way.
+
+    At least `-NEGLIGIBLE`: less probable hypotheses are given up. Evidence counts as it is here,
+    and to a power later (`filtering.posterior.counted_joint`): the margin is a cautious one.
+
+    Args:
+        library: one that does not know the movement.
+        task: number of the true one.
+        recorded: the movement.
+    """
+    largest = -NEGLIGIBLE
+    for run in follow(replace(library, switch_margin=0.0), recorded):
+        assert run.births is not None
+        left = run.births.onset_log_joint(run.log_evidence)[:-1]
+        largest = max(largest, _log_odds(run.births.log_joint[:-1], left, task))
+    return largest
+
+
+def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[MovementFilter]:
+    """The filter after each sample of a movement.
+
+    Args:
+        library: one that does not know the movement.
+        recorded: the movement.
+    """
+    grid = make_prior_grid(library, n_scales=N_FOLLOWED_SCALES)
+    run = MovementFilter(library, grid, 0, switching=True)
+    stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
+    for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
+        run.observe(observation)
+        yield run
+
+
+def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:
+    """Of the born hypotheses of other tasks, against all others."""
+    others = np.logaddexp.reduce(np.delete(born, task))
+    return float(others - np.logaddexp.reduce(np.r_[left, born[task]]))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import learned_from, library_from_statistics, statistics_of
-from intent_recognition.learning.left_out_odds import learn_left_out_odds
+from intent_recognition.learning.left_out_odds import learn_left_out_odds, learn_switch_margin
 from intent_recognition.learning.preprocessing import Preprocessing, example_of
 from intent_recognition.learning.selection import Choice, Hyperparameters, choose
 from intent_recognition.learning.settings import TrainingSettings
@@ -24,7 +24,6 @@ from intent_recognition.learning.statistics import (
     merge_tasks,
     summarize,
 )
-from intent_recognition.learning.switch_margin import learn_switch_margin
 from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.promp import ResidualCoupling, TaskLibrary

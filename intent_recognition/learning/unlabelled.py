@@ -44,11 +44,6 @@ class Relabelled(NamedTuple):
     purity: float | None
 
 
-def component_name(index: int) -> str:
-    """Task name of component number `index`, from 0."""
-    return f"component_{index + 1}"
-
-
 def learn_mixture(
     demonstrations: Sequence[Demonstration],
     n_components: int | None = None,
@@ -113,7 +108,7 @@ def label_by_components(
     names = [recorded.task for recorded in used if recorded.task is not None]
     return Relabelled(
         tuple(
-            replace(recorded, task=component_name(int(label)))
+            replace(recorded, task=f"component_{label + 1}")
             for recorded, label in zip(used, labels, strict=True)
         ),
         rejected,

@@ -142,7 +142,9 @@ class BagPlayer(Node):
                 self._play_once()
                 if not self._values["loop"]:
                     break
-            self._wait_for_acknowledgements()
+            for publisher in self._outputs.values():
+                if not self._stopping.is_set():
+                    publisher.wait_for_all_acked(Duration(seconds=1.0))
         except BagError as error:
             self.get_logger().error(str(error))
             self._diagnostics.status(Level.ERROR, str(error))
@@ -254,11 +256,6 @@ class BagPlayer(Node):
         alone = [t for t, p in self._outputs.items() if p.get_subscription_count() == 0]
         if alone:
             self.get_logger().info(f"no subscribers of {', '.join(sorted(alone))}")
-
-    def _wait_for_acknowledgements(self) -> None:
-        for publisher in self._outputs.values():
-            if not self._stopping.is_set():
-                publisher.wait_for_all_acked(Duration(seconds=1.0))
 
     def _pause(self) -> str:
         self._running.clear()

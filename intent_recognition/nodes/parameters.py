@@ -159,16 +159,12 @@ def _descriptor(kind: Parameter.Type, spec: ParameterSpec) -> ParameterDescripto
     return descriptor
 
 
-def _is_finite(value: object) -> bool:
-    """False for NaN and infinity: a range alone lets NaN through."""
-    return not isinstance(value, float) or math.isfinite(value)
-
-
 def _refuse_not_finite(parameters: list[Parameter]) -> SetParametersResult:
-    """Let no parameter become NaN or infinite at run time."""
+    """Let no parameter become NaN or infinite at run time: a range alone lets NaN through."""
     for changed in parameters:
         is_array = changed.type_ == Parameter.Type.DOUBLE_ARRAY
-        if not all(map(_is_finite, changed.value if is_array else [changed.value])):
+        values = changed.value if is_array else [changed.value]
+        if any(isinstance(value, float) and not math.isfinite(value) for value in values):
             reason = f"parameter {changed.name}: expected finite numbers, got {changed.value}"
             return SetParametersResult(successful=False, reason=reason)
     return SetParametersResult(successful=True)

@@ -87,7 +87,7 @@ class SessionObserver(Node):
         **kwargs: Any,
     ) -> None:
         super().__init__("session_observer", **kwargs)
-        self._on_task, self._on_active = on_task, on_active
+        self._on_active = on_active
         self._people = {person: _Seen() for person in people or ("",)}
         self._active: list[tuple[int, str]] = []
         self._helped: list[tuple[int, str]] = []
@@ -96,7 +96,12 @@ class SessionObserver(Node):
         self._transfers: list[tuple[int, str, NDArray[np.float64]]] = []
         topics: list[tuple[type, str, Callable[[Any], None], QoSProfile]] = [
             (String, "intent/active_task", self._take_active, qos.LATCHED),
-            (String, "intent/active_person", self._take_helped, qos.LATCHED),
+            (
+                String,
+                "intent/active_person",
+                lambda message: self._helped.append((now_ns(self), message.data)),
+                qos.LATCHED,
+            ),
             (JointState, "joint_states", self._take_joints, qos.MEASURED),
             (JointState, "coworker/hand", partial(self._keep, self._contacts, 3), qos.STATE),
             (JointState, "intent/transfer", partial(self._keep, self._transfers, 5), qos.STATE),
@@ -109,7 +114,7 @@ class SessionObserver(Node):
                 (JointState, f"intent/{of}tasks", self._now(seen.take_tasks), qos.STATE),
                 (JointTrajectory, f"intent/{of}robot_trajectory", predicted, qos.COMMAND),
                 (Path, f"intent/{of}human_path", self._now(seen.take_path), qos.COMMAND),
-                (String, f"coworker/{of}task", self._take_truth, qos.STATE),
+                (String, f"coworker/{of}task", lambda message: on_task(message.data), qos.STATE),
             ]
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
@@ -180,9 +185,6 @@ class SessionObserver(Node):
             self._active.append((now_ns(self), message.data))
         self._on_active(message.data)
 
-    def _take_helped(self, message: String) -> None:
-        self._helped.append((now_ns(self), message.data))
-
     def _take_joints(self, message: JointState) -> None:
         positions = np.array(message.position)
         if not self._joints or self._joints[0][1].shape == positions.shape:
@@ -193,9 +195,6 @@ class SessionObserver(Node):
     ) -> None:
         if len(message.position) == width:
             rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
-
-    def _take_truth(self, message: String) -> None:
-        self._on_task(message.data)
 
 
 def _of_person(

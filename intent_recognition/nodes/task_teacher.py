@@ -297,17 +297,17 @@ class TaskTeacher(TopicRecorder):
             self.loaded = loaded = values_of(status).get(MODEL)
             if loaded is None or loaded == self._model_in_force:
                 self._in_use = self._in_use or loaded is not None
-            elif (self._in_use or _is_trial(loaded, self.folder)) and not self._is_asking():
+                continue
+            # One that a teacher that has ended let the estimator try is taken back, too.
+            tried = Path(loaded).is_relative_to(self.folder.path / PRACTICE)
+            asking = self.sending_model and time.monotonic() - self._asked_s < ANSWER_S
+            if (self._in_use or tried) and not asking:
                 self.send_model("the estimator was started again")
 
     @property
     def _model_in_force(self) -> str:
         """The model that the estimator shall have."""
         return str(self.practice.trial or self.folder.model_path)
-
-    def _is_asking(self) -> bool:
-        """Whether the answer of the estimator may still come; one that died sends none."""
-        return self.sending_model and time.monotonic() - self._asked_s < ANSWER_S
 
     def estimator_runs(self) -> bool:
         """Whether there is an estimator to give models to."""
@@ -341,11 +341,6 @@ class TaskTeacher(TopicRecorder):
         self._status.publish(String(data=text))
         self.diagnostics.status(level, text)
         self.get_logger().info(text)
-
-
-def _is_trial(model: str, folder: TaskFolder) -> bool:
-    """Whether a model is one that a teacher that has ended let the estimator try."""
-    return Path(model).is_relative_to(folder.path / PRACTICE)
 
 
 main = partial(run, TaskTeacher)

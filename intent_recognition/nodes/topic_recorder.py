@@ -70,7 +70,11 @@ class TopicRecorder(Node):
         self._lock = threading.RLock()
         self.diagnostics = Diagnostics(self)
         self.diagnostics.status(Level.OK, "idle")
-        self._listener = BagListener(self, self._on_message, self._on_error)
+        self._listener = BagListener(
+            self,
+            self._on_message,
+            lambda error: self.diagnostics.reject("unexpected", repr(error)),
+        )
 
     def listen(self, topics: Sequence[str]) -> None:
         """Subscribe to these topics as they appear, or to all there are in the namespace if none.
@@ -260,9 +264,6 @@ class TopicRecorder(Node):
             self.heard(message)
             if self._writer is not None:
                 self._write(self._writer, message)
-
-    def _on_error(self, error: Exception) -> None:
-        self.diagnostics.reject("unexpected", repr(error))
 
     def _declare(self, writer: BagWriter, source: _RecordedTopic) -> None:
         try:

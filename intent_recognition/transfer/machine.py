@@ -189,16 +189,14 @@ class TransferMachine:
 
     def _receiving(self, request: Request, now: Situation) -> None:
         """Wait for an object between fingers that stand open, also after they closed on nothing."""
-        presented, late = self._presented(now), now.time_s - self._opened_s > self._patience_s
+        presented = now.near is not False and now.person_m_s < SETTLED_M_S
+        late = now.time_s - self._opened_s > self._patience_s
         self._waited_in_vain = late and (self._closed_in_vain or not presented)
         ready = self._fingers_stand(now) and presented
         if request is not Request.TAKE or now.moving or self._waited_in_vain:
             self._enter(Holding.EMPTY, now.time_s)
         elif self._lasts("present", ready, now.time_s, PRESENT_S):
             self._close(now)
-
-    def _presented(self, now: Situation) -> bool:
-        return now.near is not False and now.person_m_s < SETTLED_M_S
 
     def _closing(self, request: Request, now: Situation) -> None:
         """Wait until the fingers stand; on nothing they open again."""

@@ -129,7 +129,8 @@ class TrajectoryFollower:
         """
         start_s = now_s if command.start_s is None else command.start_s
         switch_s = max(start_s, now_s)
-        self._drop_before(now_s)
+        while len(self._entries) > 1 and self._entries[1].start_s <= now_s:
+            self._entries.pop(0)
         kept = [e for k, e in enumerate(self._entries) if k == 0 or e.start_s < switch_s]
         old = _sample(kept, switch_s)
         curve = _Curve(command, start_s)
@@ -171,10 +172,6 @@ class TrajectoryFollower:
     def sample(self, time_s: float) -> ArmReference:
         """Return the reference at a time not before the last accepted command's `now_s`."""
         return _sample(self._entries, time_s)
-
-    def _drop_before(self, now_s: float) -> None:
-        while len(self._entries) > 1 and self._entries[1].start_s <= now_s:
-            self._entries.pop(0)
 
     def _fade_time(self, offset: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
         """Return the shortest fade [s] whose acceleration stays within its share.

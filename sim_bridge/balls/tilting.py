@@ -40,11 +40,6 @@ class Tilted:
     through_wall: int
 
 
-def gravity_at(tilt_rad: float) -> NDArray[np.float64]:
-    """Where a container that is tilted toward its own +x sees gravity point (3,)."""
-    return np.array([np.sin(tilt_rad), 0.0, -np.cos(tilt_rad)])
-
-
 def level_axes(tilt_rad: float) -> NDArray[np.float64]:
     """Rotation (3, 3) from the container's axes into axes with z up and x toward the pour."""
     c, s = np.cos(tilt_rad), np.sin(tilt_rad)
@@ -68,7 +63,7 @@ def tilt_along(
     exit_time_s = np.full(len(balls_m), np.nan)
     position, velocity = np.full((2, len(balls_m), 3), np.nan)
     for k, angle in enumerate(tilts_rad.tolist(), 1):
-        world.set_gravity(gravity_at(angle))
+        world.set_gravity(np.array([np.sin(angle), 0.0, -np.cos(angle)]))  # as the cup sees it
         world.step()
         if k % _STEPS_PER_LOOK:
             continue

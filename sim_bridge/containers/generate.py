@@ -98,7 +98,7 @@ def vary(shape: ContainerShape, rng: np.random.Generator) -> ContainerShape:
 def build_container(name: str, shape: ContainerShape) -> Container:
     """Build the solid, its cavity and its ground truth from a shape."""
     sections = _sections(shape)
-    wall, inner = _wall(sections), _cavity(sections)
+    wall, inner = _wall(sections), close_rings(at_heights(sections.inner, sections.heights_m))
     handle = _handle(shape, sections) if shape.handle_m else None
     crest = sections.outer[-1]
     edges = np.linalg.norm(np.roll(crest, -1, axis=0) - crest, axis=1)
@@ -151,11 +151,6 @@ def _wall(sections: Sections) -> trimesh.Trimesh:
     base = at_heights(sections.base[None], np.zeros(1))
     inner, outer = (at_heights(o, sections.heights_m) for o in (sections.inner, sections.outer))
     return close_rings(np.concatenate([base, outer, inner[-2::-1]]))
-
-
-def _cavity(sections: Sections) -> trimesh.Trimesh:
-    """The closed cavity up to the plane of the rim."""
-    return close_rings(at_heights(sections.inner, sections.heights_m))
 
 
 def _handle(shape: ContainerShape, sections: Sections) -> trimesh.Trimesh:

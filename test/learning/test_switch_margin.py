@@ -9,17 +9,17 @@ from scipy.special import expit
 from simulation import make_library, simulate
 
 from intent_recognition.filtering import MovementFilter, make_prior_grid
-from intent_recognition.learning import TrainingSettings, learn_with_report, switch_margin
+from intent_recognition.learning import TrainingSettings, learn_with_report, left_out_odds
 from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
-from intent_recognition.learning.left_out_odds import largest_odds_against
-from intent_recognition.learning.statistics import summarize
-from intent_recognition.learning.switch_margin import (
+from intent_recognition.learning.left_out_odds import (
     N_FOLLOWED_SCALES,
     largest_odds,
+    largest_odds_against,
     learn_switch_margin,
 )
+from intent_recognition.learning.statistics import summarize
 from intent_recognition.promp import conformal_bound
 from intent_recognition.signals import observations_of
 
@@ -83,7 +83,7 @@ def shown_by(people, tasks):
 def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(
     trained, tasks, people, monkeypatch
 ):
-    monkeypatch.setattr(switch_margin, "MAX_FOLLOWED", 18)
+    monkeypatch.setattr(left_out_odds, "MAX_FOLLOWED", 18)
     whose = people or [""]
     tasks, recorded = shown_by(whose, tasks), shown_by(whose, trained.tasks)
     leaving_out = LeavingOut(trained.library, tasks)

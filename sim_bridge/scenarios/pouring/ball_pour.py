@@ -56,9 +56,10 @@ class BallPours(AbstractContextManager["BallPours"]):
     ) -> None:
         self._world = BallWorld(hollow_of(cup), ball_radius_m)
         self._second, self._opening_m = hollow_of(second), second.opening_centre
-        self._n_balls = n_balls
         self._capacity = capacity(second, ball_radius_m)
-        self._fill = lru_cache(maxsize=N_FILLS)(self._settled)
+        self._fill = lru_cache(maxsize=N_FILLS)(
+            lambda fill: settled(self._world, n_balls, np.random.default_rng(fill))
+        )
 
     def pour(self, path: PourPath, fill: int) -> BallCount:
         """Pour along a path of the lip.
@@ -75,9 +76,6 @@ class BallPours(AbstractContextManager["BallPours"]):
         left = int(tilted.left.sum())
         caught = min(int(self._caught(path, start, tilted).sum()), self._capacity)
         return BallCount(len(inside), caught, left - caught, len(inside) - left)
-
-    def _settled(self, fill: int) -> NDArray[np.float64]:
-        return settled(self._world, self._n_balls, np.random.default_rng(fill))
 
     def _caught(self, path: PourPath, start_s: float, tilted: Tilted) -> NDArray[np.bool_]:
         """Which of the balls that left come down through the opening.

@@ -53,6 +53,9 @@ class PouringTable:
         n_balls: put into the cup; fewer are there if they do not fit.
         rng: of how they lie.
         opening_m: where the centre of the second one's opening is (3,), world.
+
+    Attributes:
+        second_pose: where the second container stands (4, 4), world.
     """
 
     def __init__(
@@ -76,7 +79,7 @@ class PouringTable:
         self._cup_body = self._container(self.cup, solid_pieces(cup), CUP_MASS_KG, pose)
         stand = np.eye(4)
         stand[:3, 3] = opening_m - second.opening_centre
-        self._second_pose = stand
+        self.second_pose = stand
         self._second_body = self._container(self.second, shell_pieces(second), 0.0, stand)
         self._client.setCollisionFilterPair(self._cup_body, self._second_body, -1, -1, 0)
         for link in range(-1, self._client.getNumJoints(arm.body)):
@@ -101,11 +104,6 @@ class PouringTable:
         """How many balls went into or through a wall so far."""
         return self._cup_guard.count + self._second_guard.count
 
-    @property
-    def second_pose(self) -> NDArray[np.float64]:
-        """Where the second container stands (4, 4), world."""
-        return self._second_pose
-
     def cup_pose(self) -> NDArray[np.float64]:
         """Where the cup truly is (4, 4), world."""
         position, orientation = self._client.getBasePositionAndOrientation(self._cup_body)
@@ -124,7 +122,7 @@ class PouringTable:
         Call it every few milliseconds: it also lets the arm know the weight it carries.
         """
         in_cup = self._cup_guard.look(self._from(self.cup_pose()))
-        in_second = self._second_guard.look(self._from(self._second_pose))
+        in_second = self._second_guard.look(self._from(self.second_pose))
         if in_cup.sum() != self._in_cup.sum():
             self._carry(int(in_cup.sum()))
         self._in_cup = in_cup

@@ -86,7 +86,7 @@ class ToolboxObjects:
         if task in STANDS_M:
             target = stand_pose(task)
             centre = target[:3, 3] + target[:3, :3] @ np.array(_GRASP_M[task])
-            self._place(body, centre, _quaternion(target[:3, :3]))
+            self._place(body, centre, Rotation.from_matrix(target[:3, :3]).as_quat())
         else:
             self._place(body, BENCH_PLACE_M, _NO_TURN)
         self._fix(task, -1, -1)
@@ -181,8 +181,3 @@ class ToolboxObjects:
             half = 0.5 * (centre[2] - 0.05 - _HALF_EDGES_M[task][0])
             post = self._body(0.0, pybullet.GEOM_BOX, (0.012, 0.012, half), grey)
             self._place(post, (centre[0], centre[1], 0.05 + half), _NO_TURN)
-
-
-def _quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
-    """Quaternion xyzw of a rotation matrix (3, 3)."""
-    return tuple(Rotation.from_matrix(rotation).as_quat())

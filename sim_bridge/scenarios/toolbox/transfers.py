@@ -306,7 +306,8 @@ class ToolboxTransfers:
         """Where the person's hand is with the object between the fingers (3,)."""
         pose, what = self._arm.hand_pose(), thing.what
         reach_m = what.grasp_m + HELD_SHARE * what.half_edges_m[2]
-        return pose.position + reach_m * _outward(pose.orientation) + self._miss_m
+        miss_m = np.zeros(3) if self._manner is None else self._manner.miss_m
+        return pose.position + reach_m * _outward(pose.orientation) + miss_m
 
     def _aside_m(self, hand: CompliantHand, thing: HandedThing | None) -> NDArray[np.float64]:
         """From the wrist to where the hand waits (3,): with an object, before the fingers."""
@@ -323,10 +324,6 @@ class ToolboxTransfers:
         off = hand.position_m - self._place(thing)
         out = _outward(self._arm.hand_pose().orientation)
         return float(np.linalg.norm(off - (off @ out) * out))
-
-    @property
-    def _miss_m(self) -> NDArray[np.float64]:
-        return np.zeros(3) if self._manner is None else self._manner.miss_m
 
     def _speed(self) -> float:
         return float(np.linalg.norm(self._arm.hand_velocity()))
