@@ -135,7 +135,7 @@ class Interacting:
         inbox, arm, current = self._parts.inbox, self._arm, self._arm.current
         label, prediction = state.interaction.prediction.label, inbox.prediction
         if not (arm.is_update_due(now_ns) and inbox.unused) or state.interaction.over:
-            return Transition(state, self._motions.keep_pace(now_ns))
+            return Transition(state)
         if prediction is None or current is None or prediction.label != label:
             return Transition(state)
         if self._parts.inbox.decision.active != label or not arm.follows(now_ns):
@@ -146,6 +146,6 @@ class Interacting:
         vias = state.interaction.vias
         command = self._motions.interact(now_ns, prediction, start_ns, start, progress, vias)
         if command is None:
-            return Transition(state, self._motions.keep_pace(now_ns))
+            return Transition(state)
         interaction = state.interaction.recognised(prediction)
         return Transition(replace(state, interaction=interaction), command)

@@ -19,6 +19,10 @@ from intent_recognition.activation.states import (
 )
 from intent_recognition.activation.waiting import Waiting
 
+_PACED = (Executing, Arrived, Pretriggered)
+"""States whose motion goes on as it is or at another speed; one that is homing looks first whether
+the arm is where it was told to be."""
+
 
 class Transitions:
     """Decides what follows on a state.
@@ -35,7 +39,17 @@ class Transitions:
         self.interacting = Interacting(parts, waiting)
 
     def following(self, state: State, now_ns: int) -> Transition:
-        """The next state, and the command to send on the way there."""
+        """The next state, and the command to send on the way there.
+
+        Whatever is not begun or updated meanwhile, the motion under way keeps the pace that people
+        permit.
+        """
+        found = self._following(state, now_ns)
+        if found.command is None and isinstance(found.state, _PACED):
+            found = found._replace(command=self._motions.keep_pace(now_ns))
+        return found
+
+    def _following(self, state: State, now_ns: int) -> Transition:
         match state:
             case Idle():
                 begun = self.interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)

@@ -112,7 +112,7 @@ class Waiting:
         """Stay ahead, or withdraw where the movement under way is another one, or none comes."""
         reason = self._pretrigger.reason_to_withdraw(now_ns, self._parts.inbox.decision)
         if not reason:
-            return Transition(state, self._motions.keep_pace(now_ns))
+            return Transition(state)
         self._counts[f"pretrigger withdrawn: {reason}"] += 1
         return self.withdraw(now_ns) or Transition(Homing(None))
 
