@@ -25,6 +25,7 @@ from intent_recognition.learning.statistics import (
     summarize,
 )
 from intent_recognition.learning.timing import PACES
+from intent_recognition.learning.unit_check import other_units_of
 from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.promp import ResidualCoupling, TaskLibrary
 from intent_recognition.signals import Demonstration
@@ -80,7 +81,8 @@ def learn(
 
     Noise, alignment in time and the margin over unknown movements are chosen by
     cross-validation. Demonstrations that cannot be used (too short, other DOFs, no label) are left
-    out with a warning; `learn_with_report` returns which and why instead.
+    out with a warning; `learn_with_report` returns which and why instead. One that seems to be in
+    another unit than the others is learned from, with a warning.
 
     Args:
         demonstrations: labelled recordings with the same DOFs: a list, or a stream of any length,
@@ -99,6 +101,9 @@ def learn(
         warnings.warn(
             f"{report.n_rejected} of {n} demonstrations are left out: {first}", stacklevel=2
         )
+    trained = report.trained
+    for finding in other_units_of(trained.tasks, trained.tasks, trained.preprocessing):
+        warnings.warn(str(finding), stacklevel=2)
     return report.library
 
 
@@ -168,7 +173,7 @@ def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained
     Priors over tasks are kept; a new task takes its share of them.
 
     Raises:
-        TrainingError: the demonstration cannot be used; says why.
+        TrainingError: the demonstration cannot be used, or is in another unit; says why.
     """
     example = example_of(demonstration, trained.preprocessing)
     return add_statistics(trained, {example.task: summarize([example])}, [example.name])
@@ -183,7 +188,12 @@ def add_statistics(
         trained: what to add to; it stays as it is.
         tasks: statistics of each label.
         names: of the demonstrations, for the provenance.
+
+    Raises:
+        TrainingError: one of them is in another unit than those learned before.
     """
+    for finding in other_units_of(tasks, trained.tasks, trained.preprocessing):
+        raise TrainingError(f"{finding} Correct it, or leave it out.")
     merged = merge_tasks(trained.tasks, tasks)
     before = trained.library
     bags = before.provenance.get("bags")

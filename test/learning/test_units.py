@@ -6,7 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.errors import TrainingError
+from intent_recognition.learning import (
+    TrainingSettings,
+    add_demonstration,
+    learn,
+    learn_with_report,
+)
 from intent_recognition.learning.correcting import keep_correction
 from intent_recognition.learning.held_out import MAX_RIVALS, nearest_tasks
 from intent_recognition.promp import controlled_spread, end_std_limits, weight_floor
@@ -225,3 +231,25 @@ def test_the_nearest_tasks_are_the_same_in_another_unit(trained, scale):
         example = tasks[0].examples[0]._replace(weights=tasks[0].mean)
         found.append(nearest_tasks(others, example, np.arange(len(others)), units[:n_observed]))
     np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "factor"), [("j1", np.degrees(1.0)), ("x", 100.0)])
+def test_a_recording_in_another_unit_is_named_in_learning_and_refused_afterwards(
+    trained, name, factor
+):
+    """Joints that turn by less than what only degrees could be; a hand in centimetres."""
+
+    def scaled(signals):
+        return tuple(
+            replace(s, values=s.values * factor) if s.names[0] == name else s for s in signals
+        )
+
+    odd = perform(0, 9)
+    odd = replace(odd, observed=scaled(odd.observed), controlled=scaled(odd.controlled))
+    settings = TrainingSettings(n_basis=8, segmentation="movement")
+    with pytest.warns(UserWarning, match=f"give_9: {name} .*a factor of {factor:.4g}"):
+        learn([perform(0, 0), perform(0, 1), odd, perform(0, 2)], settings)
+    with pytest.raises(TrainingError, match=f"give_9: {name} .*a factor of {factor:.4g}"):
+        add_demonstration(trained[1.0], odd)
+    assert add_demonstration(trained[1.0], perform(0, 9)).tasks["give"].n == 6
