@@ -35,6 +35,7 @@ class ActivationOutput:
     ) -> None:
         self._logger, self._diagnostics, self._action = node.get_logger(), diagnostics, action
         self._node, self.shared = node, ""
+        self._command_topic = "joint_trajectory" if action is None else action.topic
         self._commands = action or node.create_publisher(
             JointTrajectory, "joint_trajectory", qos.COMMAND
         )
@@ -71,17 +72,15 @@ class ActivationOutput:
     def look_for_others(self) -> bool:
         """Whether the shared state of the command topic has changed; the page is not counted."""
         before, self.shared = self.shared, ""
-        if self._action is None:
-            own = self._node.get_name(), self._node.get_namespace()
-            there = self._node.get_publishers_info_by_topic(
-                self._node.resolve_topic_name("joint_trajectory")
-            )
-            names = [(info.node_name, info.node_namespace) for info in there]
-            if own in names:
-                names.remove(own)
-            if others := sorted({f"{space}/{name}" for name, space in names if name != PAGE}):
-                who = " and ".join(other.replace("//", "/") for other in others)
-                self.shared = f"shared arm: {who} publishes on joint_trajectory, too"
+        topic = self._node.resolve_topic_name(self._command_topic)
+        there = self._node.get_publishers_info_by_topic(topic)
+        names = [(info.node_name, info.node_namespace) for info in there]
+        own = self._node.get_name(), self._node.get_namespace()
+        if own in names:
+            names.remove(own)
+        if others := sorted({f"{space}/{name}" for name, space in names if name != PAGE}):
+            who = " and ".join(other.replace("//", "/") for other in others)
+            self.shared = f"shared arm: {who} publishes on {self._command_topic}, too"
         return self.shared != before
 
     def outcomes(self, activation: Activation) -> None:
@@ -145,7 +144,7 @@ class ActivationOutput:
     def status(self, activation: Activation | None, silent: str) -> None:
         """Level and message: what the arm does, and who is silent."""
         level, text = _status(activation)
-        trouble = self.shared if self._action is None else self._action.trouble
+        trouble = self.shared or (self._action.trouble if self._action else "")
         if trouble:
             level = Level.ERROR
         elif silent:

@@ -41,9 +41,10 @@ class CommandAction:
 
     Goals that a later one has replaced end as they may. When the newest one is rejected or aborted,
     is not answered in `ANSWER_S`, or its controller is gone, and when any goal is cancelled by
-    somebody else, what is still under way is cancelled, so that the controller holds the arm, and
-    `give_up` is called. With ros2_control, a goal that was replaced ends as cancelled
-    with the code INVALID_GOAL, one that somebody cancelled without a code.
+    somebody else or has violated its path tolerance, what is still under way is cancelled, so that
+    the controller holds the arm, and `give_up` is called. With ros2_control, a goal that was
+    replaced ends as cancelled with the code INVALID_GOAL, one that somebody cancelled without a
+    code.
     A goal tolerance that was not kept is reported: the arm is at rest near its end.
 
     Args:
@@ -51,6 +52,7 @@ class CommandAction:
         give_up: called with the reason when a command is not executed.
 
     Attributes:
+        topic: on which the same controller takes commands, too.
         trouble: what is wrong with the newest command; empty while nothing is.
 
     Raises:
@@ -72,6 +74,7 @@ class CommandAction:
         self._client = ActionClient(node, FollowJointTrajectory, name)
         self._newest: _Goal | None = None
         self._under_way: set[_Goal] = set()
+        self.topic = "/".join([*name.split("/")[:-1], "joint_trajectory"])
         self.trouble = ""
 
     def publish(self, message: JointTrajectory) -> None:
@@ -124,6 +127,8 @@ class CommandAction:
             if by_others and result.error_code == self._type.Result.SUCCESSFUL:
                 text = "a goal was cancelled by somebody else while the next one was on its way"
                 self._fail("controller_cancelled", text)
+            elif result.error_code == self._type.Result.PATH_TOLERANCE_VIOLATED:
+                self._fail("controller_aborted", self._explain(result))
             return
         self._newest = None
         if status == GoalStatus.STATUS_SUCCEEDED:

@@ -315,9 +315,10 @@ class PrimitiveActivation(ManagedNode):
         silent = self._silent_streams() if self.active else ""
         changed = self._output.look_for_others() or silent != self._silent
         refused = bool(self._output.shared) and not self._settings.allows_shared_arm
-        if refused and not self._refused and self.activation is not None:
+        if refused and not self._refused:
             self.diagnostics.reject("shared_arm", self._output.shared)
-            self._output.command(self.activation.halt(now_ns(self)))
+            if self.activation is not None:
+                self._output.command(self.activation.halt(now_ns(self)))
         self._refused = refused
         if changed:
             self._silent = silent

@@ -16,6 +16,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.task import Future
 from ros_harness import NodeProcess
 from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes import command_action
@@ -132,22 +133,43 @@ def test_a_goal_cancelled_by_others_ends_the_interaction(cell):
     assert cell.mode == "idle"
 
 
-def test_a_goal_cancelled_while_the_next_is_on_its_way_ends_the_interaction(cell):
-    """The cancelled one's result comes after the next goal was sent, which is cancelled, too."""
+@pytest.mark.parametrize(
+    ("status", "code", "reason"),
+    [
+        ("STATUS_CANCELED", "SUCCESSFUL", "controller_cancelled"),
+        ("STATUS_ABORTED", "PATH_TOLERANCE_VIOLATED", "controller_aborted"),
+    ],
+)
+def test_a_goal_that_ends_while_the_next_is_on_its_way_ends_the_interaction(
+    cell, status, code, reason
+):
+    """Its result comes after the next goal was sent, which is cancelled, too."""
     cell.answer("hold")
     cell.begin()
     cell.until(lambda: cell.heard("accepted"))
     action = cell.node._action
     before, result = action._newest, Future()
     cell.until(lambda: action._newest is not before)
-    update = action._newest
+    update, kind = action._newest, action._type.Result
     result.set_result(
-        SimpleNamespace(status=GoalStatus.STATUS_CANCELED, result=action._type.Result())
+        SimpleNamespace(
+            status=getattr(GoalStatus, status), result=kind(error_code=getattr(kind, code))
+        )
     )
     action._on_result(before, result)
-    assert cell.rejected("controller_cancelled") and cell.mode == "idle"
+    assert cell.rejected(reason) and cell.mode == "idle"
     assert update.given_up
     cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the update cancelled")
+
+
+def test_who_commands_the_controller_by_its_topic_is_refused(cell):
+    cell.harness.probe.create_publisher(
+        JointTrajectory, "joint_trajectory_controller/joint_trajectory", 1
+    )
+    cell.until(lambda: cell.node._output.shared)
+    status, values = cell.report()
+    assert status.level == bytes([Level.ERROR]) and "shared arm" in status.message
+    assert values["rejected shared_arm"] == "1"
 
 
 def test_a_goal_accepted_after_the_next_was_rejected_is_cancelled(cell, monkeypatch):
