@@ -6,12 +6,17 @@ ros2 launch intent_recognition ros2_control.launch.py arm:=panda model:=panda.np
 See docs/ros2_control.md. All arguments of real.launch.py can be given, too.
 """
 
+import sys
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from intent_recognition.nodes.graph import GRAPHS
+from intent_recognition.nodes.launch_checks import check_arguments, check_package
+from intent_recognition.nodes.launching import end_if_refused
 from intent_recognition.share import share_path
 from sim_bridge.arm import describe_robot
 
@@ -26,7 +31,17 @@ def generate_launch_description() -> LaunchDescription:
             "command_action": "joint_trajectory_controller/follow_joint_trajectory"
         }.items(),
     )
-    return LaunchDescription([arm, OpaqueFunction(function=_controllers), graph])
+    check, controllers = OpaqueFunction(function=_check), OpaqueFunction(function=_controllers)
+    return LaunchDescription([arm, check, graph, controllers])
+
+
+def _check(_: LaunchContext) -> list[Node]:
+    """Refuse what cannot run before the first node starts; the graph does so itself."""
+    graph_takes = (argument.name for argument in GRAPHS["real"].arguments())
+    check_arguments("ros2_control", ["arm", *graph_takes], sys.argv)
+    for package in ("controller_manager", "robot_state_publisher", *CONTROLLERS):
+        check_package(package, "ros2_control.launch.py")
+    return []
 
 
 def _controllers(context: LaunchContext) -> list[Node]:
@@ -41,17 +56,20 @@ def _controllers(context: LaunchContext) -> list[Node]:
         parameters=[controllers],
         remappings=[("~/robot_description", "robot_description")],
         output="screen",
+        on_exit=end_if_refused,
     )
     publisher = Node(
         package="robot_state_publisher",
         executable="robot_state_publisher",
         parameters=[{"robot_description": described}],
         output="screen",
+        on_exit=end_if_refused,
     )
     spawner = Node(
         package="controller_manager",
         executable="spawner",
         arguments=[*CONTROLLERS, "--controller-manager", "controller_manager"],
         output="screen",
+        on_exit=end_if_refused,
     )
     return [manager, publisher, spawner]

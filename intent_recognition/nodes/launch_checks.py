@@ -8,7 +8,7 @@ from pathlib import Path
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from intent_recognition.errors import ArgumentError, nearest
-from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall
+from intent_recognition.nodes.graph import NODES, NodeCall
 from intent_recognition.nodes.parameters import holds_for, sections
 from intent_recognition.parameter_table import PARTS, parameters_of
 from intent_recognition.share import PACKAGE
@@ -22,38 +22,39 @@ FILES = ("model", "bag", "dofs", "sequences", "plan", "task_list", "scene")
 """Arguments that name a file or folder, where they look like a path."""
 
 
-def check_arguments(graph: str, command: Sequence[str]) -> None:
-    """Refuse arguments that `ros2 launch` was given for a graph and nobody takes.
+def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> None:
+    """Refuse arguments that `ros2 launch` was given for a launch file and nobody takes.
 
     Args:
-        graph: one of `GRAPHS`.
+        file: name of the launch file, without `.launch.py`.
+        known: its arguments.
         command: of the process; one that launches another file passes.
     """
-    if not any(Path(word).name == f"{graph}.launch.py" for word in command):
+    if not any(Path(word).name == f"{file}.launch.py" for word in command):
         return
-    known = [argument.name for argument in GRAPHS[graph].arguments()]
     for word in command:
         name, assigned, _ = word.partition(":=")
         if assigned and name not in known:
             cure = nearest(name, known, "Leave it away.")
             raise ArgumentError.about(
-                f"argument of {graph}", f"one of {', '.join(known)}", name, cure
+                f"argument of {file}", f"one of {', '.join(known)}", name, cure
             )
+
+
+def check_package(package: str, what: str) -> None:
+    """Make sure that a package of nodes is there, which an argument or launch file needs."""
+    try:
+        get_package_prefix(package)
+    except (PackageNotFoundError, LookupError) as error:
+        cure = f"Install ros-jazzy-{package.replace('_', '-')}, or leave {what} away."
+        raise ArgumentError.about(what, f"the package {package}", "none", cure) from error
 
 
 def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None:
     """Make sure that packages and files are there."""
     for call in calls:
         if call.package != PACKAGE:
-            try:
-                get_package_prefix(call.package)
-            except (PackageNotFoundError, LookupError) as error:
-                when = NODES[call.name].when
-                package = call.package.replace("_", "-")
-                cure = f"Install ros-jazzy-{package}, or leave {when} away."
-                raise ArgumentError.about(
-                    when, f"the package {call.package}", "none", cure
-                ) from error
+            check_package(call.package, NODES[call.name].when)
         for room, module in NEEDS.items():
             if call.module.startswith(room) and find_spec(module) is None:
                 cure = f"Install it (pip install {module}), or do without {call.name}."

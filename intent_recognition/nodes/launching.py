@@ -61,7 +61,7 @@ def _start(
 ) -> list[Node]:
     """The nodes, now that the arguments have values."""
     names = [argument.name for argument in GRAPHS[graph].arguments()]
-    check_arguments(graph, sys.argv)
+    check_arguments(graph, names, sys.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
     values = arguments_of(graph, given)
     users, arm = values.get("params_file"), str(values.get("arm", ""))
@@ -95,11 +95,11 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         output="screen",
         respawn=call.respawns,
         respawn_delay=RESPAWN_DELAY_S,
-        on_exit=_end_if_refused,
+        on_exit=end_if_refused,
     )
 
 
-def _end_if_refused(event: Any, _context: object) -> None:
+def end_if_refused(event: Any, _context: object) -> None:
     """End the launch where a node cannot run (exit code 1): a new start would be no better."""
     if event.returncode == 1:
         raise IntentError(f"{event.process_name} cannot run; what it logged says why")

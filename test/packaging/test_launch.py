@@ -62,7 +62,11 @@ def recorder(kind):
 
 MODULES = {
     "launch": ["LaunchContext", "LaunchDescription"],
-    "launch.actions": [*("DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable")],
+    "launch.actions": [
+        *("DeclareLaunchArgument", "IncludeLaunchDescription", "OpaqueFunction"),
+        "SetEnvironmentVariable",
+    ],
+    "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
     "launch.substitutions": ["LaunchConfiguration"],
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
@@ -300,6 +304,27 @@ def test_what_is_optional_is_there_before_the_first_node_starts(describe, monkey
     monkeypatch.setattr(launch_checks, "get_package_prefix", no_package)
     with pytest.raises(ArgumentError, match="rviz: expected the package robot_state_publisher"):
         start(entities, rviz="true")
+
+
+def test_ros2_control_looks_first_and_starts_its_own_nodes_last(describe, monkeypatch):
+    _, check, graph, controllers = describe("ros2_control")
+    assert graph.kind == "IncludeLaunchDescription"
+    check, controllers = check.options["function"], controllers.options["function"]
+    context = Context(arm="lwr")
+    assert check(context) == []
+    for node in controllers(context):
+        with pytest.raises(IntentError, match="spawner-2 cannot run"):
+            exited = types.SimpleNamespace(returncode=1, process_name="spawner-2")
+            node.options["on_exit"](exited, context)
+    command = ["ros2", "launch", "intent_recognition", "ros2_control.launch.py", "activte:=true"]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(ArgumentError, match="Did you mean activate"):
+        check(context)
+    monkeypatch.setattr(sys, "argv", [*command[:-1], "activate:=true", "arm:=lwr"])
+    check(context)
+    monkeypatch.setattr(launch_checks, "get_package_prefix", no_package)
+    with pytest.raises(ArgumentError, match="Install ros-jazzy-controller-manager"):
+        check(context)
 
 
 def no_package(name):
