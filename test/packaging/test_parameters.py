@@ -16,6 +16,8 @@ from intent_recognition.motion import SeparationSettings
 from intent_recognition.motion.clearance import LARGEST_BEND, REPLAN_BUDGET_S, WAIT_S
 from intent_recognition.nodes.graph import RECOGNITION
 from intent_recognition.nodes.launch_checks import OF_EVERY_NODE
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.parameter_table import PARTS, parameters_of
 from intent_recognition.recognition import FORGET_AFTER_S, MAX_WRONG
 from intent_recognition.registry import NODES
@@ -62,6 +64,22 @@ def test_node_takes_its_section(harness, section, tmp_path):
     if name != "lwr_sim":
         assert own == set(parameters_of(name))
     assert own <= set(words(name)), "not in the shipped file, not even as a comment"
+
+
+@pytest.mark.parametrize("kind", [MocapIngest, PrimitiveActivation])
+def test_what_ros2_param_dump_writes_is_taken_again(harness, kind, tmp_path):
+    """Empty lists among it, which have no type in a file."""
+
+    def values(node):
+        found = {k: p.value for k, p in node.get_parameters_by_prefix("").items() if "." not in k}
+        return {k: v if isinstance(v, (str, bool, int, float)) else [*v] for k, v in found.items()}
+
+    dumped = values(harness.node(kind))
+    assert [] in dumped.values()
+    path = tmp_path / "dump.yaml"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": dumped}}), encoding="utf-8")
+    again = harness.add(kind(cli_args=["--ros-args", "--params-file", str(path)]))
+    assert values(again) == dumped
 
 
 def words(name):
