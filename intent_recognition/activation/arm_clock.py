@@ -6,6 +6,8 @@ behind; one direction of messages does not tell which. The arm's own motion does
 shows the arm where its reference was at the stamp, a clock that is behind where it is now.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from intent_recognition.array_types import Floats
@@ -16,6 +18,10 @@ the quickest of which is not late."""
 TELLING_RAD = 0.02
 """Difference of two references that tells which of both an arm follows [rad]. Convention: several
 times the noise of encoders, less than what an arm lags behind."""
+
+_SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+"""Where between stamp and arrival the arm's reference is looked at. Convention: the least that
+shows on which side of the middle an arm that lags is, while it speeds up."""
 
 
 class ArmClock:
@@ -44,13 +50,23 @@ class ArmClock:
         self._least_ns = min(self._least_ns, behind_ns)
         self.offset_ns = min(self._least_ns, self._before_ns)
 
-    def compare(self, position: Floats, at_stamp: Floats, at_arrival: Floats) -> None:
-        """Take where the arm was measured, and its references at the stamp and less the offset."""
-        if np.abs(at_stamp - at_arrival).max() < TELLING_RAD:
+    def compare(
+        self, stamp_ns: int, position: Floats, reference: Callable[[int], Floats | None]
+    ) -> None:
+        """Take where the arm was measured (n,), and what gives its reference at a time.
+
+        The arm is at its reference of some time between the stamp and the arrival by our clock;
+        the one that this is nearer to is when it was measured.
+        """
+        ends = [reference(stamp_ns), reference(stamp_ns + self.offset_ns)]
+        if ends[0] is None or ends[1] is None or np.abs(ends[0] - ends[1]).max() < TELLING_RAD:
             return
-        by_stamp, by_arrival = (np.abs(position - q).max() for q in (at_stamp, at_arrival))
-        if min(by_stamp, by_arrival) < 0.5 * max(by_stamp, by_arrival):
-            self.late = bool(by_stamp < by_arrival)
+        times_ns = stamp_ns + np.rint(_SHARES[1:-1] * self.offset_ns).astype(np.int64)
+        asked = [ends[0], *map(reference, times_ns.tolist()), ends[1]]
+        errors = np.abs(np.array(asked) - position).max(axis=1)
+        share = _SHARES[int(np.argmin(errors))]
+        if errors.min() < 0.5 * errors.max() and share != 0.5:
+            self.late = bool(share < 0.5)
 
     def by_stamp(self, max_age_ns: float) -> bool:
         """Whether stamps say when a joint state was measured, and not how they come in.

@@ -88,9 +88,7 @@ class ArmTracking:
             self._reject(reason, f"joint_states stamped {seconds:.1f} s {where} the clock")
         else:
             self.clock.hear(now_ns, stamp_ns)
-            asked = self._reference(stamp_ns), self._reference(stamp_ns + self.clock.offset_ns)
-            if asked[0] is not None and asked[1] is not None:
-                self.clock.compare(position, asked[0].position, asked[1].position)
+            self.clock.compare(stamp_ns, position, self._asked)
             age_ns = self._common.settings.max_joint_state_age_s * 1e9
             time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
@@ -304,12 +302,15 @@ class ArmTracking:
                 return command.at(time_ns)
         return None
 
+    def _asked(self, time_ns: int) -> Floats | None:
+        """Where the arm is asked to be at a time, (n,) [rad]."""
+        reference = self._reference(time_ns)
+        return None if reference is None else reference.position
+
     def _error(self, measured: Measured) -> float:
         """Largest difference between the measured arm and its reference then [rad]."""
-        reference = self._reference(measured.time_ns)
-        if reference is None:
-            return 0.0
-        return float(np.abs(measured.position - reference.position).max())
+        asked = self._asked(measured.time_ns)
+        return 0.0 if asked is None else float(np.abs(measured.position - asked).max())
 
     def _report_once(self, reason: str, key: object, text: str) -> None:
         """Reject, once as long as reason and key stay the same."""
