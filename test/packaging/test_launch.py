@@ -316,9 +316,9 @@ def test_ros2_control_looks_first_and_starts_its_own_nodes_last(describe, monkey
         with pytest.raises(IntentError, match="spawner-2 cannot run"):
             exited = types.SimpleNamespace(returncode=1, process_name="spawner-2")
             node.options["on_exit"](exited, context)
-    command = ["ros2", "launch", "intent_recognition", "ros2_control.launch.py", "activte:=true"]
+    command = ["ros2", "launch", "intent_recognition", "ros2_control.launch.py", "modle:=m.npz"]
     monkeypatch.setattr(sys, "argv", command)
-    with pytest.raises(ArgumentError, match="Did you mean activate"):
+    with pytest.raises(ArgumentError, match="Did you mean model"):
         check(context)
     monkeypatch.setattr(sys, "argv", [*command[:-1], "activate:=true", "arm:=lwr"])
     check(context)
