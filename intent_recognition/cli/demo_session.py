@@ -46,11 +46,11 @@ ROS_DOMAIN_ID")."""
 
 def run_session(
     args: argparse.Namespace, model: Path, console: Console, scene: Scene
-) -> tuple[dict[str, "SessionLog"], int]:
+) -> tuple[dict[str, "SessionLog"], int, float]:
     """Start the nodes, follow the session, stop the nodes.
 
     Returns:
-        The log of each worker, by name, and the stamp of the first sample.
+        The log of each worker, by name, the stamp of the first sample, and the pace of time.
 
     Raises:
         IntentError: a node died, or nothing was received from one.
@@ -59,7 +59,7 @@ def run_session(
     from sim_bridge.scenarios.toolbox import first_sample_ns
 
     calls = _calls(args, model, scene)
-    logs = _run_graph(args, calls, model, scene, console)
+    logs, pace = _run_graph(args, calls, model, scene, console)
     person, plan = next(iter(scene.plans.items()))
     log = logs[person]
     first_ns = first_sample_ns(log, plan)
@@ -69,7 +69,7 @@ def run_session(
         raise IntentError.about(
             "mocap/wrist/pose", "the coworker's poses", got if len(log.wrist_ns) else "none", cure
         )
-    return logs, first_ns
+    return logs, first_ns, pace
 
 
 def refuse_options(
@@ -152,8 +152,8 @@ def _run_graph(
     model: Path,
     scene: Scene,
     console: Console,
-) -> dict[str, "SessionLog"]:
-    """Run the nodes through one session; returns what was observed of each worker."""
+) -> tuple[dict[str, "SessionLog"], float]:
+    """Run the nodes through one session; what was observed of each worker, and the pace of time."""
     from intent_recognition.nodes.session_observer import SessionObserver
 
     people = [person for person in scene.plans if person]
@@ -176,7 +176,7 @@ def _run_graph(
             say(console, "teach a task there, or end it with Ctrl-C: the table of results follows")
             watch.until_interrupted()
         console.print(f"simulated time ran at {pace:.2f} x real time")
-        return logs
+        return logs, pace
 
 
 def _start_nodes(

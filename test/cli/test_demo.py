@@ -88,6 +88,7 @@ def test_recognises_and_helps(tmp_path, toolbox_model):
     drawing, session, last = said.strip().splitlines()[-3:]
     assert drawing == "drawing the report ..."
     numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
+    assert numbers["settings"]["simulated time per real time"] > 0.0
     duration_s = numbers["settings"]["duration of the session [s, simulated]"]
     assert session.startswith(f"session of {duration_s:.0f} s in simulated time, report: ")
     assert last.startswith("summary: recognised 1/1, decided before the end 1/1, hand error ")

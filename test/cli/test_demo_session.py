@@ -64,7 +64,7 @@ def test_foreign_publishers_are_refused(topic, monkeypatch):
 def test_poses_of_strangers_are_not_called_none(n, got, monkeypatch):
     log = SimpleNamespace(wrist_ns=range(n))
     monkeypatch.setattr(demo_session, "_calls", lambda *_: {})
-    monkeypatch.setattr(demo_session, "_run_graph", lambda *_: {"": log})
+    monkeypatch.setattr(demo_session, "_run_graph", lambda *_: ({"": log}, 1.0))
     monkeypatch.setattr(session_scoring, "first_sample_ns", lambda *_: None)
     scene = SimpleNamespace(plans={"": SimpleNamespace(interactions=())})
     with pytest.raises(IntentError, match=got):
