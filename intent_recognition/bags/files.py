@@ -40,14 +40,14 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         return None, [f"no usable {FILE_NAME}"]
 
 
-TABLES = (".csv", ".tsv", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", ".h5", ".hdf5")
+TABLES = (".csv", ".tsv", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", ".h5", ".hdf5", ".json",
+          ".jsonl")  # fmt: skip
 """Files that are no bags, but can become some."""
 
 
 def cure_of(path: Path, otherwise: str) -> str:
     """What helps where a path holds no bag: to import it, if it is a table or a folder of them."""
-    files = path.iterdir() if path.is_dir() else [path]
-    tables = any(file.suffix.lower() in TABLES for file in files)
+    tables = any(file.suffix.lower() in TABLES for file in (path, *path.rglob("*")))
     return "Make bags of tables with `intent import` (docs/import.md)." if tables else otherwise
 
 

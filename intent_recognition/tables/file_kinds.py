@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from intent_recognition.tables.files import open_table
+from intent_recognition.tables.files import name_below, open_table
 from intent_recognition.tables.table import Table
 
 NUMBERED = re.compile(r"(?P<task>.+?)(?P<between>[_\- ])\d+")
@@ -52,7 +52,7 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     found = []
     for names, files in kinds.items():
         first, pattern = files[0], name_pattern(source, files)
-        found.append(FileKind(_name(first), _inside(source, first), tables[names], pattern))
+        found.append(FileKind(_name(first), name_below(source, first), tables[names], pattern))
     stems = [{path.stem for path in files} for files in kinds.values()]
     together = all(kind.pattern for kind in found) and len({k.name for k in found}) == len(found)
     return found if together and set.intersection(*stems) else found[:1]
@@ -79,7 +79,3 @@ def name_pattern(source: Path, files: Sequence[Path]) -> str:
     if all(matches) and len(betweens) == 1:
         return f"{before}{{task}}{betweens.pop()}{{number}}{suffix}"
     return f"{before}{{number}}{suffix}" if len(files) > 1 and before else ""
-
-
-def _inside(source: Path, path: Path) -> str:
-    return path.name if path == source else path.relative_to(source).as_posix()

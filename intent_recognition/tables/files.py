@@ -27,6 +27,7 @@ SUFFIXES: dict[str, Callable[[Path], Table]] = {
     ".h5": open_hdf5,
     ".hdf5": open_hdf5,
     ".json": open_landmarks,
+    ".jsonl": open_landmarks,
 }
 
 
@@ -85,3 +86,8 @@ def find_tables(source: Path) -> list[Path]:
         cure = "Check the path; save spreadsheets as CSV, and .npy as .npz."
         raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
     return found
+
+
+def name_below(source: Path, path: Path) -> str:
+    """A path as it is seen from a folder; of the source itself its name."""
+    return path.name if path == source else path.relative_to(source).as_posix()

@@ -4,6 +4,7 @@
 import importlib
 import json
 import re
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -36,9 +37,8 @@ def read(path: str) -> dict[str, NDArray[Any]]:
                 arrays = _numbered(arrays, np.diff(ends, prepend=0))
             return {**arrays, "#rate": np.array(rate)}
         groups = [_arrays(top[name]) for name in names]
-        if "env_args" in top.attrs:
-            about = json.loads(top.attrs["env_args"])
-            rate = float(about.get("env_kwargs", {}).get("control_freq", 0.0))
+        with suppress(KeyError, ValueError, TypeError):  # others note something else there
+            rate = float(json.loads(top.attrs["env_args"])["env_kwargs"]["control_freq"])
     shared = [key for key in groups[0] if all(key in group for group in groups)]
     lengths = [max((len(group[key]) for key in shared), default=0) for group in groups]
     whole = [

@@ -16,7 +16,7 @@ from intent_recognition.errors import BagError, MissingPackageError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables.cells import Values, numbers, text_of, texts, without_zeros
 from intent_recognition.tables.doubts import Doubt, certain_misfit, doubts
-from intent_recognition.tables.files import find_tables, open_table
+from intent_recognition.tables.files import find_tables, name_below, open_table
 from intent_recognition.tables.import_map import (
     PLACEHOLDER,
     ColumnsOf,
@@ -107,8 +107,8 @@ def _find(
 ) -> Iterator[_Recording | Rejection]:
     if not mapping.files:
         for path in paths:
-            inside = path.relative_to(source) if path != source else Path(path.name)
-            name = inside.as_posix() if path.is_dir() else inside.with_suffix("").as_posix()
+            inside = name_below(source, path)
+            name = inside if path.is_dir() else Path(inside).with_suffix("").as_posix()
             yield _Recording(name.replace("/", "_"), {"": path})
         return
     groups: dict[tuple[str, ...], dict[str, Path]] = {}
@@ -117,12 +117,12 @@ def _find(
     for name, pattern in mapping.files.items():
         expression = _expression(pattern)
         for path in paths:
-            if found := expression.fullmatch(path.relative_to(source).as_posix()):
+            if found := expression.fullmatch(name_below(source, path)):
                 key = tuple(found[one] for one in fields)
                 groups.setdefault(key, {})[name] = path
     if not groups:
         patterns = ", ".join(mapping.files.values())
-        got = ", ".join(p.relative_to(source).as_posix() for p in paths[:5])
+        got = ", ".join(name_below(source, path) for path in paths[:5])
         cure = "Correct the patterns under files in the map."
         raise BagError.about(str(source), f"files such as {patterns}", got, cure)
     for key, group in sorted(groups.items()):

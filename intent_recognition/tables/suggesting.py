@@ -251,8 +251,12 @@ def _time(
     if isinstance(said, Mapping):
         rate = said.get("rate")
         return dict(said), f"from the file{f', {rate:g} Hz' if isinstance(rate, float) else ''}"
+    segments = table.defaults.get("segments")
+    cut = str(segments["column"]) if isinstance(segments, Mapping) else ""
+    of = np.array(labels.get(cut) or (columns[cut].values if cut in columns else []))
+    inside = of[1:] == of[:-1] if of.size else slice(None)  # each may begin at time 0
     for column in columns.values():
-        steps = np.diff(column.values)
+        steps = np.diff(column.values)[inside]
         named = column.name == "0" or TIME_NAME.search(column.name)
         if not named or not steps.size:
             continue

@@ -208,10 +208,10 @@ def test_a_model_s_context_is_shown(run_command, tmp_path):
 )
 def test_a_table_is_to_be_imported(words, run_command, tmp_path, model_file):
     folder = tmp_path / "tables"
-    folder.mkdir()
-    (folder / "walk.csv").write_text("time,x\n0,1\n")
+    (folder / "data").mkdir(parents=True)
+    (folder / "data/walk.csv").write_text("time,x\n0,1\n")
     more = ("--model", model_file) if words == ("replay",) else ()
-    for path in (folder, folder / "walk.csv"):
+    for path in (folder, folder / "data/walk.csv"):
         with pytest.raises(IntentError, match=r"`intent import` \(docs/import.md\)"):
             run_command(*words, path, *more)
 

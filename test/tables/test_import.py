@@ -159,12 +159,13 @@ def test_several_files_make_one_recording(values, tmp_path):
     assert left_out == ["arm_12.csv: missing file: {day}/wrist_{no}.csv of the same recording"]
 
 
-def test_a_file_name_is_divided_at_its_last_separator(values, tmp_path):
+@pytest.mark.parametrize("source", ["set", "set/fetch_box_0.csv"])
+def test_a_file_name_is_divided_at_its_last_separator(source, values, tmp_path):
     (tmp_path / "set").mkdir()
     write_csv(tmp_path / "set/fetch_box_0.csv", values)
     content = {key: value for key, value in MAP.items() if key != "task"}
     for pattern in ("{task}_{number}.csv", "fetch_{task}_{number}.csv"):
-        (found,) = imported(tmp_path / "set", tmp_path, content | {"files": pattern})
+        (found,) = imported(tmp_path / source, tmp_path, content | {"files": pattern})
         task = "box" if pattern.startswith("fetch") else "fetch_box"
         assert (found.name, found.task, found.metadata["number"]) == (f"{task}_0", task, "0")
         shutil.rmtree(tmp_path / "bags")

@@ -92,7 +92,8 @@ JSON = {
 def test_landmarks_in_any_json(kind, tmp_path):
     content, words = JSON[kind]
     columns = [f"right_wrist.{axis}" for axis in "xyz"]
-    samples, said = imported(tmp_path, "a.json", content, columns)
+    name = "a.jsonl" if "line" in kind else "a.json"
+    samples, said = imported(tmp_path, name, content, columns)
     assert said == (said if words else "") and words in said
     np.testing.assert_allclose(samples.values, PLACE / 1000)
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=200)

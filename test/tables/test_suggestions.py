@@ -62,6 +62,18 @@ def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
     assert "# They move, and are no positions: action.0" in text
 
 
+def test_times_that_begin_anew_in_each_demonstration_are_known(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        file.create_group("data").attrs["env_args"] = "no JSON"
+        for k in range(2):
+            group = file.create_group(f"data/demo_{k}")
+            group["time"], group["wrist_pos"] = TIMES_S, PLACE / 1000
+    content, _, found = suggested(tmp_path / "a.hdf5")
+    assert content["time"] == {"column": "time", "unit": "s"} and len(found) == 2
+    np.testing.assert_allclose(np.diff(found[1].samples[0].stamps_ns), 10**7, atol=1)
+
+
 def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
     content = plain(head="t,obs.x,obs.y,obs.z").replace("\n", ",1,2,3\n")
     _, *rest = content.splitlines()
