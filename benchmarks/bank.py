@@ -78,7 +78,7 @@ class Stream:
             return partial(_each, self.run.observe, [(observation,) for observation in taken])
         dofs = np.arange(N_OBSERVED)
         elapsed_s = np.array([(one.stamp_ns - self._start_ns) * 1e-9 for one in taken])
-        rows = self._library.basis.design_matrix(self._hypotheses.phase(elapsed_s))
+        rows = self._library.basis.design_matrix(elapsed_s / self._hypotheses.duration_s)
         work = [
             (LinearMeasurement(dofs, row[:, None], observation.values, self._noise),)
             for row, observation in zip(rows, taken, strict=True)

@@ -35,23 +35,18 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.posterior import BornBelief, counted_joint
+from intent_recognition.filtering.posterior import BornBelief, Timing, counted_joint
 from intent_recognition.filtering.rates import (
     AFRESH,
     DELAY,
+    STRAIGHT,
     TURN,
     birth_shares,
     log_stay,
     may_begin_anew,
 )
 from intent_recognition.filtering.reaching import end_tells, moving_parts
-from intent_recognition.filtering.table import (
-    OFFSET_BASIS,
-    REACH,
-    STRAIGHT,
-    HypothesisTable,
-    with_offsets,
-)
+from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
@@ -101,33 +96,31 @@ class Births:
     Args:
         library: the learned tasks.
         grid: of the hypotheses of the onset.
+        prior: weights of the tasks and none before anything is observed.
 
     Attributes:
         usual_s: how long the tasks usually take.
     """
 
-    def __init__(self, library: TaskLibrary, grid: PriorGrid):
-        self._library, self._grid, n_dofs = library, grid, library.n_observed
+    def __init__(self, library: TaskLibrary, grid: PriorGrid, prior: GaussianBatch):
+        self._library, self._grid, self._prior = library, grid, prior
+        n_dofs, n_signals = library.n_observed, len(library.observed_groups)
         self.usual_s = float(np.exp(np.mean(library.log_duration_mean)))
         self._rates = np.array(FADINGS) / self.usual_s
         self._offsets, _ = duration_offsets(min(grid.n_scales, N_DURATIONS))
-        n_signals = len(library.observed_groups)
         self._settling, self._every = SETTLING * n_signals, BIRTHS_EVERY * n_signals
         self._width = library.basis.n_basis + OFFSET_BASIS
-        size = n_dofs * self._width
+        size, n_tasks = n_dofs * self._width, min(library.n_tasks, MAX_TASKS)
         fitting = MAX_FLOATS // (size * (size + 1 + n_dofs))
         self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
-        n_tasks = min(library.n_tasks, MAX_TASKS)
         n_born = ((n_tasks + 1) * len(self._offsets) + len(DELAYS)) * len(FADINGS)
         n_born += n_tasks * 2 * len(REACH_OFFSETS)
         room = self._n_kept + n_born * -(-SETTLING // BIRTHS_EVERY)
-        self._table = HypothesisTable(room, library, offsets=True)
+        self._table = HypothesisTable(room, library, self._settling)
         none_variance = np.diag(library.none_covariance).reshape(n_dofs, -1)
-        std = np.sqrt(none_variance.mean(axis=1))[:, None]
-        powers = self._rates[:, None, None] ** np.arange(OFFSET_BASIS)
-        self._offset_variance = (std * powers) ** 2  # (R, P, 3)
-        self._offset_variance[..., -1] *= PUSH**2
-        self._reach_variance = (std * REACH_SCALE / self.usual_s ** np.arange(3)) ** 2  # (P, 3)
+        std, powers = np.sqrt(none_variance.mean(axis=1))[:, None], np.arange(OFFSET_BASIS)
+        self._fading = (std * self._rates[:, None, None] ** powers * [1.0, 1.0, PUSH]) ** 2
+        self._ending = (std * REACH_SCALE / self.usual_s**powers)[None] ** 2
         self._log_mean, self._log_std = log_durations(library)
         self._moving = moving_parts(library, std[:, 0])
         with np.errstate(divide="ignore"):
@@ -146,8 +139,7 @@ class Births:
         self._table.clear()
         known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
         self._log_weight = np.append(np.maximum(known, LEAST_LOG_WEIGHT), 0.0)
-        self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
-        self._made: dict[tuple[int, ...], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
 
     @property
@@ -170,8 +162,7 @@ class Births:
         Args:
             log_evidence: log density of all observations under them, (B,).
         """
-        joint = (self._grid.log_prior + log_evidence).reshape(-1, self._grid.n_scales)
-        left = np.logaddexp.reduce(joint, axis=1)
+        left = self._grid.log_task_joint(log_evidence)
         left[:-1] += self.log_stay
         return left
 
@@ -189,34 +180,21 @@ class Births:
             log_evidence: see `onset_log_joint`; this measurement is among the observations.
         """
         self._remember_start(measurement)
-        self._last_s = max(measurement.elapsed_s, self._last_s)
+        now_s, table = measurement.elapsed_s, self._table
+        self._last_s = max(now_s, self._last_s)
         self._n_used += 1
-        table = self._table
         if table.n:
             table.condition(measurement)
-        total, rows = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence)), table.rows
-        settled = rows["seen"] == self._settling
-        if settled.any():
-            shares = birth_shares(
-                total + self._log_weight,
-                self._log_prior,
-                self._between_s / self.usual_s,
-                none_margin=self._grid.none_margin,
-                switch_margin=self._library.switch_margin,
-            )
-            of_kind = shares[rows["kind"], rows["task"]] + rows["log_share"]
-            of_kind -= self._log_weight[rows["task"]]
-            rows["log_prior"] = np.where(settled, of_kind, rows["log_prior"])
-            of_all = of_kind - np.logaddexp.reduce(total[:-1])
-            rows["log_birth"] = np.where(settled, of_all, rows["log_birth"])
+        total = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence))
+        self._settle(total)
         table.drop(self._hopeless(float(np.logaddexp.reduce(total))))
         if self._n_used % self._every == 0:
-            self._between_s = max(measurement.elapsed_s - self._last_birth_s, 0.0)
-            self._last_birth_s = max(measurement.elapsed_s, self._last_birth_s)
+            self._between_s = max(now_s - self._last_birth_s, 0.0)
+            self._last_birth_s = max(now_s, self._last_birth_s)
             first = table.n
-            self._give_birth(measurement.elapsed_s, log_evidence)
+            self._give_birth(now_s, log_evidence)
             table.condition(measurement, np.arange(first, table.n))
-            self._give_birth_to_delays(measurement.elapsed_s, log_evidence, onset)
+            self._give_birth_to_delays(now_s, log_evidence, onset)
 
     def belief(self, log_evidence: NDArray[np.float64]) -> BornBelief:
         """What they make of task and timing, and what is left of the hypotheses of the onset.
@@ -230,18 +208,16 @@ class Births:
         all_known = float(np.logaddexp.reduce(everything[:-1]))
         some = np.isfinite(table.log_joint)
         rows, joint = table.rows[some], table.log_joint[some]
-        task, onset_s, duration_s = rows["task"], rows["onset_s"], rows["duration_s"]
+        task = rows["task"]
         weight = np.exp(joint - total[task])
-        expected_s = np.zeros(n_tasks + 1)
-        np.add.at(expected_s, task, weight * (onset_s + duration_s))
         counted = counted_joint(joint, rows["log_birth"], all_known, grid.task_evidence)
         of_task = np.full(n_tasks + 1, -np.inf)
         np.logaddexp.at(of_task, task, np.where(task < n_tasks, counted, joint))
         prior = grid.log_task_prior[:-1] + self.log_stay
         left[:-1] = counted_joint(left[:-1], prior, all_known, grid.task_evidence)
         share = np.exp(total - np.where(np.isfinite(everything), everything, 0.0))
-        joint = np.logaddexp(left, of_task)
-        return BornBelief(joint, all_known, share, expected_s, task, weight, onset_s, duration_s)
+        timing = Timing(task, weight, rows["onset_s"], rows["duration_s"])
+        return BornBelief(np.logaddexp(left, of_task), all_known, share, timing)
 
     def of_task(self, task: int) -> tuple[GaussianBatch, NDArray[np.float64], NDArray[np.float64]]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
@@ -254,6 +230,23 @@ class Births:
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
         until_s = rows["onset_s"][index] + rows["duration_s"][index]
         return self._table.courses(index), until_s, weight[index] / weight[index].sum()
+
+    def _settle(self, total: NDArray[np.float64]) -> None:
+        """Give those that are judged from now on their share of what all are worth, (K + 1,)."""
+        rows = self._table.rows
+        settled = np.flatnonzero(rows["seen"] == self._settling)
+        if len(settled):
+            shares = birth_shares(
+                total + self._log_weight,
+                self._log_prior,
+                self._between_s / self.usual_s,
+                none_margin=self._grid.none_margin,
+                switch_margin=self._library.switch_margin,
+            )
+            kind, task, share = (rows[name][settled] for name in ("kind", "task", "log_share"))
+            passed = shares[kind, task] + share - self._log_weight[task]
+            rows["log_prior"][settled] = passed
+            rows["log_birth"][settled] = passed - np.logaddexp.reduce(total[:-1])
 
     def _hopeless(self, total: float) -> NDArray[np.bool_]:
         """What explains far less than all together, and the worst of too many."""
@@ -269,102 +262,88 @@ class Births:
 
     def _give_birth(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
-        n_tasks, n_rates, n_durations = self._library.n_tasks, len(FADINGS), len(self._offsets)
+        n_tasks, basis = self._library.n_tasks, self._library.basis
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
-            known = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence))[:-1]
-            tasks = np.sort(np.argpartition(known, -MAX_TASKS)[-MAX_TASKS:])
-        tasks = np.r_[tasks, n_tasks]
-        which, duration = np.divmod(np.arange(len(tasks) * n_rates * n_durations), n_durations)
-        task, offset = tasks[which // n_rates], self._offsets[duration]
+            joint = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence))[:-1]
+            tasks = np.sort(np.argpartition(joint, -MAX_TASKS)[-MAX_TASKS:])
+        of_all, known = np.append(tasks, n_tasks), np.arange(len(tasks))  # none begins at its birth
+        courses = self._prior.resized(of_all, basis.n_basis)
+        start = basis.design_matrix(np.zeros((len(known), 1)))
+        for dofs, values, noise in self._first:
+            courses.condition(LinearMeasurement(dofs, start, values, noise), index=known)
+        which, rate, duration = _combined(len(of_all), len(FADINGS), len(self._offsets))
+        task = of_all[which]
         is_none = task == n_tasks
-        pace = log_pace(self._grid, log_evidence, self._offsets) - np.log(n_rates)
-        states, reaching = self._states(tasks)
+        pace = log_pace(self._grid, log_evidence, self._offsets) - np.log(len(FADINGS))
         self._table.add(
-            states[which],
-            task=task,
+            courses.resized(slice(None), self._width, self._fading).state,
+            len(self._offsets),
             kind=TURN,
-            settling=self._settling,
+            task=task,
             onset_s=np.where(is_none, birth_s, 0.0),
-            duration_s=np.exp(self._log_mean[task] + self._log_std[task] * offset),
+            duration_s=self._durations_s(task, self._offsets[duration]),
             birth_s=birth_s,
-            rate=self._rates[which % n_rates],
+            rate=self._rates[rate],
             log_share=pace[is_none.astype(np.int64), duration],
-            log_prior=-np.inf,
         )
         if not may_begin_anew(birth_s / self.usual_s):
             return
-        pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0] - np.log(2.0)
-        shape = len(tasks) - 1, len(REACH_OFFSETS), 2
-        which, duration, straight = (index.ravel() for index in np.indices(shape))
-        task, offset = tasks[which], REACH_OFFSETS[duration]
-        duration_s = REACH_PART * np.exp(self._log_mean[task] + self._log_std[task] * offset)
-        reach_s = self._moving[task] * duration_s
+        which, duration, straight = _combined(len(tasks), len(REACH_OFFSETS), 2)
+        task = tasks[which]
+        duration_s = REACH_PART * self._durations_s(task, REACH_OFFSETS[duration])
+        pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0]
         self._table.add(
-            reaching[which],
+            courses.resized(known, self._width, self._ending).state,
+            2 * len(REACH_OFFSETS),
+            kind=np.where(straight, STRAIGHT, AFRESH),
             task=task,
-            kind=AFRESH,
-            settling=self._settling,
             onset_s=birth_s,
             duration_s=duration_s,
             birth_s=birth_s,
-            rate=1.0 / reach_s,
-            form=np.where(straight, STRAIGHT, REACH),
+            rate=1.0 / (self._moving[task] * duration_s),
             log_share=pace[duration] + np.where(straight, self._log_telling[task], 0.0),
-            log_prior=-np.inf,
         )
 
     def _give_birth_to_delays(
         self, birth_s: float, log_evidence: NDArray[np.float64], onset: HypothesisTable
     ) -> None:
         """Add copies of the most probable hypothesis of a known task, set back in time."""
-        n_tasks = self._library.n_tasks
+        n_tasks, table = self._library.n_tasks, self._table
         joint = self._grid.log_prior + log_evidence + self.log_stay
-        joint = np.where(onset.rows["task"] < n_tasks, joint, -np.inf)
-        of_born = np.where(self._table.rows["task"] < n_tasks, self._table.log_joint, -np.inf)
-        table, best = onset, int(np.argmax(joint))
-        if of_born.max() > joint[best]:
-            table, best = self._table, int(np.argmax(of_born))
-        row, course = table.rows[best].copy(), table.courses(np.array([best]))
-        delay, rate = np.divmod(np.arange(len(DELAYS) * len(FADINGS)), len(FADINGS))
-        self._table.add(
-            with_offsets(*course.moments(), self._offset_variance)[rate],
-            task=row["task"],
+        joint[onset.rows["task"] == n_tasks] = -np.inf
+        of_born = np.where(table.rows["task"] < n_tasks, table.log_joint, -np.inf)
+        if of_born.max() > joint.max():
+            parents, best = table, int(np.argmax(of_born))
+        else:
+            parents, best = onset, int(np.argmax(joint))
+        row, (rate, delay) = parents.rows[best].copy(), _combined(len(FADINGS), len(DELAYS))
+        table.add(
+            parents.courses(np.array([best])).resized(slice(None), self._width, self._fading).state,
+            len(DELAYS),
             kind=DELAY,
-            settling=self._settling,
+            task=row["task"],
             onset_s=row["onset_s"] + np.array(DELAYS)[delay] * self.usual_s,
             duration_s=row["duration_s"],
             birth_s=birth_s,
             rate=self._rates[rate],
             log_share=-np.log(len(delay)),
-            log_prior=-np.inf,
         )
+
+    def _durations_s(
+        self, task: NDArray[np.int64], offset: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        return np.asarray(np.exp(self._log_mean[task] + self._log_std[task] * offset))
 
     def _remember_start(self, measurement: Measurement) -> None:
         """Keep where the movement began: the course of another task would have begun there, too."""
         known = [dof for dofs, _, _ in self._first for dof in dofs]
-        new = ~np.isin(measurement.dofs, known)
-        if not measurement.derivative and new.any():
-            noise = measurement.noise_covariance[np.ix_(new, new)]
-            self._first.append((measurement.dofs[new], measurement.values[new], noise))
-            self._made.clear()
+        new = np.array([dof not in known for dof in measurement.dofs])
+        if new.any() and not measurement.derivative:
+            dofs, values, noise = measurement[2:5]
+            self._first.append((dofs[new], values[new], noise[new][:, new]))
 
-    def _states(self, tasks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """States of some tasks and none by the rates of fading, and of the tasks' reaches afresh.
 
-        Before anything is seen of the offset.
-        """
-        key = tuple(tasks)
-        if key not in self._made:
-            library, basis = self._library, self._library.basis
-            mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
-            courses = GaussianBatch.of(mean, covariance, basis.n_basis)
-            known = GaussianBatch(
-                courses.state[:-1], library.n_observed, basis.n_basis
-            )  # none begins at its birth
-            row = basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
-            for dofs, values, noise in self._first:
-                known.condition(LinearMeasurement(dofs, row, values, noise))
-            reaching = with_offsets(*known.moments(), self._reach_variance[None])
-            self._made = {key: (with_offsets(*courses.moments(), self._offset_variance), reaching)}
-        return self._made[key]
+def _combined(*sizes: int) -> list[NDArray[np.int64]]:
+    """Numbers of all combinations of so many things each, the last changing fastest."""
+    return [index.ravel() for index in np.indices(sizes)]

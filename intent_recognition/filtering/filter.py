@@ -90,9 +90,9 @@ class MovementFilter:
         self._prune_below = PRUNE_BELOW / grid.task_evidence
         self._negligible_below = NEGLIGIBLE_BELOW / grid.task_evidence
         self.table = HypothesisTable(n, library)
-        self.births = Births(library, grid) if switching else None
         prior = library.observed_mean, library.observed_covariance
-        self._prior = GaussianBatch.of(*prior, library.basis.n_basis).state
+        self._prior = GaussianBatch.of(*prior, library.basis.n_basis)
+        self.births = Births(library, grid, self._prior) if switching else None
         self._control_grids: dict[int, ControlGrid] = {}
         self.restart(onset_ns, task_weight)
 
@@ -109,10 +109,10 @@ class MovementFilter:
             task_weight: as of the class.
             past: what has been observed of it.
         """
-        self.onset_ns, grid, n_tasks = onset_ns, self.grid, len(self._prior)
+        self.onset_ns, grid, n_tasks = onset_ns, self.grid, len(self._prior.state)
         self.table.clear()
         self.table.add(
-            self._prior,
+            self._prior.state,
             grid.n_scales,
             task=np.repeat(np.arange(n_tasks), grid.n_scales),
             duration_s=grid.duration_s,
@@ -228,7 +228,7 @@ class MovementFilter:
 
     def task(self, task: int) -> GaussianBatch:
         """Weights of a task's hypotheses of the onset, which does not lag any more: (S, ...)."""
-        self._catch_up(np.where(np.arange(len(self._prior)) == task, -np.inf, np.inf))
+        self._catch_up(np.where(np.arange(len(self._seen)) == task, -np.inf, np.inf))
         self._follows[task] = True
         return self.table.courses(task * self.grid.n_scales + np.arange(self.grid.n_scales))
 

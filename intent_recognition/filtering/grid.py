@@ -43,7 +43,12 @@ class PriorGrid(NamedTuple):
     @property
     def log_task_prior(self) -> NDArray[np.float64]:
         """Log prior probability of each task and none, (K + 1,)."""
-        return np.logaddexp.reduce(self.log_prior.reshape(-1, self.n_scales), axis=1)
+        return self.log_task_joint(0.0)
+
+    def log_task_joint(self, log_evidence: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        """Log of prior and density of the observations, (B,), of each task and none, (K + 1,)."""
+        joint = (self.log_prior + log_evidence).reshape(-1, self.n_scales)
+        return np.asarray(np.logaddexp.reduce(joint, axis=1))
 
     def duration_weights(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Posterior probability of each duration given its task, (K + 1, S).
@@ -60,10 +65,6 @@ class PriorGrid(NamedTuple):
         best = tempered.max(axis=1, keepdims=True)
         weight = np.exp(np.where(np.isfinite(best), tempered - np.nan_to_num(best), 0.0))
         return weight / weight.sum(axis=1, keepdims=True)
-
-    def phase(self, elapsed_s: float | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
-        return np.clip(np.asarray(elapsed_s)[..., None] / self.duration_s, 0.0, 1.0)
 
 
 def make_prior_grid(

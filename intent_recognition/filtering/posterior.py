@@ -27,6 +27,30 @@ ANSWER_TRUST = 0.99
 """Probability with which somebody who is asked names the right task. Convention."""
 
 
+class Timing(NamedTuple):
+    """When n hypotheses say that the course of their tasks began, and how long it takes.
+
+    Attributes:
+        task: number of the task of each, (n,).
+        weight: their probabilities given the task, (n,).
+        begin_s: when it began, after onset, (n,).
+        course_s: how long it takes, (n,).
+    """
+
+    task: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    begin_s: NDArray[np.float64]
+    course_s: NDArray[np.float64]
+
+    def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What is expected given the task, (K + 1,), of what each hypothesis says, (n,)."""
+        return np.bincount(self.task, self.weight * values).astype(np.float64)
+
+    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
+        """Expected phase given the task, so long after onset, (K + 1,)."""
+        return self.expected(np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0))
+
+
 class BornBelief(NamedTuple):
     """What hypotheses of the onset and born ones make of a movement; for the latter its timing.
 
@@ -35,26 +59,13 @@ class BornBelief(NamedTuple):
             the density counts to a power (`counted_joint`).
         total: of the K tasks together, the density as it is.
         share: of born ones in the posterior of each task, (K + 1,).
-        duration_s: expected duration given the task, (K + 1,).
-        task: number of the task of each hypothesis, (n,).
-        weight: their probabilities given the task, (n,).
-        begin_s: when the course of each began, after onset, (n,).
-        course_s: how long it takes, (n,).
+        timing: of the born ones.
     """
 
     log_joint: NDArray[np.float64]
     total: float
     share: NDArray[np.float64]
-    duration_s: NDArray[np.float64]
-    task: NDArray[np.int64]
-    weight: NDArray[np.float64]
-    begin_s: NDArray[np.float64]
-    course_s: NDArray[np.float64]
-
-    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
-        """Expected phase given the task, so long after onset, (K + 1,)."""
-        phase = np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0)
-        return np.bincount(self.task, self.weight * phase, len(self.log_joint)).astype(np.float64)
+    timing: Timing
 
 
 class TaskPosterior(NamedTuple):
@@ -80,25 +91,16 @@ class TaskBelief(NamedTuple):
     """A posterior but for the phase, which goes on while nothing new is observed.
 
     Attributes:
-        grid: of tasks and durations.
         posterior: with the phase of no time.
-        share: of the hypotheses that were born on the way, in the posterior of a task, (K + 1,).
-        born: what these say; None without any.
+        timing: of all hypotheses.
     """
 
-    grid: PriorGrid
     posterior: TaskPosterior
-    share: NDArray[np.float64]
-    born: BornBelief | None
+    timing: Timing
 
     def at(self, elapsed_s: float) -> TaskPosterior:
         """The posterior so long after onset."""
-        posterior = self.posterior
-        phase = self.grid.phase(elapsed_s).reshape(-1, self.grid.n_scales)
-        expected = np.add.reduce(posterior.scale_weights * phase, axis=1)
-        if self.born is not None:
-            expected += self.share * (self.born.phase(elapsed_s) - expected)
-        return posterior._replace(phase=expected)
+        return self.posterior._replace(phase=self.timing.phase(elapsed_s))
 
 
 def task_posterior(
@@ -127,32 +129,34 @@ def task_belief(
 
     The arguments are those of `task_posterior`.
     """
-    shape, log_task_prior = (-1, grid.n_scales), grid.log_task_prior
-    log_task = np.logaddexp.reduce((grid.log_prior + log_evidence).reshape(shape), axis=1)
-    possible = np.isfinite(log_task)
-    share = np.zeros_like(log_task)
+    log_prior, log_task = grid.log_task_prior, grid.log_task_joint(log_evidence)
+    possible, n = np.isfinite(log_task), len(log_task)
+    scale_weights = grid.duration_weights(log_evidence)
+    task = np.repeat(np.arange(n), grid.n_scales)
+    timing = Timing(task, scale_weights.ravel(), np.zeros(len(task)), grid.duration_s)
     if born is None:
         all_known = float(np.logaddexp.reduce(log_task[:-1]))
-        known = log_task_prior[:-1]
-        log_task[:-1] = counted_joint(log_task[:-1], known, all_known, grid.task_evidence)
+        log_task[:-1] = counted_joint(log_task[:-1], log_prior[:-1], all_known, grid.task_evidence)
     else:
-        all_known, share = born.total, np.where(possible, born.share, 0.0)
-        log_task = np.where(possible, born.log_joint, log_task)
+        all_known, log_task = born.total, np.where(possible, born.log_joint, log_task)
+        timing = _together(timing, born.timing, np.where(possible, born.share, 0.0))
     with np.errstate(invalid="ignore"):
         log_task[:-1] += np.nan_to_num(all_known - np.logaddexp.reduce(log_task[:-1]))
-        log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
-        log_task_evidence[-1] = counted_none(log_task_evidence, log_task_prior, grid.none_margin)
-        log_task = log_task_prior + log_task_evidence
-    scale_weights = grid.duration_weights(log_evidence)
+        counted = np.where(possible, log_task - log_prior, -np.inf)
+        counted[-1] = counted_none(counted, log_prior, grid.none_margin)
+        log_task = log_prior + counted
     probabilities = np.exp(log_task - np.max(log_task))
     probabilities /= probabilities.sum()
-    expected_s = np.sum(scale_weights * grid.duration_s.reshape(shape), axis=1)
-    if born is not None:
-        expected_s += share * (born.duration_s - expected_s)
-    posterior = TaskPosterior(
-        probabilities, log_task_evidence, np.zeros_like(expected_s), expected_s, scale_weights
-    )
-    return TaskBelief(grid, posterior, share, born)
+    expected_s = timing.expected(timing.begin_s + timing.course_s)
+    posterior = TaskPosterior(probabilities, counted, np.zeros(n), expected_s, scale_weights)
+    return TaskBelief(posterior, timing)
+
+
+def _together(one: Timing, other: Timing, share: NDArray[np.float64]) -> Timing:
+    """Both, the other with its share in each task, (K + 1,)."""
+    weights = one.weight * (1.0 - share[one.task]), other.weight * share[other.task]
+    one, other = one._replace(weight=weights[0]), other._replace(weight=weights[1])
+    return Timing(*(np.concatenate(both) for both in zip(one, other, strict=True)))
 
 
 def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:

@@ -20,8 +20,9 @@ NONE_RATE = 0.3
 """Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
 library's margin only."""
 
-TURN, AFRESH, DELAY = range(3)
-"""Kinds of birth: into the course so far of a task, into one that begins now, a delayed copy."""
+TURN, DELAY, AFRESH, STRAIGHT = range(4)
+"""Kinds of birth: into the course so far of a task, a delayed copy, both with an offset that fades
+as a spring; into a course that begins now, or straight to its end, with one that ends at rest."""
 
 
 def may_begin_anew(passed: float) -> bool:
@@ -49,9 +50,9 @@ def birth_shares(
     none_margin: float = 0.0,
     switch_margin: float = 0.0,
 ) -> NDArray[np.float64]:
-    """Log of what passes in a time to the newborn hypotheses of each task and of none, (3, K + 1).
+    """Log of what passes in a time to the newborn hypotheses of each task and of none, (4, K + 1).
 
-    By kind: `TURN` (for the old task a detour), `AFRESH`, and `DELAY`.
+    By kind: `TURN` (for the old task a detour), `DELAY`, `AFRESH`, and `STRAIGHT`.
 
     Args:
         total: log joint of the tasks and none, everything together, (K + 1,).
@@ -66,9 +67,8 @@ def birth_shares(
         others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
         turning = others + log_prior + np.log(SWITCH_RATE * n_tasks / max(n_tasks - 1, 1))
         own = np.logaddexp(known + np.log(DETOUR_RATE), turning - switch_margin)
-        none, delayed = everything + np.log(NONE_RATE) - none_margin, known + np.log(DELAY_RATE)
-        afresh = turning - switch_margin + np.log(REACH_RATE / SWITCH_RATE)
-        shares = np.array(
-            [np.append(own, none), np.append(afresh, -np.inf), np.append(delayed, -np.inf)]
-        )
+        afresh = turning - switch_margin + np.log(0.5 * REACH_RATE / SWITCH_RATE)
+        shares = np.full((4, n_tasks + 1), -np.inf)
+        shares[:, :-1] = own, known + np.log(DELAY_RATE), afresh, afresh
+        shares[TURN, -1] = everything + np.log(NONE_RATE) - none_margin
         return shares + np.log(passed)

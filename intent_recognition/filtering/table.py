@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering.observation_model import Measurement
+from intent_recognition.filtering.rates import AFRESH, STRAIGHT
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement, state_width
 from intent_recognition.promp import (
     STEADY,
@@ -33,14 +34,12 @@ OFFSET_BASIS = 3
 COLUMNS = np.dtype(
     [
         ("task", np.int64),  # K is none
-        ("kind", np.int64),  # of birth (`births`)
+        ("kind", np.int64),  # of birth (`rates`)
         ("seen", np.int64),  # measurements it was conditioned on
-        ("settling", np.int64),  # of these, the first ones, which it is not judged by
         ("onset_s", np.float64),  # where its phase begins, after the movement's onset
         ("duration_s", np.float64),
         ("birth_s", np.float64),
         ("rate", np.float64),  # of the spring of its offset, or 1 / T of a reach [1/s]
-        ("form", np.int64),  # one of the three below
         ("log_share", np.float64),  # of what passes to its kind
         ("log_prior", np.float64),
         ("log_birth", np.float64),  # the same in parts of what everything was worth at birth
@@ -48,10 +47,6 @@ COLUMNS = np.dtype(
     ]
 )
 """Columns of a hypothesis beside its state and the probabilities of its phase deviation."""
-
-SPRING, REACH, STRAIGHT = range(3)
-"""Forms of a hypothesis: a course with an offset that fades as a spring, or one that ends at rest
-after 1 / rate; or such an offset from the course's end alone."""
 
 
 class Deviations(NamedTuple):
@@ -75,28 +70,26 @@ class HypothesisTable:
     Args:
         room: rows at most.
         library: the learned tasks, with the prior of the phase deviation.
-        offsets: whether rows have weights of an offset, which stands for the phase deviation.
+        settling: how many measurements rows take their offsets from, weights that stand for the
+            phase deviation, and are not judged by; 0 where they have none.
 
     Attributes:
         n: rows in use.
         deviation: probability of each phase deviation, (room, E).
     """
 
-    def __init__(self, room: int, library: TaskLibrary, *, offsets: bool = False):
+    def __init__(self, room: int, library: TaskLibrary, settling: int = 0):
         model = library.phase_deviation
-        self._model = (
-            replace(STEADY, duration_exponent=model.duration_exponent) if offsets else model
-        )
+        steady = replace(STEADY, duration_exponent=model.duration_exponent)
+        self._model, self._settling = steady if settling else model, settling
         self._usual_s = library.usual_s
         self._basis, n_dofs, n_basis = library.basis, library.n_observed, library.basis.n_basis
-        self._shape = n_dofs, n_basis + OFFSET_BASIS * offsets
+        self._shape = n_dofs, n_basis + OFFSET_BASIS * bool(settling)
         # The system hands out memory when it is touched: now, not later.
         self._state = np.full((room, state_width(n_dofs * self._shape[1])), 0.0)
         self._columns = np.zeros(room, dtype=COLUMNS)
         self._prior = deviation_prior(self._model)
         self.deviation = np.ones((room, len(self._prior)))
-        own = self._shape[1] * np.arange(n_dofs)[:, None] + np.arange(n_basis)
-        self._own = own.ravel() if offsets else None
         self.clear()
 
     def clear(self) -> None:
@@ -120,13 +113,14 @@ class HypothesisTable:
         Args:
             state: of their weights, (k, ...), as in `GaussianBatch`.
             times: rows of each state, one after the other.
-            columns: of `COLUMNS`, a number or (k times,) each; what is left out is zero.
+            columns: of `COLUMNS`, a number or (k times,) each; what is left out is zero, and the
+                prior that of the impossible.
         """
         new = slice(self.n, self.n + len(state) * times)
         self.n = new.stop
         self._state[new].reshape(len(state), times, -1)[:] = state[:, None]
         self.deviation[new], self._columns[new] = self._prior, 0
-        for name, values in columns.items():
+        for name, values in {"log_prior": -inf, **columns}.items():
             self._columns[name][new] = values
         return new
 
@@ -141,7 +135,7 @@ class HypothesisTable:
         batch = GaussianBatch(self._state[: self.n], *self._shape)
         density, likelihood = batch.condition(self.linear(measurement, rows), deviation, index)
         rows["seen"] += 1
-        rows["log_evidence"] += np.where(rows["seen"] > rows["settling"], density, 0.0)
+        rows["log_evidence"] += np.where(rows["seen"] > self._settling, density, 0.0)
         self._columns[where] = rows
         if deviation.shape[1] > 1:
             index = np.arange(self.n) if index is None else index
@@ -152,7 +146,8 @@ class HypothesisTable:
         """A measurement as the hypotheses of some rows (n,) take it."""
         model, basis, duration_s = self._model, self._basis, rows["duration_s"]
         into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
-        into = np.where(rows["form"] == STRAIGHT, inf, into)
+        if self._settling:
+            into[rows["kind"] == STRAIGHT] = inf
         relative = duration_s / self._usual_s[rows["task"]]
         phase = reference_phase(model, into, relative)
         if measurement.derivative:
@@ -160,13 +155,11 @@ class HypothesisTable:
             course = basis.derivative_matrix(phase) * rate[:, None, None]
         else:
             course = basis.design_matrix(phase)
-        if self._own is not None:
-            since_s = measurement.elapsed_s - rows["birth_s"]
-            offset = fading(since_s, rows["rate"], derivative=measurement.derivative)
-            some = rows["form"] != SPRING
-            offset[some] = ending(
-                since_s[some], rows["rate"][some], derivative=measurement.derivative
-            )
+        if self._settling:
+            since_s, rate = measurement.elapsed_s - rows["birth_s"], rows["rate"]
+            offset = fading(since_s, rate, derivative=measurement.derivative)
+            anew = rows["kind"] >= AFRESH
+            offset[anew] = ending(since_s[anew], rate[anew], derivative=measurement.derivative)
             course = np.concatenate([course, offset[:, None]], axis=2)
         transition = None
         if phase.shape[1] > 1 and measurement.interval_s < inf:
@@ -195,12 +188,7 @@ class HypothesisTable:
         observations do not touch the rest, which follows by regression when asked for
         (`promp.controlled_weights`).
         """
-        batch, own = GaussianBatch(self._state[index], *self._shape), self._own
-        if own is None:
-            return batch
-        mean, covariance = batch.moments()
-        some = mean[:, own], covariance[:, own[:, None], own]
-        return GaussianBatch.of(*some, self._shape[1] - OFFSET_BASIS)
+        return GaussianBatch(self._state, *self._shape).resized(index, self._basis.n_basis)
 
     def deviations(self, first: int, stop: int) -> Deviations:
         """What was believed of rows that were always conditioned together."""
@@ -215,31 +203,6 @@ class HypothesisTable:
             return Deviations(np.zeros(0), empty, empty)
         times_s, filtered, likelihood = zip(*found, strict=True)
         return Deviations(np.maximum.accumulate(times_s), np.array(filtered), np.array(likelihood))
-
-
-def with_offsets(
-    mean: NDArray[np.float64], covariance: NDArray[np.float64], variance: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """States of weights, each with those of R offsets beside its own, (n R, ...).
-
-    Args:
-        mean: of the weights of P DOFs, DOF by DOF, (n, P M).
-        covariance: theirs, (n, P M, P M).
-        variance: of the weights of the offsets, (R, P, 3).
-    """
-    n, (n_offsets, p, _) = len(mean), variance.shape
-    n_basis = mean.shape[1] // p
-    width = n_basis + OFFSET_BASIS
-    means = np.zeros((n, n_offsets, p, width))
-    means[..., :n_basis] = mean.reshape(n, 1, p, n_basis)
-    spread = np.zeros((n, n_offsets, p, width, p, width))
-    own = covariance.reshape(n, 1, p, n_basis, p, n_basis)
-    spread[:, :, :, :n_basis, :, :n_basis] = own
-    dof, offset = np.arange(p)[:, None], np.arange(n_basis, width)
-    spread[:, :, dof, offset, dof, offset] = variance
-    size = p * width
-    flat = means.reshape(-1, size), spread.reshape(-1, size, size)
-    return GaussianBatch.of(*flat, width).state
 
 
 def fading(
@@ -275,15 +238,11 @@ def ending(
         rate: of the reach [1/s], (n,).
         derivative: give the derivative by time [1/s] instead.
     """
-    powers = np.clip(since_s * rate, 0.0, 1.0)[:, None] ** np.arange(6)
+    u = np.clip(since_s * rate, 0.0, 1.0)
+    left = 1.0 - u
     if derivative:
-        shapes = powers[:, :5] @ (_ENDING * np.arange(6))[:, 1:].T * rate[:, None]
+        shapes = [-30.0 * u**2, 1.0 + 2.0 * u - 15.0 * u**2, u - 2.5 * u**2]
+        scale = left**2 * rate
     else:
-        shapes = powers @ _ENDING.T
-    return np.asarray(shapes / rate[:, None] ** np.arange(3))
-
-
-_ENDING = np.array(
-    [[1, 0, 0, -10, 15, -6], [0, 1, 0, -6, 8, -3], [0, 0, 0.5, -1.5, 1.5, -0.5]], dtype=np.float64
-)
-"""Coefficients of their powers of s / T."""
+        shapes, scale = [1.0 + 3.0 * u + 6.0 * u**2, u + 3.0 * u**2, 0.5 * u**2], left**3
+    return np.stack([scale * shape / rate**k for k, shape in enumerate(shapes)], axis=1)

@@ -108,6 +108,28 @@ class GaussianBatch:
         apart = (self.mean - mean) * np.sqrt(weight)[:, None]
         return Gaussian(mean, both[_layout(self._size)[1]] + apart.T @ apart)
 
+    def resized(
+        self,
+        index: NDArray[np.int64] | slice,
+        n_basis: int,
+        variance: NDArray[np.float64] | None = None,
+    ) -> "GaussianBatch":
+        """Copies with the first weights of each DOF, and R times with new, independent ones.
+
+        Args:
+            index: of which, n of them.
+            n_basis: weights per DOF of a copy, M.
+            variance: of the new ones, those beyond N, (R, P, M - N); None without any.
+        """
+        state, new = self.state[index], np.zeros((1, 0)) if variance is None else variance
+        n, width = state.shape
+        found = np.zeros((n, len(new), 1 + width + new[0].size))
+        found[:, :, 1 : width + 1] = state[:, None]
+        found[:, :, width + 1 :] = new.reshape(len(new), -1)
+        source = _resizing(*self._shape, n_basis)
+        state = np.take(found.reshape(n * len(new), -1), source, axis=1)
+        return GaussianBatch(state, self._shape[0], n_basis)
+
     def condition(
         self,
         measurement: LinearMeasurement,
@@ -167,6 +189,22 @@ def _packed(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     n, size, _ = covariance.shape
     whole = np.pad(covariance, ((0, 0), (0, 0), (0, -size % 4)))
     return np.take(whole.reshape(n, -1), _layout(size)[0], axis=1)
+
+
+@cache
+def _resizing(n_dofs: int, n_basis: int, wanted: int) -> NDArray[np.int64]:
+    """What each number of a resized state is among zero, the old state and the new variances."""
+    size, kept = n_dofs * n_basis, min(n_basis, wanted)
+    mean = np.zeros((n_dofs, wanted), dtype=np.int64)
+    covariance = np.zeros((*mean.shape, *mean.shape), dtype=np.int64)
+    mean[:, :kept] = 1 + np.arange(size).reshape(n_dofs, -1)[:, :kept]
+    old = 1 + _layout(size)[1].reshape(n_dofs, n_basis, n_dofs, n_basis)
+    covariance[:, :kept, :, :kept] = old[:, :kept, :, :kept]
+    dof, new = np.arange(n_dofs)[:, None], np.arange(kept, wanted)
+    covariance[dof, new, dof, new] = (
+        1 + state_width(size) + np.arange(n_dofs * len(new)).reshape(n_dofs, -1)
+    )
+    return np.concatenate([mean.ravel(), _packed(covariance.reshape(1, mean.size, mean.size))[0]])
 
 
 @cache

@@ -41,7 +41,12 @@ class ControlGrid:
             parts = [np.tensordot(part, values, axes=(1, 1)) for part in (design, slope)]
             return np.array([part.reshape(-1, *values.shape[2:]) for part in parts])
 
-        self._response, self._base = rows(matrix), rows(offset)
+        self._response, self._base, self._matrix, self._design = (
+            rows(matrix),
+            rows(offset),
+            matrix,
+            design,
+        )
         self._start_response = np.tensordot(start, matrix, axes=(0, 1))
         self._start_base = offset @ start
         toward_start = covariance @ start  # (Q, N, Q)
@@ -62,8 +67,9 @@ class ControlGrid:
             start: measured posture of the controlled agent at onset.
         """
         values = self._response @ observed.mean + self._base
-        response = self._response[0]
-        variance = self._variance + np.einsum("ap,ap->a", response @ observed.covariance, response)
+        within = self._matrix @ observed.covariance @ self._matrix.swapaxes(1, 2)  # (Q, N, N)
+        at = np.add.reduce((self._design @ within) * self._design, axis=2)
+        variance = self._variance + at.T.ravel()
         if start is not None:
             toward = observed.covariance @ self._start_response.T
             covariance = symmetrize(self._start_covariance + self._start_response @ toward)

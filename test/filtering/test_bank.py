@@ -194,15 +194,6 @@ def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
     np.testing.assert_allclose(np.exp(hypotheses.log_task_prior), prior, atol=1e-12)
 
 
-def test_phase_runs_from_zero_to_one_and_stays_there(rng):
-    hypotheses = make_prior_grid(make_library(rng, n_basis=4))
-    assert not hypotheses.phase(0.0).any()
-    assert not hypotheses.phase(-3.0).any()
-    assert np.array_equal(hypotheses.phase(1e6), np.ones(len(hypotheses.duration_s)))
-    np.testing.assert_allclose(hypotheses.phase(0.5) * hypotheses.duration_s, 0.5)
-    assert hypotheses.phase(np.zeros((2, 3))).shape == (2, 3, len(hypotheses.duration_s))
-
-
 def test_an_excluded_task_keeps_probability_zero(rng):
     library = make_library(rng, n_basis=4)
     with np.errstate(all="raise"):

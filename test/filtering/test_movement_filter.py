@@ -56,7 +56,7 @@ def test_a_run_equals_conditioning_by_hand(library, rng):
         dofs = library.observed_dofs(group)
         interval_s = elapsed_s - last[group] if group in last else np.inf
         last[group] = elapsed_s
-        rows = library.basis.design_matrix(run.grid.phase(elapsed_s))[:, None]
+        rows = library.basis.design_matrix(elapsed_s / run.grid.duration_s)[:, None]
         noise = library.noise_covariance(dofs, interval_s)
         bank = condition_bank(bank, dofs, rows, seen.values, noise)
     np.testing.assert_allclose(bank_of(run).mean, bank.mean, rtol=1e-6, atol=1e-9)
@@ -71,7 +71,7 @@ def test_the_sender_s_covariance_comes_on_top_of_the_learned_noise(library):
     run.observe(observation(0.2, 1, values, covariance=covariance))
     bank = start_bank(library, run.grid)
     dofs = library.observed_dofs(1)
-    rows = library.basis.design_matrix(run.grid.phase(0.2))[:, None]
+    rows = library.basis.design_matrix(0.2 / run.grid.duration_s)[:, None]
     noise = library.noise_covariance(dofs, np.inf) + covariance
     assert_same(bank_of(run), condition_bank(bank, dofs, rows, values, noise))
 
@@ -81,7 +81,7 @@ def test_a_part_of_a_signal_is_conditioned_on_alone(library):
     run.observe(observation(0.2, 1, [0.3, 0.1], dofs=(2, 0)))
     bank = start_bank(library, run.grid)
     dofs = np.array([4, 2])
-    rows = library.basis.design_matrix(run.grid.phase(0.2))[:, None]
+    rows = library.basis.design_matrix(0.2 / run.grid.duration_s)[:, None]
     noise = library.noise_covariance(dofs, np.inf)
     assert_same(bank_of(run), condition_bank(bank, dofs, rows, np.array([0.3, 0.1]), noise))
 

@@ -15,7 +15,7 @@ def test_what_passes_on_is_what_the_rates_say(rng):
     turning = passed[rates.TURN, :4] - 0.02 * rates.DETOUR_RATE * np.exp(total[:-1])
     assert np.isclose(passed[rates.TURN, :4].sum(), 0.02 * rate * known)
     assert np.isclose(passed[rates.TURN, 4], 0.02 * rates.NONE_RATE * np.exp(-1.5) * known)
-    delayed, afresh = passed[rates.DELAY], passed[rates.AFRESH]
+    delayed, afresh = passed[rates.DELAY], passed[rates.AFRESH] + passed[rates.STRAIGHT]
     np.testing.assert_allclose(delayed[:4], 0.02 * rates.DELAY_RATE * np.exp(total[:-1]))
     np.testing.assert_allclose(afresh[:4], rates.REACH_RATE / rates.SWITCH_RATE * turning)
     assert delayed[4] == afresh[4] == 0.0

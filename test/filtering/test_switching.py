@@ -17,7 +17,8 @@ from intent_recognition.filtering import (
     make_prior_grid,
     rates,
 )
-from intent_recognition.filtering.table import REACH, STRAIGHT, ending, fading
+from intent_recognition.filtering.rates import AFRESH, STRAIGHT
+from intent_recognition.filtering.table import ending, fading
 from intent_recognition.signals.observation import Observation
 
 RATE = np.array([2.0, 5.0, 11.0])
@@ -173,7 +174,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     )
 
 
-@pytest.mark.parametrize("form", [REACH, STRAIGHT])
+@pytest.mark.parametrize("form", [AFRESH, STRAIGHT])
 def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, form):
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
@@ -186,7 +187,7 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, for
     run, density = filtered(library, times_s[:-1], values[:-1]), []
     for _ in range(2):
         rows = run.births._table.rows
-        of_it = (rows["task"] == 1) & (rows["form"] == form)
+        of_it = (rows["task"] == 1) & (rows["kind"] == form)
         (found,) = rows["log_evidence"][of_it & np.isclose(rows["birth_s"], times_s[born])]
         density.append(found)
         run.observe(Observation(START_NS + round(times_s[-1] * 1e9), 0, values[-1]))

@@ -5,16 +5,21 @@ import numpy as np
 from simulation import START_NS, make_library
 
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
-from intent_recognition.filtering.table import HypothesisTable
+from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
 from intent_recognition.gaussian.batch import GaussianBatch, state_width
 from intent_recognition.signals.observation import Observation
 
 
-def table_of(library, n: int) -> HypothesisTable:
-    table = HypothesisTable(8, library)
+def table_of(library, n: int, settling: int = 0) -> HypothesisTable:
+    table, n_basis = HypothesisTable(8, library, settling), library.basis.n_basis
     prior = library.observed_mean[:1], library.observed_covariance[:1]
-    state = np.repeat(GaussianBatch.of(*prior, library.basis.n_basis).state, n, axis=0)
-    table.add(state, kind=np.arange(n), duration_s=1.5 + 0.1 * np.arange(n), settling=1)
+    batch = GaussianBatch.of(*prior, n_basis)
+    if settling:
+        batch = batch.resized([0], n_basis + OFFSET_BASIS, np.ones((1, 3, OFFSET_BASIS)))
+    state = np.repeat(batch.state, n, axis=0)
+    table.add(
+        state, kind=np.arange(n), rate=4.0, duration_s=1.5 + 0.1 * np.arange(n), log_prior=0.0
+    )
     return table
 
 
@@ -45,7 +50,7 @@ def test_rows_keep_their_own_whatever_is_dropped_and_added(rng):
 def test_a_row_that_lags_catches_up_and_is_judged_once_it_has_settled(rng):
     library = make_library(rng, n_basis=5)
     model = ObservationModel(library, START_NS)
-    table, other = table_of(library, 2), table_of(library, 2)
+    table, other = table_of(library, 2, settling=1), table_of(library, 2, settling=1)
     for k, t in enumerate((0.1, 0.4, 0.8)):
         one = model.measurement(Observation(START_NS + round(t * 1e9), 0, rng.normal(size=3)))
         other.condition(one)
