@@ -184,7 +184,7 @@ def _layout(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.flatnonzero(stored), upper + np.triu(upper, 1).T
 
 
-def _packed(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _packed(covariance: NDArray) -> NDArray:
     """What is stored of covariances (n, D, D)."""
     n, size, _ = covariance.shape
     whole = np.pad(covariance, ((0, 0), (0, 0), (0, -size % 4)))
