@@ -89,7 +89,7 @@ def _many_tasks() -> Result:
         for owner, name in (
             (MovementFilter, "_condition"),
             (Births, "observe"),
-            (filters, "task_belief"),
+            (filters, "task_posterior"),
         ):
             patch = mock.patch.object(owner, name, timed(name, getattr(owner, name)))
             patches.enter_context(patch)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from intent_recognition.filtering.births import MAX_TASKS, Births
 from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
-from intent_recognition.filtering.posterior import TaskBelief, TaskPosterior, task_belief
+from intent_recognition.filtering.posterior import TaskPosterior, task_posterior
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian import GaussianBatch, cholesky, half_log_det, student_log_density
@@ -127,7 +127,7 @@ class MovementFilter:
         self._measurements: list[Measurement] = []
         self._peaks = np.zeros(1)  # highest log density of so many measurements
         self._follows = np.ones(n_tasks, dtype=bool)
-        self._belief: TaskBelief | None = None
+        self._posterior: TaskPosterior | None = None
         self._predictions: dict[int, TaskPrediction] = {}
         self._controlled: dict[tuple[int, int], tuple[StartPosture | None, Trajectory]] = {}
         for observation in past:
@@ -155,7 +155,7 @@ class MovementFilter:
             self._condition(measurement)
             if self.births is not None:
                 self.births.observe(measurement, self.table, self.log_evidence)
-            self._belief = None
+            self._posterior = None
             self._predictions.clear()
             self._controlled.clear()
         self.observations.append(observation)
@@ -164,10 +164,11 @@ class MovementFilter:
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
         """What the observations so far say of task and progress at a stamp."""
-        if self._belief is None:
+        elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
+        if self._posterior is None:
             born = None if self.births is None else self.births.belief(self.log_evidence)
-            self._belief = task_belief(self.log_evidence, self.grid, born)
-        return self._belief.at((stamp_ns - self.onset_ns) * 1e-9)
+            self._posterior = task_posterior(self.log_evidence, self.grid, elapsed_s, born)
+        return self._posterior.at(elapsed_s)
 
     def _condition(self, measurement: Measurement) -> None:
         """Condition the tasks that do not lag; choose anew which do."""

@@ -78,6 +78,7 @@ class TaskPosterior(NamedTuple):
         phase: expected phase given the task, (K + 1,).
         duration_s: expected duration given the task, (K + 1,).
         scale_weights: p(duration | task, observations), (K + 1, S); rows sum to one.
+        timing: of all hypotheses, from which the phase at other times follows.
     """
 
     probabilities: NDArray[np.float64]
@@ -85,22 +86,11 @@ class TaskPosterior(NamedTuple):
     phase: NDArray[np.float64]
     duration_s: NDArray[np.float64]
     scale_weights: NDArray[np.float64]
-
-
-class TaskBelief(NamedTuple):
-    """A posterior but for the phase, which goes on while nothing new is observed.
-
-    Attributes:
-        posterior: with the phase of no time.
-        timing: of all hypotheses.
-    """
-
-    posterior: TaskPosterior
-    timing: Timing
+    timing: Timing | None = None
 
     def at(self, elapsed_s: float) -> TaskPosterior:
-        """The posterior so long after onset."""
-        return self.posterior._replace(phase=self.timing.phase(elapsed_s))
+        """The same so long after onset, while nothing new is observed."""
+        return self if self.timing is None else self._replace(phase=self.timing.phase(elapsed_s))
 
 
 def task_posterior(
@@ -117,22 +107,10 @@ def task_posterior(
         elapsed_s: time since onset.
         born: what hypotheses that were born on the way say; None without any.
     """
-    return task_belief(log_evidence, grid, born).at(elapsed_s)
-
-
-def task_belief(
-    log_evidence: NDArray[np.float64],
-    grid: PriorGrid,
-    born: BornBelief | None = None,
-) -> TaskBelief:
-    """What holds of `task_posterior` until the next observation is filtered.
-
-    The arguments are those of `task_posterior`.
-    """
     log_prior, log_task = grid.log_task_prior, grid.log_task_joint(log_evidence)
-    possible, n = np.isfinite(log_task), len(log_task)
+    possible = np.isfinite(log_task)
     scale_weights = grid.duration_weights(log_evidence)
-    task = np.repeat(np.arange(n), grid.n_scales)
+    task = np.repeat(np.arange(len(log_task)), grid.n_scales)
     timing = Timing(task, scale_weights.ravel(), np.zeros(len(task)), grid.duration_s)
     if born is None:
         all_known = float(np.logaddexp.reduce(log_task[:-1]))
@@ -148,8 +126,8 @@ def task_belief(
     probabilities = np.exp(log_task - np.max(log_task))
     probabilities /= probabilities.sum()
     expected_s = timing.expected(timing.begin_s + timing.course_s)
-    posterior = TaskPosterior(probabilities, counted, np.zeros(n), expected_s, scale_weights)
-    return TaskBelief(posterior, timing)
+    phase = timing.phase(elapsed_s)
+    return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing)
 
 
 def _together(one: Timing, other: Timing, share: NDArray[np.float64]) -> Timing:

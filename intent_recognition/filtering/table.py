@@ -192,12 +192,11 @@ class HypothesisTable:
 
     def deviations(self, first: int, stop: int) -> Deviations:
         """What was believed of rows that were always conditioned together."""
-        found = []
-        for elapsed_s, index, filtered, likelihood in self._history:
-            at = int(np.searchsorted(index, first))
-            if first < stop and at < len(index) and index[at] == first:
-                some = slice(at, at + stop - first)
-                found.append((elapsed_s, filtered[some], likelihood[some]))
+        found = [
+            (elapsed_s, filtered[some], likelihood[some])
+            for elapsed_s, index, filtered, likelihood in self._history
+            if (some := slice(*np.searchsorted(index, (first, stop)))).stop > some.start
+        ]
         if not found:
             empty = np.zeros((0, stop - first, 1))
             return Deviations(np.zeros(0), empty, empty)
