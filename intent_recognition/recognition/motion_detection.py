@@ -84,22 +84,22 @@ class Stops:
         self._moved_ns = self._again_ns = 0
         self._velocity: NDArray[np.float64] | None = None
 
-    def stopped_ns(self, samples: Samples) -> int | None:
+    def stopped_ns(self, now_ns: int, velocity: NDArray[np.float64] | None) -> int | None:
         """Stamp of a stop after which the signal, just now, surely moves again.
 
         The middle between the last moment at which it moved before and the first at which it does
         again; of a longer stop, its last `max_backdate_s` count.
 
         Args:
-            samples: of the last `window_s` at least.
+            now_ns: stamp of its last sample.
+            velocity: there, (P,); None where it is not known.
         """
-        settings, now_ns = self._settings, samples.last_ns
-        velocity = end_velocity(settings, *samples.arrays(settings.window_s))
+        settings = self._settings
         if velocity is None:
             return None
         before, self._velocity = self._velocity, velocity
         limit = settings.start_share * settings.reference_speed
-        if np.linalg.norm(velocity) < limit:
+        if velocity @ velocity < limit**2:
             self._again_ns = 0
             return None
         if not self._again_ns or (before is not None and least_speed(before, velocity) < limit):
@@ -122,6 +122,14 @@ def least_speed(before: NDArray[np.float64], after: NDArray[np.float64]) -> floa
     return float(np.linalg.norm(before + into * change))
 
 
+class _Moving(NamedTuple):
+    """Samples of DOFs that are measured together, and the velocity at their end."""
+
+    settings: OnsetSettings
+    samples: Samples
+    velocity: NDArray[np.float64] | None
+
+
 class MotionDetector:
     """Keeps the last seconds of each signal.
 
@@ -141,6 +149,7 @@ class MotionDetector:
             SignalPast(size, past_s(own)) for size, own in zip(groups, settings, strict=True)
         ]
         self._stops = [Stops(own) for own in settings]
+        self._now: list[list[_Moving]] = []
         self.waits_for_rest = False
 
     def clear(self) -> None:
@@ -148,6 +157,7 @@ class MotionDetector:
         self.waits_for_rest = False
         for past in self.pasts:
             past.clear()
+        self._now.clear()
         self.forget_stops()
 
     def use(self, settings: Sequence[OnsetSettings]) -> None:
@@ -156,6 +166,7 @@ class MotionDetector:
         self._stops = [Stops(own) for own in settings]
         for past, own in zip(self.pasts, settings, strict=True):
             past.keep(past_s(own))
+        self._now.clear()
 
     def forget_stops(self) -> None:
         """Forget when the signals moved: a movement begins."""
@@ -167,6 +178,7 @@ class MotionDetector:
         self.pasts[observation.group].add(observation)
         for past in self.pasts:  # of signals that fell silent, too
             past.forget_before(observation.stamp_ns)
+        self._now.clear()
 
     def too_sparse(self) -> SparseSignal | None:
         """The first signal that is sampled too seldom; None where all are often enough.
@@ -203,9 +215,9 @@ class MotionDetector:
         To be asked after every observation of a movement.
         """
         found = [
-            stops.stopped_ns(samples[0])
-            for settings, stops, past in zip(self.settings, self._stops, self.pasts, strict=True)
-            if (samples := past.active_samples(settings.rest_s, settings.window_s))
+            stops.stopped_ns(moving[0].samples.last_ns, moving[0].velocity)
+            for stops, moving in zip(self._stops, self._active(), strict=True)
+            if moving
         ]
         return min((stop_ns for stop_ns in found if stop_ns is not None), default=None)
 
@@ -231,8 +243,20 @@ class MotionDetector:
     def _at_rest(self, rest_s: float | None = None) -> bool:
         """Whether all signals have rested so long; None for as long as their settings say."""
         return all(
-            is_slow(settings, *samples.arrays(settings.window_s))
-            and at_rest(settings, *samples.arrays(), rest_s)
-            for settings, past in zip(self.settings, self.pasts, strict=True)
-            for samples in past.active_samples(settings.rest_s, settings.window_s)
+            is_slow(one.settings, one.velocity)
+            and at_rest(one.settings, *one.samples.arrays(), rest_s)
+            for signal in self._active()
+            for one in signal
         )
+
+    def _active(self) -> list[list[_Moving]]:
+        """How the DOFs of each signal move since the last observation (`active_samples`)."""
+        if not self._now:
+            self._now = [
+                [
+                    _Moving(own, samples, end_velocity(own, *samples.arrays(own.window_s)))
+                    for samples in past.active_samples(own.rest_s, own.window_s)
+                ]
+                for own, past in zip(self.settings, self.pasts, strict=True)
+            ]
+        return self._now

@@ -151,7 +151,7 @@ def at_rest(
 ) -> bool:
     """Whether the signal has rested for `rest_s` (the settings' own if None) up to its end.
 
-    The other arguments are those of `is_slow`.
+    The other arguments are those of `detect_onset`.
     """
     rest_s = settings.rest_s if rest_s is None else rest_s
     if len(times_s) < 4 or times_s[-1] - times_s[0] < rest_s:
@@ -162,27 +162,28 @@ def at_rest(
     return bool(np.all(recent < limit))
 
 
-def is_slow(settings: OnsetSettings, times_s: Floats, values: Floats) -> bool:
+def is_slow(settings: OnsetSettings, velocity: Floats | None) -> bool:
     """Whether a signal is as slow as at rest at its end: what `at_rest` asks of its last sample.
+
+    Args:
+        settings: thresholds.
+        velocity: as of `end_velocity`.
+    """
+    limit = settings.rest_share * settings.reference_speed
+    return velocity is not None and bool(velocity @ velocity < limit**2)
+
+
+def end_velocity(settings: OnsetSettings, times_s: Floats, values: Floats) -> Floats | None:
+    """The last row of `windowed_velocity`, (P,); None where it is not known.
 
     Args:
         settings: thresholds.
         times_s: of the samples of the last `window_s`, (T,).
         values: (T, P).
     """
-    velocity = end_velocity(settings, times_s, values)
-    limit = settings.rest_share * settings.reference_speed
-    return velocity is not None and bool(np.linalg.norm(velocity) < limit)
-
-
-def end_velocity(settings: OnsetSettings, times_s: Floats, values: Floats) -> Floats | None:
-    """The last row of `windowed_velocity`, (P,); None where it is not known.
-
-    Arguments as of `is_slow`.
-    """
     if len(times_s) < 3 or times_s[-1] - times_s[0] < 0.5 * settings.window_s:
         return None
-    time = times_s - times_s.mean()
+    time = times_s - np.add.reduce(times_s) / len(times_s)
     return np.asarray((time @ values) / (time @ time), dtype=np.float64)
 
 
@@ -190,7 +191,7 @@ def first_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> flo
     """Onset of the first movement of a recording, found as it would have been online.
 
     Equals `detect_onset` called at every sample in turn, until it answers. Arguments as of
-    `is_slow`.
+    `detect_onset`.
     """
     speed = np.linalg.norm(windowed_velocity(times_s, values, settings.window_s), axis=1)
     moving = speed > settings.start_share * settings.reference_speed
@@ -219,7 +220,7 @@ def last_motion(settings: OnsetSettings, times_s: Floats, values: Floats) -> flo
     """Time at which the last movement of a recording ended; its first time if it never moved.
 
     The onset of the recording played backward, so that what is noise to the onset detector is noise
-    here too. Not causal: for cutting recordings in training. Arguments as of `is_slow`.
+    here too. Not causal: for cutting recordings in training. Arguments as of `detect_onset`.
     """
     onset = first_onset(settings, -times_s[::-1], values[::-1])
     return float(times_s[0]) if onset is None else -onset

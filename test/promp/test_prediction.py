@@ -17,7 +17,7 @@ from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
 from intent_recognition.promp.trajectory import dof_variance, rollout
 from intent_recognition.signals.observation import merge
-from intent_recognition.signals.onset import OnsetSettings, at_rest, is_slow
+from intent_recognition.signals.onset import OnsetSettings, at_rest, end_velocity, is_slow
 
 BASIS = NormalizedRBFBasis(7, 1.0)
 seeds = st.integers(0, 2**32 - 1)
@@ -269,5 +269,5 @@ def test_what_is_not_slow_is_not_at_rest(seed, n, speed):
     times = np.cumsum(rng.uniform(0.002, 0.05, size=n))
     values = np.cumsum(rng.normal(size=(n, 2)), axis=0) * 0.01 * speed
     last = times >= times[-1] - onset.window_s - 1e-9
-    if not is_slow(onset, times[last], values[last]):
+    if not is_slow(onset, end_velocity(onset, times[last], values[last])):
         assert not at_rest(onset, times, values)

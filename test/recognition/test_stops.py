@@ -10,7 +10,7 @@ from simulation import draw_weights, make_library
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.motion_detection import Stops, least_speed
-from intent_recognition.signals import OnsetSettings, Samples
+from intent_recognition.signals import OnsetSettings, Samples, end_velocity
 
 SETTINGS = OnsetSettings(reference_speed=1.0)
 STEP_S = 0.01
@@ -23,7 +23,9 @@ def stops(position, until_s, settings=SETTINGS):
     values = np.array([position(t) for t in times_s])
     seen, found = Stops(settings), []
     for last in range(1, len(times_s) + 1):
-        stopped_ns = seen.stopped_ns(Samples(stamps_ns[:last], values[:last]))
+        samples = Samples(stamps_ns[:last], values[:last])
+        velocity = end_velocity(settings, *samples.arrays(settings.window_s))
+        stopped_ns = seen.stopped_ns(samples.last_ns, velocity)
         if stopped_ns is not None:
             found.append(stopped_ns * 1e-9)
     return np.array(found)
@@ -68,7 +70,9 @@ def test_a_turn_while_nothing_is_seen_is_a_stop(away, n_stops):
     for last in range(1, len(times_s) + 1):
         recent = times_s[:last] > times_s[last - 1] - SETTINGS.window_s
         samples = Samples(stamps_ns[:last][recent], values[:last][recent])
-        found += [stop_ns] if (stop_ns := seen.stopped_ns(samples)) is not None else []
+        velocity = end_velocity(SETTINGS, *samples.arrays())
+        stop_ns = seen.stopped_ns(samples.last_ns, velocity)
+        found += [stop_ns] if stop_ns is not None else []
     assert len(found) == n_stops
     np.testing.assert_allclose(np.array(found) * 1e-9, [1.15] * n_stops, atol=SETTINGS.window_s)
 
