@@ -48,7 +48,7 @@ class RosbagsFile:
             self._schemas = complete_schemas(self.scan, {})
             if reader.message_count:
                 end_ns = reader.end_time - 1  # the library's is the first time after it
-                self.scan.blocks.append(McapBlock(0, 0, reader.start_time, end_ns))
+                self.scan.blocks.append(McapBlock(0, 0, reader.start_time, end_ns, 0))
 
     def schema(self, channel: Channel) -> Schema | None:
         """The definition of a channel's type in the form ros2msg."""

@@ -43,6 +43,8 @@ class McapBlock(NamedTuple):
         length: of its content, the 9 bytes of opcode and length not counted.
         start_ns: log time of the first message, as the record's header says.
         end_ns: log time of the last message.
+        size: bytes of its records, as a chunk says itself; it need not be true: `decompress` bounds
+            it.
         is_chunk: chunk or bare message.
         is_cut: the file ends inside of this chunk.
     """
@@ -51,6 +53,7 @@ class McapBlock(NamedTuple):
     length: int
     start_ns: int
     end_ns: int
+    size: int
     is_chunk: bool = True
     is_cut: bool = False
 
@@ -158,19 +161,9 @@ def chunk_content(view: bytes | mmap.mmap, block: McapBlock) -> tuple[str, bytes
     return compression, view[at + name_length + 8 : start + block.length], crc
 
 
-def block_size(view: bytes | mmap.mmap, block: McapBlock) -> int:
-    """Bytes of the records of a block, as a chunk says itself.
-
-    They need not be true: `decompress` bounds them.
-    """
-    if not block.is_chunk:
-        return RECORD_HEADER.size + block.length
-    return CHUNK_HEADER.unpack_from(view, block.offset + RECORD_HEADER.size)[2]
-
-
 def _block_data(view: bytes | mmap.mmap, block: McapBlock) -> bytes:
     """The records of a block; that of a bare message is its own."""
-    size = block_size(view, block)
+    size = block.size
     if not block.is_chunk:
         return bytes(view[block.offset : block.offset + size])
     compression, content, crc = chunk_content(view, block)

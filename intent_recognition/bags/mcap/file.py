@@ -104,7 +104,7 @@ class McapFile:
         """
         with open_view(self.path) as view:
             reader = GroupReader(view, self.scan.channels.keys(), wanted)
-            for group in groups(view, sorted(self._usable(), key=lambda b: b.offset)):
+            for group in groups(sorted(self._usable(), key=lambda b: b.offset)):
                 table = self._group(reader, group)
                 if table is not None:
                     yield table

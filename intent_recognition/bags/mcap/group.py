@@ -15,7 +15,6 @@ from intent_recognition.bags.mcap.chunk import (
     MOST_CHUNK,
     McapBlock,
     MessageTable,
-    block_size,
     check_frame,
     chunk_content,
     decompress,
@@ -36,17 +35,16 @@ CHANNEL, LOG_NS = (
 """Offsets of the channel and of the log time in a message record [bytes]."""
 
 
-def groups(view: bytes | mmap.mmap, blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
+def groups(blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
     """Blocks that follow one another, about `GROUP_BYTES` of records each; a larger one alone."""
     group: list[McapBlock] = []
     total = 0
     for block in blocks:
-        size = block_size(view, block)
-        if group and (total + size > GROUP_BYTES or block.is_cut or group[-1].is_cut):
+        if group and (total + block.size > GROUP_BYTES or block.is_cut or group[-1].is_cut):
             yield group
             group, total = [], 0
         group.append(block)
-        total += size
+        total += block.size
     if group:
         yield group
 
@@ -70,10 +68,9 @@ class GroupReader:
 
     def read(self, blocks: Sequence[McapBlock]) -> MessageTable:
         """The wanted messages of whole blocks; the table's `data` is valid until the next call."""
-        sizes = [block_size(self._view, block) for block in blocks]
-        for block, size in zip(blocks, sizes, strict=True):
-            if size > MOST_CHUNK:
-                raise ValueError(f"{block.length} bytes say they are {size} decompressed")
+        sizes = [block.size for block in blocks]
+        if max(sizes) > MOST_CHUNK:
+            raise ValueError(f"a chunk that says it is {max(sizes)} bytes decompressed")
         if sum(sizes) > len(self._buffer):
             self._buffer = bytearray(max(sum(sizes), GROUP_BYTES))
         data = memoryview(self._buffer)[: sum(sizes)]

@@ -21,7 +21,6 @@ from intent_recognition.bags.mcap.chunk import (
     MOST_CHUNK,
     PARSE_ERRORS,
     McapBlock,
-    block_size,
     parse_definition,
     read_definitions,
 )
@@ -121,7 +120,7 @@ def scan_file(path: Path) -> FileScan:
 
 def _check_expansion(path: Path, view: mmap.mmap, scan: FileScan) -> None:
     """Refuse a file whose chunks say that they are far larger than it, before one is read."""
-    sizes = (block_size(view, block) for block in scan.blocks if not block.is_cut)
+    sizes = (block.size for block in scan.blocks if not block.is_cut)
     said = sum(size for size in sizes if size <= MOST_CHUNK)  # larger ones are not read
     most = FREE_BYTES + MOST_EXPANSION * len(view)
     if said > most:
@@ -230,7 +229,8 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
         (log_ns,) = struct.unpack_from("<Q", view, start + 6)
         if log_ns >= LATEST_NS:
             return False
-        scan.blocks.append(McapBlock(position, length, log_ns, log_ns, is_chunk=False))
+        size = RECORD_HEADER.size + length
+        scan.blocks.append(McapBlock(position, length, log_ns, log_ns, size, is_chunk=False))
     elif opcode == Opcode.MESSAGE_INDEX:
         return length >= 6 and struct.unpack_from("<I", view, start + 2)[0] == length - 6
     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -262,13 +262,13 @@ def _chunk_block(view: mmap.mmap, position: int, length: int) -> McapBlock | Non
     head = CHUNK_HEADER.size
     if length < head + 8:
         return None
-    first, last, _, _, name_length = CHUNK_HEADER.unpack_from(view, start)
+    first, last, size, _, name_length = CHUNK_HEADER.unpack_from(view, start)
     if name_length > LONGEST_COMPRESSION or length < head + name_length + 8:
         return None
     (data_length,) = struct.unpack_from("<Q", view, start + head + name_length)
     if head + name_length + 8 + data_length != length or max(first, last) >= LATEST_NS:
         return None
-    return McapBlock(position, length, first, last)
+    return McapBlock(position, length, first, last, size)
 
 
 def _cut_chunk(view: mmap.mmap, position: int) -> McapBlock | None:
