@@ -256,8 +256,7 @@ class Births:
         hopeless = settled & (joint < total - NEGLIGIBLE)
         kept = np.flatnonzero(settled & ~hopeless)
         if len(kept) > self._n_kept:
-            worst = np.argpartition(joint[kept], -self._n_kept)[: -self._n_kept]
-            hopeless[kept[worst]] = True
+            hopeless[kept[np.argsort(joint[kept])[: -self._n_kept]]] = True
         return hopeless
 
     def _give_birth(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
@@ -317,9 +316,10 @@ class Births:
             parents, best = table, int(np.argmax(of_born))
         else:
             parents, best = onset, int(np.argmax(joint))
-        row, (rate, delay) = parents.rows[best].copy(), _combined(len(FADINGS), len(DELAYS))
+        row, course = parents.rows[best].copy(), parents.courses(np.array([best]))
+        rate, delay = _combined(len(FADINGS), len(DELAYS))
         table.add(
-            parents.courses(np.array([best])).resized(slice(None), self._width, self._fading).state,
+            course.resized(slice(None), self._width, self._fading).state,
             len(DELAYS),
             kind=DELAY,
             task=row["task"],

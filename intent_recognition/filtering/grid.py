@@ -135,8 +135,7 @@ def log_pace(
         offsets: of the durations, in standard deviations of their logarithm, (S',).
     """
     at, log_prior = duration_offsets(grid.n_scales)
-    joint = (grid.log_prior + log_evidence).reshape(-1, len(at))[:-1]
-    own = np.logaddexp.reduce(joint, axis=1)
+    own = grid.log_task_joint(log_evidence)[:-1]
     tempered = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
     tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
     so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
