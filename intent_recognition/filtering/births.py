@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.posterior import BornBelief, Timing, counted_joint
+from intent_recognition.filtering.posterior import BornBelief, CourseTimes, counted_joint
 from intent_recognition.filtering.rates import (
     AFRESH,
     DELAY,
@@ -216,7 +216,7 @@ class Births:
         prior = grid.log_task_prior[:-1] + self.log_stay
         left[:-1] = counted_joint(left[:-1], prior, all_known, grid.task_evidence)
         share = np.exp(total - np.where(np.isfinite(everything), everything, 0.0))
-        timing = Timing(task, weight, rows["onset_s"], rows["duration_s"])
+        timing = CourseTimes(task, weight, rows["onset_s"], rows["duration_s"])
         return BornBelief(np.logaddexp(left, of_task), all_known, share, timing)
 
     def of_task(self, task: int) -> tuple[GaussianBatch, NDArray[np.float64], NDArray[np.float64]]:

@@ -27,7 +27,7 @@ ANSWER_TRUST = 0.99
 """Probability with which somebody who is asked names the right task. Convention."""
 
 
-class Timing(NamedTuple):
+class CourseTimes(NamedTuple):
     """When n hypotheses say that the course of their tasks began, and how long it takes.
 
     Attributes:
@@ -65,7 +65,7 @@ class BornBelief(NamedTuple):
     log_joint: NDArray[np.float64]
     total: float
     share: NDArray[np.float64]
-    timing: Timing
+    timing: CourseTimes
 
 
 class TaskPosterior(NamedTuple):
@@ -86,7 +86,7 @@ class TaskPosterior(NamedTuple):
     phase: NDArray[np.float64]
     duration_s: NDArray[np.float64]
     scale_weights: NDArray[np.float64]
-    timing: Timing | None = None
+    timing: CourseTimes | None = None
 
     def at(self, elapsed_s: float) -> TaskPosterior:
         """The same so long after onset, while nothing new is observed."""
@@ -111,7 +111,7 @@ def task_posterior(
     possible = np.isfinite(log_task)
     scale_weights = grid.duration_weights(log_evidence)
     task = np.repeat(np.arange(len(log_task)), grid.n_scales)
-    timing = Timing(task, scale_weights.ravel(), np.zeros(len(task)), grid.duration_s)
+    timing = CourseTimes(task, scale_weights.ravel(), np.zeros(len(task)), grid.duration_s)
     if born is None:
         all_known = float(np.logaddexp.reduce(log_task[:-1]))
         log_task[:-1] = counted_joint(log_task[:-1], log_prior[:-1], all_known, grid.task_evidence)
@@ -130,11 +130,11 @@ def task_posterior(
     return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing)
 
 
-def _together(one: Timing, other: Timing, share: NDArray[np.float64]) -> Timing:
+def _together(one: CourseTimes, other: CourseTimes, share: NDArray[np.float64]) -> CourseTimes:
     """Both, the other with its share in each task, (K + 1,)."""
     weights = one.weight * (1.0 - share[one.task]), other.weight * share[other.task]
     one, other = one._replace(weight=weights[0]), other._replace(weight=weights[1])
-    return Timing(*(np.concatenate(both) for both in zip(one, other, strict=True)))
+    return CourseTimes(*(np.concatenate(both) for both in zip(one, other, strict=True)))
 
 
 def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
