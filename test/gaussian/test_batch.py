@@ -203,3 +203,23 @@ def test_each_may_have_its_own_values_and_a_student_density_conditions_alike(rng
         spread = H @ before.covariance @ H.T + noise[b]
         found = multivariate_t(H @ before.mean, spread, df=4.0).logpdf(one.values[b])
         assert density[b] == pytest.approx(found, rel=1e-9)
+
+
+def test_new_weights_are_independent_of_the_others_and_may_be_left_out_again(rng):
+    root = rng.normal(size=(4, 2 * 5, 2 * 5))
+    batch = GaussianBatch.of(rng.normal(size=(4, 2 * 5)), root @ root.swapaxes(1, 2), 5)
+    variance = rng.uniform(1.0, 2.0, size=(3, 2, 2))
+    wide = batch.resized(np.array([2, 0]), 7, variance)
+    mean, covariance = (part.reshape(2, 3, -1, *part.shape[2:]) for part in wide.moments())
+    own = (7 * np.arange(2)[:, None] + np.arange(5)).ravel()
+    new = np.setdiff1d(np.arange(14), own)
+    old_mean, old = batch.moments(np.array([2, 0]))
+    assert not mean[:, :, new].any() and not covariance[:, :, own[:, None], new].any()
+    for r in range(3):
+        np.testing.assert_array_equal(mean[:, r, own], old_mean)
+        np.testing.assert_array_equal(covariance[:, r, own[:, None], own], old)
+        for of_one in covariance[:, r, new[:, None], new]:
+            np.testing.assert_array_equal(of_one, np.diag(variance[r].ravel()))
+    again = wide.resized(np.array([0, 3]), 5)
+    np.testing.assert_array_equal(again.state, batch.resized(np.array([2, 0]), 5).state)
+    np.testing.assert_array_equal(again.moments()[1], old)
