@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ShapeError
 from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternion
 
@@ -136,17 +135,9 @@ def ingest_pose(
 
     Returns:
         The next state, and the pose in the world frame or why it was rejected.
-
-    Raises:
-        ShapeError: position or orientation has the wrong length (a fault of the caller).
     """
     position = np.asarray(position, dtype=np.float64)
     orientation = np.asarray(orientation, dtype=np.float64)
-    if position.shape != (3,) or orientation.shape != (4,):
-        got = f"{position.shape} and {orientation.shape}"
-        raise ShapeError.about(
-            "position, orientation", "shapes (3,) and (4,)", got, "Pass one pose."
-        )
     rejected = _check_sample(settings, stamp_ns, position, orientation, frame_id)
     if rejected is not None:
         return state, rejected

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.bags import PoseColumns
-from intent_recognition.errors import ShapeError
 from intent_recognition.signals import LEAST_QUATERNION
 from intent_recognition.tracking.ingest import FARTHEST_M, IngestState, TrackedPose, ingest_pose
 from intent_recognition.tracking.settings import IngestSettings, frame_name
@@ -45,19 +44,10 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
     Args:
         settings: frames, gate and noise.
         raw: the samples, positions in metres.
-
-    Raises:
-        ShapeError: the arrays do not fit each other.
     """
     stamps_ns, frames = raw.stamps_ns, raw.frames
     positions, orientations = raw.positions, raw.orientations
-    shapes = (positions.shape, orientations.shape, frames.shape)
     count = stamps_ns.size
-    if shapes != ((count, 3), (count, 4), (count,)):
-        expected = f"shapes ({count}, 3), ({count}, 4) and ({count},)"
-        raise ShapeError.about(
-            "positions, orientations, frames", expected, shapes, "Pass one row a stamp."
-        )
     usable = (stamps_ns > 0) & np.all(np.isfinite(orientations), axis=1)
     usable &= np.all(np.abs(positions) <= FARTHEST_M, axis=1)  # False for NaN too
     world, turned = np.full((count, 3), np.nan), np.full((count, 4), np.nan)

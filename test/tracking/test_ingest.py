@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.ingest import (
     REASONS,
     IngestSettings,
@@ -240,8 +240,3 @@ def test_whatever_comes_in_what_goes_out_is_sound(sequence):
 def test_settings_are_checked(wrong):
     with pytest.raises(ArgumentError):
         IngestSettings(**wrong)
-
-
-def test_wrong_shape_is_the_callers_fault():
-    with pytest.raises(ShapeError):
-        ingest_pose(DEFAULT, IngestState(), T0, np.zeros(2), UPRIGHT, "world")

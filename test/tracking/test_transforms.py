@@ -28,15 +28,6 @@ def test_inverse_undoes(transform, cloud):
     np.testing.assert_allclose(transform.inverse().apply(transform.apply(cloud)), cloud, atol=1e-9)
 
 
-@pytest.mark.slow
-@given(transforms, arrays(np.float64, (2, 3), elements=coordinates))
-def test_distances_are_kept(transform, pair):
-    moved = transform.apply(pair)
-    np.testing.assert_allclose(
-        np.linalg.norm(moved[1] - moved[0]), np.linalg.norm(pair[1] - pair[0]), atol=1e-9
-    )
-
-
 @given(transforms)
 def test_rotation_is_scipys(transform):
     np.testing.assert_allclose(
