@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import NormalizedRBFBasis
 
 MAX_LOG_RATE = 6.0
@@ -50,7 +50,6 @@ class Warp:
         recorded: recorded phases at the grid, strictly increasing, (G,), read-only.
 
     Raises:
-        ShapeError: `log_rate` is not a vector of at least one value.
         ArgumentError: a value is not finite, or a rate is beyond exp(+-6).
     """
 
@@ -60,13 +59,6 @@ class Warp:
 
     def __post_init__(self) -> None:
         log_rate = np.array(self.log_rate, dtype=np.float64)
-        if log_rate.ndim != 1 or log_rate.size < 1:
-            raise ShapeError.about(
-                "log_rate",
-                "shape (G - 1,), at least (1,)",
-                log_rate.shape,
-                "Pass one warp's rates.",
-            )
         if not (np.isfinite(self.shift) and np.all(np.abs(log_rate) <= MAX_LOG_RATE)):
             raise ArgumentError.about(
                 "shift, log_rate",

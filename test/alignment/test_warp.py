@@ -7,16 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.alignment.warp import Warp, slope_basis
-from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.errors import ArgumentError
 
 log_rates = st.lists(st.floats(-6.0, 6.0), min_size=1, max_size=80).map(np.array)
 shifts = st.floats(-2.0, 2.0)
 phases = st.lists(st.floats(-3.0, 4.0), min_size=2, max_size=50, unique=True).map(sorted)
-
-
-@given(log_rates, shifts)
-def test_every_warp_runs_forward(log_rate, shift):
-    assert np.all(np.diff(Warp(shift, log_rate).recorded) > 0)
 
 
 @given(log_rates, shifts, phases)
@@ -66,15 +61,13 @@ def test_a_warp_cannot_be_changed():
 
 
 @pytest.mark.parametrize(
-    ("shift", "log_rate", "error"),
+    ("shift", "log_rate"),
     [
-        (0.0, np.zeros((2, 3)), ShapeError),
-        (0.0, np.zeros(0), ShapeError),
-        (np.nan, np.zeros(3), ArgumentError),
-        (0.0, np.array([0.0, np.inf]), ArgumentError),
-        (0.0, np.array([0.0, 7.0]), ArgumentError),
+        (np.nan, np.zeros(3)),
+        (0.0, np.array([0.0, np.inf])),
+        (0.0, np.array([0.0, 7.0])),
     ],
 )
-def test_what_is_no_warp_is_refused(shift, log_rate, error):
-    with pytest.raises(error, match=r"log_rate"):
+def test_what_is_no_warp_is_refused(shift, log_rate):
+    with pytest.raises(ArgumentError, match="log_rate"):
         Warp(shift, log_rate)
