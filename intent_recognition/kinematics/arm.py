@@ -31,7 +31,7 @@ class Arm:
 
     Joint vectors have one value for each of `joint_names`, in that order [rad, or m for prismatic
     joints]. Poses are of the link `tip` in the frame of the link `base`. An arm keeps work space of
-    its own: one thread at a time may use it.
+    its own: one thread at a time may use it. An array that does not fit the arm is a `ShapeError`.
 
     Attributes:
         base: link whose frame poses are in.
@@ -91,22 +91,14 @@ class Arm:
         return len(self.joint_names)
 
     def forward_kinematics(self, q: ArrayLike) -> Floats:
-        """Poses of the tip in the base frame, (..., 4, 4), for q (..., n).
-
-        Raises:
-            ShapeError: q does not fit the arm.
-        """
+        """Poses of the tip in the base frame, (..., 4, 4), for q (..., n)."""
         q = self._vector(q, "q")
         flat = q.reshape(-1, self.n_joints)
         poses = np.array([self._pose(row) for row in flat]).reshape(-1, 4, 4)
         return poses.reshape(*q.shape[:-1], 4, 4)
 
     def skeleton(self, q: ArrayLike) -> Floats:
-        """Origins of the joints from the base on, and of the tip, (T, k, 3) [m], for q (T, n).
-
-        Raises:
-            ShapeError: q does not fit the arm.
-        """
+        """Origins of the joints from the base on, and of the tip, (T, k, 3) [m], for q (T, n)."""
         return self.moving_skeleton(q, np.zeros(np.shape(q)))[0]
 
     def moving_skeleton(self, q: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
@@ -117,9 +109,6 @@ class Arm:
         Args:
             q: (T, n).
             velocity: of the joints (T, n) [rad/s, or m/s].
-
-        Raises:
-            ShapeError: an argument does not fit the arm.
         """
         q, rates = (self._vector(a, "q").reshape(-1, self.n_joints) for a in (q, velocity))
         values = q @ self._reduced.drive.T + self._reduced.offset
@@ -144,11 +133,7 @@ class Arm:
         return swept.sum(axis=1), changes @ links.levers + curved
 
     def jacobian(self, q: ArrayLike) -> Floats:
-        """Geometric Jacobian (6, n) of the tip in base axes at q (n,): linear rows, then angular.
-
-        Raises:
-            ShapeError: q is no joint vector of this arm.
-        """
+        """Geometric Jacobian (6, n) of the tip in base axes at q (n,): linear rows come first."""
         return self._pose_and_jacobian(self._one(q, "q"))[1]
 
     def inverse_dynamics(self, q: Floats, velocity: Floats, acceleration: Floats) -> Floats:
@@ -158,9 +143,6 @@ class Arm:
             q: (n,), as the others.
             velocity: of the joints.
             acceleration: of the joints.
-
-        Raises:
-            ShapeError: an argument does not fit the arm.
         """
         q, *rates = (self._one(a, "q") for a in (q, velocity, acceleration))
         drive = self._reduced.drive
@@ -183,7 +165,6 @@ class Arm:
 
         Raises:
             KinematicsError: no solution was found; names the distance that is left.
-            ShapeError: a target or joint vector of another shape.
         """
         found = self.nearest(target, seed, rest)
         if found.error > REACHED:
@@ -201,9 +182,6 @@ class Arm:
         """The posture nearest to a pose (4, 4) or position (3,), and what is left to it.
 
         Seed and rest are those of `inverse_kinematics`.
-
-        Raises:
-            ShapeError: a target or joint vector of another shape.
         """
         goal = checked_target(target)
         return self._search.solve(goal, self._start(seed), self._start(rest, "rest"))
@@ -221,9 +199,6 @@ class Arm:
             seed: posture near which to begin (n,), such as the measured one; the arm's `rest` by
                 default.
             rest: what redundant joints are drawn to (n,); the arm's own by default.
-
-        Raises:
-            ShapeError: targets or a joint vector of another shape.
         """
         array = np.asarray(targets, dtype=np.float64)
         if len(array.shape) not in (2, 3) or len(array) == 0:

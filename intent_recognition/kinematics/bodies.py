@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, ShapeError, describe, one_line, optional
+from intent_recognition.errors import ArgumentError, describe, one_line, optional
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import read_mimics
@@ -151,11 +151,8 @@ class Bodies:
             travel: how far each joint turns between samples, at least (T - 1, n) [rad]; by default
                 the difference of the samples.
             first_only: whether to stop at the first contact.
-
-        Raises:
-            ShapeError: positions do not fit the arm.
         """
-        q = self._checked(positions)
+        q = np.asarray(positions, dtype=np.float64)
         moved = np.abs(np.diff(q, axis=0)) if travel is None else np.asarray(travel, np.float64)
         way = np.zeros((len(self.pairs), len(q)))
         np.cumsum(self._reach.T @ moved.T, axis=1, out=way[:, 1:])
@@ -192,7 +189,7 @@ class Bodies:
 
     def distance_m(self, q: ArrayLike, pair: int) -> float:
         """Between the bodies of a pair at a posture (n,); negative where they overlap."""
-        self._place(self._checked(np.asarray(q, np.float64)[None])[0])
+        self._place(np.asarray(q, dtype=np.float64))
         return self._distance(pair)
 
     # Parting
@@ -333,11 +330,3 @@ class Bodies:
 
     def _distance(self, pair: int) -> float:
         return float(self._pin.computeDistance(self._geometry, self._work, pair).min_distance)
-
-    def _checked(self, positions: ArrayLike) -> Floats:
-        q = np.asarray(positions, dtype=np.float64)
-        n = self._model.drive.shape[1]
-        if q.ndim != 2 or q.shape[1] != n or not np.all(np.isfinite(q)):
-            cure = "One row per sample."
-            raise ShapeError.about("positions", f"(T, {n}), finite", q.shape, cure)
-        return q

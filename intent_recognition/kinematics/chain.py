@@ -12,7 +12,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ShapeError
 
 
 class Chain(NamedTuple):
@@ -35,14 +34,8 @@ def tip_positions(chain: Chain, values: Floats) -> Floats:
     Args:
         chain: n joints.
         values: of its joints, (T, n) [rad or m]; those of fixed joints do not count.
-
-    Raises:
-        ShapeError: values do not fit the chain.
     """
     values = np.asarray(values, dtype=np.float64)
-    if values.ndim != 2 or values.shape[1] != len(chain.origins):
-        cure = "Give one column per joint of the chain."
-        raise ShapeError.about("values", f"(T, {len(chain.origins)})", values.shape, cure)
     tips = np.zeros((len(values), 3))
     for joint in reversed(range(len(chain.origins))):
         moved = Rotation.from_rotvec(values[:, joint, None] * chain.turns[joint]).apply(tips)

@@ -101,13 +101,6 @@ def test_reach_position_reaches_a_near_position(q, nudge):
     assert np.allclose(hand_position(found), hand_position(inside), atol=1e-4)
 
 
-def test_reach_position_leaves_the_orientation_free():
-    target = hand_position(READY) + np.array([0.05, -0.1, 0.08])
-    q = reach_position(target, READY)
-    assert np.allclose(hand_position(q), target, atol=1e-6)
-    assert np.abs(q - READY).max() < 0.5
-
-
 @pytest.mark.parametrize(
     ("position", "distance"), [((2.0, 0.0, 0.3885), 1.2100), ((0.0, 0.0, 0.3105 + 0.078), 0.0100)]
 )
