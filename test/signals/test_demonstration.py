@@ -99,8 +99,6 @@ def reach(share: float = 1.0) -> np.ndarray:
             {},
             "first: human_0 moves over 400 m at .* metres. Likely mill",
         ),
-        (reach(), 1000.0 * reach(), {"controlled_unit": "m"}, "first: robot_0 moves over 400 m"),
-        (reach(), reach(), {"robot_times_s": LONG_S + 9.0}, "robot_0 does not overlap .* clocks"),
         (reach(), reach()[:40], {"robot_times_s": LONG_S[:40]}, "robot_0 covers 39% of the"),
     ],
 )
@@ -113,7 +111,6 @@ def test_what_no_recording_could_be_learned_from_is_refused_as_in_bags(human, ro
     ("human", "robot", "says"),
     [
         (0.0 * reach(), reach(), "the observed agent does not move"),
-        (reach(), 0.0 * reach(), "the controlled agent does not move"),
         (reach(), np.degrees(reach()) * 2.0, "robot_0: Likely degrees for radians"),
     ],
 )
