@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.errors import IntentError
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
 from intent_recognition.evaluation.reactive import NearestWindows, ReactiveCase, moments
@@ -94,13 +93,8 @@ def score_demonstration(
         test: the demonstration.
         start_posture: whether the controlled agent's start is known to the tables of prediction.
         windows: baseline of reactive prediction; None to leave that out.
-
-    Raises:
-        IntentError: the demonstration has no duration.
     """
     duration, test = test.duration_s, in_turns(test, angle_starts(library))
-    if duration <= 0:
-        raise IntentError.about(test.name, "a positive duration", duration, "Leave it out.")
     times = TRUTH_PHASES * duration
     truth = sample(test.controlled, test.start_ns, times)
     learned, library = library, in_context(library, test)

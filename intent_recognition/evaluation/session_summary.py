@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the demo measured: one record per interaction, and their summary beside the paper's."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import fmean, median, stdev
-
-from intent_recognition.errors import ArgumentError
 
 CM_PER_M = 100.0
 """Centimetres in a metre."""
@@ -92,9 +89,6 @@ class InteractionRecord:
         person: who did it; empty for the only one.
         wrong_helps: times that the arm began to help while that one neither moved nor waited,
             until the next interaction.
-
-    Raises:
-        ArgumentError: a number is not finite, or a missed interaction has a hand error.
     """
 
     index: int
@@ -115,18 +109,6 @@ class InteractionRecord:
     person: str = ""
     wrong_helps: int = 0
 
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        names = ("decision_time_s", "decision_share", "hand_error_m", "arrival_s", "movement_s")
-        for name in names:
-            value = getattr(self, name)
-            if value is not None and not math.isfinite(value):
-                self._refuse(name, "a finite number or None", value)
-        if self.hand_error_m is not None and self.hand_error_m < 0:
-            self._refuse("hand_error_m", "a distance", self.hand_error_m)
-        if self.hand_error_m is not None and not self.right:
-            self._refuse("hand_error_m", "None for a missed interaction", self.hand_error_m)
-
     @property
     def right(self) -> bool:
         """Whether the human's task was recognised."""
@@ -136,10 +118,6 @@ class InteractionRecord:
     def before_end(self) -> bool:
         """Whether the right decision fell before the end of the human's movement."""
         return self.right and self.decision_share is not None and self.decision_share < 1.0
-
-    def _refuse(self, name: str, expected: str, got: object) -> None:
-        cure = "Leave out what was not measured."
-        raise ArgumentError.about(f"interaction {self.index}: {name}", expected, got, cure)
 
 
 @dataclass(frozen=True)

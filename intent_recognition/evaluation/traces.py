@@ -7,8 +7,6 @@ from typing import Any, TypedDict, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ShapeError
-
 
 class Trace(TypedDict, total=False):
     """One interaction; every key but `index` may be missing, None or empty.
@@ -49,25 +47,9 @@ GROUPS = (
 )
 """Keys that are meaningful only together; all but the labels have equal length."""
 
-EQUAL_LENGTHS = (
-    ("share", "probabilities"),
-    ("joint_s", "joint_rad"),
-    ("predicted_s", "predicted_rad"),
-    ("predicted_rad", "predicted_std_rad"),
-    ("predicted_wrist_m", "predicted_wrist_std_m"),
-    ("person_s", "person_n"),
-    ("transfer_s", "load_n"),
-    ("transfer_s", "grip_n"),
-    ("transfer_s", "load_share"),
-)
-
 
 def usable(trace: Trace) -> Trace:
-    """A copy without empty entries and without incomplete groups.
-
-    Raises:
-        ShapeError: arrays that belong together have different lengths.
-    """
+    """A copy without empty entries and without incomplete groups."""
     kept: dict[str, Any] = {}
     for key, value in trace.items():
         if value is not None and np.size(cast(ArrayLike, value)):
@@ -75,16 +57,4 @@ def usable(trace: Trace) -> Trace:
     for group in GROUPS:
         if not all(key in kept for key in group):
             kept = {key: value for key, value in kept.items() if key not in group}
-    for one, other in EQUAL_LENGTHS:
-        if one in kept and other in kept and len(kept[one]) != len(kept[other]):
-            _refuse(trace, other, f"{len(kept[one])} rows, as `{one}` has", len(kept[other]))
-    if "labels" in kept:
-        columns = np.shape(kept["probabilities"])[-1]
-        if columns != len(kept["labels"]):
-            _refuse(trace, "probabilities", f"{len(kept['labels'])} columns", columns)
     return cast(Trace, kept)
-
-
-def _refuse(trace: Trace, key: str, expected: str, got: object) -> None:
-    place = f"trace {trace.get('index')}: {key}"
-    raise ShapeError.about(place, expected, got, "Cut both to the same observations.")

@@ -62,7 +62,6 @@ def write_demo_report(
 
     Raises:
         ResourceBusyError: the file cannot be written.
-        ShapeError: arrays of a trace that belong together have different lengths.
     """
     return write_page(path, demo_page(records, summary, traces, settings or {}))
 

@@ -213,13 +213,6 @@ def test_reliability_bins_conserve_mass(pairs):
     assert np.all(mean[used] <= edges[used] + 0.1 + 1e-12)
 
 
-def test_perfect_probabilities_lie_on_the_diagonal(rng):
-    probabilities = rng.uniform(size=200_000)
-    truth = rng.uniform(size=200_000) < probabilities
-    mean, share, _ = reliability_bins(probabilities, truth)
-    np.testing.assert_allclose(mean, share, atol=0.015)
-
-
 @pytest.mark.slow
 def test_matplotlib_is_loaded_by_the_first_figure_only():
     code = (
