@@ -140,14 +140,8 @@ def tilts_to_level(
         far: how far they go.
         cup: the container in the hand.
         fluid: what is in it, as a share of its volume.
-        left: what is to be left, as a share of its volume; 0 to empty it.
-
-    Raises:
-        ArgumentError: `left` is not below `fluid`, or these are no shares.
+        left: what is to be left, as a share of its volume, below `fluid`; 0 to empty it.
     """
-    if not 0.0 <= left < fluid <= 1.0:
-        cure = "Pour something, of what is there."
-        raise ArgumentError.about("left, fluid", "0 <= left < fluid <= 1", (left, fluid), cure)
     begin, end = cup.tilt_leaving(fluid), cup.empty_rad + far.beyond_rad
     if left >= LEFT_WHEN_EMPTY:
         end = min(end, cup.tilt_leaving(left))

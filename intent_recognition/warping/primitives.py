@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ShapeError, TrainingError
+from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import Gaussian, covariance_root
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, fit_weights
 from intent_recognition.warping.parameters import References
@@ -90,7 +90,6 @@ class WarpedPrimitive:
 
         Raises:
             TrainingError: fewer than two demonstrations.
-            ShapeError: a path has no four columns.
         """
         basis = basis or NormalizedRBFBasis(20)
         if len(paths) < 2 or len(paths) != len(durations_s):
@@ -99,9 +98,6 @@ class WarpedPrimitive:
             raise TrainingError.about("paths, durations_s", "two or more, paired", got, cure)
         weights = []
         for path in paths:
-            if path.ndim != 2 or path.shape[1] != N_WARPED:
-                cure = "Use `to_warped`."
-                raise ShapeError.about("paths", f"shape (T, {N_WARPED})", path.shape, cure)
             phase = np.linspace(0.0, 1.0, len(path))
             weights.append(fit_weights(basis, phase, path).weights.ravel())
         mean = np.mean(weights, axis=0)

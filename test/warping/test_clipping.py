@@ -34,14 +34,6 @@ def test_both_sides_of_a_plane_are_the_whole(level, seed):
     assert below == pytest.approx(cap, abs=0.03)
 
 
-def test_a_box_is_cut_where_it_should_be():
-    """A cube of side 2 cut at a height."""
-    box = trimesh.creation.box((2.0, 2.0, 2.0))
-    for level, expected in ((-2.0, 0.0), (-0.5, 2.0), (0.0, 4.0), (2.0, 8.0)):
-        cut = volume_below(box, np.array([0.3, 0.2, level]), UP)
-        assert cut == pytest.approx(expected)
-
-
 @pytest.mark.parametrize("height", [0.5, 2.0, 6.0])
 def test_half_of_a_box_is_left_at_its_diagonal(height):
     """tan(angle) = height / width about the edge's middle."""

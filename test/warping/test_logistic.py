@@ -36,23 +36,6 @@ def test_weights_minimise_the_penalised_loss(seed, ridge):
     np.testing.assert_allclose([model.bias, *model.weights], found.x, rtol=1e-4, atol=1e-4)
 
 
-def test_probabilities_match_the_share_of_labels():
-    """Without a penalty on the bias, mean probability equals the share of ones."""
-    features, labels = samples(1)
-    model = fit_logistic(features, labels)
-    assert model.probability(features).mean() == pytest.approx(labels.mean(), abs=1e-8)
-
-
-def test_units_of_features_do_not_matter():
-    """Features in other units give the same probabilities."""
-    features, labels = samples(2)
-    first = fit_logistic(features, labels).probability(features)
-    second = fit_logistic(features * [1e3, 1e-6, 7.0], labels).probability(
-        features * [1e3, 1e-6, 7.0]
-    )
-    np.testing.assert_allclose(first, second, atol=1e-9)
-
-
 def test_separable_labels_have_a_finite_answer():
     """The ridge bounds the weights."""
     features = np.linspace(-1.0, 1.0, 20)[:, None]

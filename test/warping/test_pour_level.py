@@ -84,6 +84,3 @@ def test_a_pour_ends_where_what_is_left_is_level_with_the_lip():
         assert np.all(np.diff(tilts) > 0.0)
         assert np.abs(np.diff(tilts, 2)).max() < 1e-3  # no kink where it begins to pour
         assert tilts[np.searchsorted(ratios, 1.0)] == pytest.approx(cup.tilt_leaving(0.5), abs=0.01)
-    for fluid, left in ((0.5, 0.5), (0.2, 0.3), (1.2, 0.1), (0.5, -0.1)):
-        with pytest.raises(ArgumentError, match="left < fluid"):
-            tilts_to_level(ratios, far, cup, fluid, left)
