@@ -19,6 +19,16 @@ rounding of doubles."""
 RETRAIN = "Train it again with `intent train`."
 
 
+def require(sound: bool, place: str, expected: str, got: object, cure: str = RETRAIN) -> None:
+    """Make sure that a part of a model file is as expected.
+
+    Raises:
+        ModelError: it is not; names the place.
+    """
+    if not sound:
+        raise ModelError.about(place, expected, got, cure)
+
+
 def check_arrays(
     path: str | Path,
     arrays: Mapping[str, NDArray[Any]],
@@ -31,18 +41,15 @@ def check_arrays(
     """Make sure that arrays are there, real, of their shape and finite."""
     for name, shape in shapes.items():
         place = f"{path}: {name}"
-        if name not in arrays:
-            raise ModelError.about(place, "an array", "none", cure)
+        require(name in arrays, place, "an array", "none", cure)
         array = arrays[name]
-        if array.dtype.kind not in ("iu" if name in whole else "iuf"):
-            kind = "whole numbers" if name in whole else "real numbers"
-            raise ModelError.about(place, kind, f"type {array.dtype}", cure)
-        if array.shape != shape:
-            raise ModelError.about(place, f"shape {shape}", array.shape, cure)
-        if not np.all(np.isfinite(array)):
-            raise ModelError.about(place, "finite numbers", "NaN or inf", cure)
-        if array.dtype.kind == "f" and np.any(np.abs(array) > largest):
-            raise ModelError.about(place, f"numbers up to {largest:g}", np.abs(array).max(), cure)
+        kinds, numbers = ("iu", "whole numbers") if name in whole else ("iuf", "real numbers")
+        require(array.dtype.kind in kinds, place, numbers, f"type {array.dtype}", cure)
+        require(array.shape == shape, place, f"shape {shape}", array.shape, cure)
+        require(bool(np.all(np.isfinite(array))), place, "finite numbers", "NaN or inf", cure)
+        if array.dtype.kind == "f":
+            size = np.abs(array).max(initial=0.0)
+            require(size <= largest, place, f"numbers up to {largest:g}", size, cure)
 
 
 def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> None:
@@ -50,19 +57,17 @@ def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> No
     place = f"{path}: {name}"
     scale = np.abs(matrices).max(initial=0.0)
     difference = np.abs(matrices - matrices.swapaxes(-1, -2)).max(initial=0.0)
-    if difference > ROUNDING * scale:
-        got = f"entries that differ from their mirror image by {difference:g}"
-        raise ModelError.about(place, "symmetric matrices", got, RETRAIN)
+    got = f"entries that differ from their mirror image by {difference:g}"
+    require(difference <= ROUNDING * scale, place, "symmetric matrices", got)
     least = np.linalg.eigvalsh(matrices).min(initial=0.0)
-    if least < -ROUNDING * scale:
-        raise ModelError.about(place, "no negative variance", f"{least:g}", RETRAIN)
+    require(least >= -ROUNDING * scale, place, "no negative variance", f"{least:g}")
 
 
 def check_positive(path: str | Path, arrays: Mapping[str, NDArray[Any]], *names: str) -> None:
     """Make sure that all numbers of some arrays are above zero."""
     for name in names:
-        if not np.all(arrays[name] > 0.0):
-            raise ModelError.about(f"{path}: {name}", "above zero", arrays[name], RETRAIN)
+        positive = bool(np.all(arrays[name] > 0.0))
+        require(positive, f"{path}: {name}", "above zero", arrays[name])
 
 
 def upper(matrices: NDArray[Any]) -> NDArray[Any]:

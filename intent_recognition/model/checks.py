@@ -16,6 +16,7 @@ from intent_recognition.model.arrays import (
     check_arrays,
     check_covariances,
     check_positive,
+    require,
 )
 from intent_recognition.promp import NONE, LeftOutOdds, PhaseDeviation
 
@@ -73,12 +74,10 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     check_positive(path, numbers, *scales, "task_evidence")
     for name in ("task_prior", "transition_prior"):
         prior = numbers[name]
-        if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):
-            raise ModelError.about(f"{path}: {name}", "sums of one", prior, RETRAIN)
-    if not 0.0 < numbers["none_prior"] < 1.0:
-        raise ModelError.about(
-            f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN
-        )
+        shares = np.all(prior >= 0.0) and np.all(np.abs(prior.sum(axis=-1) - 1.0) <= 1e-6)
+        require(bool(shares), f"{path}: {name}", "sums of one", prior)
+    none_prior = numbers["none_prior"]
+    require(bool(0.0 < none_prior < 1.0), f"{path}: none_prior", "between 0 and 1", none_prior)
 
 
 def check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
@@ -88,22 +87,18 @@ def check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
         ("none_log_duration", LONGEST_LOG_S),
         ("log_duration_std", LARGEST_LOG_STD),
     ):
-        if np.any(np.abs(numbers[name]) > largest):
-            expected = f"at most {largest:g}"
-            raise ModelError.about(f"{path}: {name}", expected, numbers[name], RETRAIN)
+        within = bool(np.all(np.abs(numbers[name]) <= largest))
+        require(within, f"{path}: {name}", f"at most {largest:g}", numbers[name])
     for name in ("weight_covariance", "none_covariance", "observed_weight_covariance"):
         check_covariances(path, name, numbers[name])
 
 
 def check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
     """Make sure that signals divide the observed DOFs among them."""
-    if (groups.sum(), n_onset) != (n_observed, len(groups)) or np.any(groups < 1):
-        raise ModelError.about(
-            f"{path}: observed_groups",
-            f"groups of {n_observed} DOFs, one onset setting each",
-            f"{groups.tolist()} and {n_onset} settings",
-            RETRAIN,
-        )
+    divided = (groups.sum(), n_onset) == (n_observed, len(groups)) and np.all(groups >= 1)
+    expected = f"groups of {n_observed} DOFs, one onset setting each"
+    got = f"{groups.tolist()} and {n_onset} settings"
+    require(bool(divided), f"{path}: observed_groups", expected, got)
 
 
 def labels_of(labels: list) -> tuple[str, ...]:
@@ -120,9 +115,8 @@ def evidence_freedom(path: str | Path, header: dict) -> float:
     if found is None:
         return inf
     number = isinstance(found, (int, float)) and not isinstance(found, bool)
-    if not number or not 0.0 < found <= LARGEST:
-        expected = f"above zero and up to {LARGEST:g}, or null"
-        raise ModelError.about(f"{path}: evidence_freedom", expected, found, RETRAIN)
+    expected = f"above zero and up to {LARGEST:g}, or null"
+    require(number and 0.0 < found <= LARGEST, f"{path}: evidence_freedom", expected, found)
     return float(found)
 
 
@@ -158,11 +152,7 @@ def phase_deviation(
         ) from error
     std = content[DEVIATION_STD]
     sound = 0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and abs(exponent) <= MAX_EXPONENT
-    if not (sound and np.all(std >= 0.0)):
-        raise ModelError.about(
-            f"{path}: phase_deviation",
-            "correlation > 0, evidence in (0, 1], exponent within +-10, no std below zero",
-            f"{correlation}, {evidence}, {exponent} and {std.min()}",
-            RETRAIN,
-        )
+    expected = "correlation > 0, evidence in (0, 1], exponent within +-10, no std below zero"
+    got = f"{correlation}, {evidence}, {exponent} and {std.min()}"
+    require(sound and bool(np.all(std >= 0.0)), f"{path}: phase_deviation", expected, got)
     return PhaseDeviation(std, correlation, evidence, follows, exponent)

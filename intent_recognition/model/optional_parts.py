@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import ModelError
 from intent_recognition.model.arrays import (
-    RETRAIN,
     check_arrays,
     check_covariances,
     check_positive,
+    require,
 )
 from intent_recognition.promp import CONTEXT_STRENGTH, ContextModel, ResidualCoupling
 
@@ -79,8 +78,6 @@ def read_coupling(
     check_arrays(path, content, dict(zip(COUPLING, shapes, strict=True)))
     found = ResidualCoupling(*(content[name] for name in COUPLING))
     check_positive(path, content, COUPLING[2])
-    if np.any(found.explained < 0.0) or np.any(found.explained >= 1.0):
-        raise ModelError.about(
-            f"{path}: {COUPLING[1]}", "at least 0 and below 1", found.explained, RETRAIN
-        )
+    share = bool(np.all((found.explained >= 0.0) & (found.explained < 1.0)))
+    require(share, f"{path}: {COUPLING[1]}", "at least 0 and below 1", found.explained)
     return found

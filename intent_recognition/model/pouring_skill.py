@@ -8,7 +8,7 @@ import numpy as np
 
 from intent_recognition.durable import write_arrays
 from intent_recognition.errors import IntentError, ModelError
-from intent_recognition.model.arrays import check_arrays
+from intent_recognition.model.arrays import check_arrays, require
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.untrusted import read_arrays
 from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPrimitive
@@ -46,17 +46,16 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
     except (OSError, ValueError) as error:
         raise ModelError.about(str(path), "a pouring skill", error, CURE) from error
     version = found.pop("format_version", np.array(np.nan))
-    if version.shape or version != FORMAT_VERSION:
-        place = f"{path}: format_version"
-        raise ModelError.about(place, str(FORMAT_VERSION), version, CURE)
+    known = not version.shape and bool(version == FORMAT_VERSION)
+    require(known, f"{path}: format_version", str(FORMAT_VERSION), version, CURE)
     check = partial(check_arrays, path, found, largest=LARGEST, cure=CURE)
     check({"basis": (2,), "duration_s": (), "reached": (3,)})
     try:
         begin, largest, _ = found["reached"].tolist()
-        if not (found["duration_s"] > 0.0 and 0.0 < begin < largest):
-            expected = "a duration above 0, and 0 < begin < largest in reached"
-            got = f"{found['duration_s']:g} s, {found['reached'].tolist()}"
-            raise ModelError.about(str(path), expected, got, CURE)
+        expected = "a duration above 0, and 0 < begin < largest in reached"
+        got = f"{found['duration_s']:g} s, {found['reached'].tolist()}"
+        sound = bool(found["duration_s"] > 0.0) and 0.0 < begin < largest
+        require(sound, str(path), expected, got, CURE)
         basis = NormalizedRBFBasis(int(found["basis"][0]), float(found["basis"][1]))
         rows = N_WARPED * basis.n_basis
         columns = found.get("spread", np.empty(0)).shape[-1:]

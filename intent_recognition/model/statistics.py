@@ -30,7 +30,14 @@ from intent_recognition.learning import (
     sample_phases,
     scored_phases,
 )
-from intent_recognition.model.arrays import RETRAIN, check_arrays, check_positive, from_upper, upper
+from intent_recognition.model.arrays import (
+    RETRAIN,
+    check_arrays,
+    check_positive,
+    from_upper,
+    require,
+    upper,
+)
 from intent_recognition.model.checks import MAX_EXPONENT
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import OnsetSettings
@@ -97,13 +104,9 @@ def unpack_statistics(
         raise ModelError.about(
             f"{path}: statistics", "a complete header", error, RETRAIN
         ) from error
-    if preprocessing.basis_of(chosen.aligned) != library.basis:
-        expected = f"hyperparameters of {library.basis}"
-        raise ModelError.about(f"{path}: statistics", expected, chosen, RETRAIN)
-    if labels != library.labels:
-        raise ModelError.about(
-            f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN
-        )
+    place, same = f"{path}: statistics", preprocessing.basis_of(chosen.aligned) == library.basis
+    require(same, place, f"hyperparameters of {library.basis}", chosen)
+    require(labels == library.labels, place, f"the tasks {library.labels}", labels)
     check_arrays(path, arrays, {COUNT: (len(labels),)}, (COUNT,))
     for kind in (STEADY, ALIGNED):
         n_basis = preprocessing.basis_of(kind == ALIGNED).n_basis
@@ -112,14 +115,11 @@ def unpack_statistics(
             of_context = {name for name in shapes if OF_CONTEXT in name}
             arrays = {**arrays, **{name: np.empty(shapes[name]) for name in of_context}}
         check_arrays(path, arrays, shapes, (f"{kind}statistics_n",))
-        few = np.any(arrays[f"{kind}statistics_n"] < arrays[COUNT])
-        if few or arrays[COUNT].sum() != len(names) or np.any(arrays[COUNT] < 0):
-            raise ModelError.about(
-                f"{path}: {COUNT}", f"{len(names)} in all", arrays[COUNT], RETRAIN
-            )
-    if len(groups) != len(names) or not all(isinstance(group, str) for group in groups):
-        expected = f"{len(names)} groups of demonstrations"
-        raise ModelError.about(f"{path}: statistics", expected, groups, RETRAIN)
+        counts, all_of = arrays[COUNT], arrays[f"{kind}statistics_n"]
+        sound = np.all((counts >= 0) & (counts <= all_of)) and counts.sum() == len(names)
+        require(bool(sound), f"{path}: {COUNT}", f"{len(names)} in all", counts)
+    grouped = len(groups) == len(names) and all(isinstance(group, str) for group in groups)
+    require(grouped, place, f"{len(names)} groups of demonstrations", groups)
     named = list(zip(names, groups, strict=True))
     aligned = _unpack_tasks(labels, named, arrays, ALIGNED)
     tasks = _unpack_tasks(labels, named, arrays, STEADY, aligned)
@@ -214,11 +214,9 @@ def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_do
     templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
     exponent, usual_s = header.get("duration_exponent", 0.0), header.get("usual_s", {})
     numbers = all(isinstance(one, (int, float)) for one in (exponent, *usual_s.values()))
-    if not (
-        numbers and abs(exponent) <= MAX_EXPONENT and all(0 < s < inf for s in usual_s.values())
-    ):
-        expected = f"an exponent within +-{MAX_EXPONENT:g}, and durations above 0"
-        raise ModelError.about(f"{path}: timing", expected, f"{exponent}, {usual_s}", RETRAIN)
+    sound = numbers and abs(exponent) <= MAX_EXPONENT and all(0 < s < inf for s in usual_s.values())
+    expected = f"an exponent within +-{MAX_EXPONENT:g}, and durations above 0"
+    require(sound, f"{path}: timing", expected, f"{exponent}, {usual_s}")
     return Timing(templates, deviation_std, exponent, usual_s)
 
 

@@ -109,14 +109,6 @@ def test_what_was_written_is_read_bit_for_bit(model, written):
             assert theirs == ours, field.name
 
 
-def test_reading_and_writing_again_changes_nothing(written, tmp_path):
-    save_model(tmp_path / "again.npz", load_model(written))
-    ours, theirs = content(written), content(tmp_path / "again.npz")
-    assert ours.keys() == theirs.keys()
-    for name in ours:
-        np.testing.assert_array_equal(theirs[name], ours[name])
-
-
 def test_a_model_may_be_without_a_coupling(written, tmp_path):
     without = rewritten(tmp_path / "m.npz", written, **dict.fromkeys(COUPLING))
     assert load_model(without).library.coupling is None

@@ -6,7 +6,7 @@ import pytest
 from corrected_execution import NOON, OFFSET, execute
 from model_builder import make_dofs, perform, true_library, write_recording
 
-from intent_recognition.errors import BagError, ModelError, ResourceBusyError
+from intent_recognition.errors import BagError, ResourceBusyError
 from intent_recognition.model import Executions, load_model, load_trained, skill_history
 from intent_recognition.model.executions import Execution
 from intent_recognition.model.task_folder import KEEP, START, Change, TaskFolder
@@ -71,11 +71,6 @@ def test_what_was_not_corrected_cannot_be_kept(taught):
     write_recording(bag, perform(TRUTH, 0, 34), DOFS)
     with pytest.raises(BagError, match="corrected"):
         taught.correct(bag)
-
-
-def test_only_what_is_new_can_be_undone(tmp_path):
-    with pytest.raises(ModelError):
-        TaskFolder(tmp_path / "empty", DOFS).undo()
 
 
 def test_outcomes_add_up_and_a_torn_line_never_happened(tmp_path):

@@ -11,7 +11,6 @@ from model_builder import make_dofs, perform, true_library, write_recording
 
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.errors import (
-    BagError,
     DofError,
     ModelError,
     ResourceBusyError,
@@ -142,12 +141,6 @@ def test_history_is_one_line_of_json_per_change(started):
     assert [json.loads(line)["action"] for line in lines] == [c.action for c in changes]
     assert folder.history() == changes
     assert changes[0].time == "2026-01-01T12:00:00.000+00:00"
-
-
-@pytest.mark.parametrize("label", ["", "a/b", "..", ".hidden", "none"])
-def test_labels_that_name_no_folder_are_refused(label, tmp_path):
-    with pytest.raises(BagError, match="task"):
-        folder_of(tmp_path).new_bag(label)
 
 
 def test_other_dofs_than_the_models_are_refused(started):
