@@ -2,7 +2,6 @@
 """What a library derives from what it holds."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from simulation import make_library
@@ -50,9 +49,3 @@ def test_dense_samples_together_are_worth_one_sample_per_correlation_time(correl
 def test_two_samples_at_the_same_time_do_not_divide_by_zero(rng):
     library = make_library(rng, n_basis=4, correlation_time_s=0.05)
     assert np.all(np.isfinite(library.noise_covariance(np.arange(3), 0.0)))
-
-
-def test_a_library_cannot_be_changed(rng):
-    library = make_library(rng, n_basis=4)
-    with pytest.raises(AttributeError):
-        library.noise_scale = 2.0

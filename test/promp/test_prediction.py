@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import Bank, bank_of, mixture_at, observed_weights, run_bank, start_bank
+from plain import Bank, bank_of, mixture_at, observed_weights, run_bank
 from simulation import START_NS, draw_weights, make_library, simulate
 
 from intent_recognition.filtering.filter import MovementFilter
@@ -117,32 +117,6 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     np.testing.assert_allclose(found.covariance, joint.covariance[split:, split:], atol=1e-8)
 
 
-def test_start_posture_narrows_the_prediction_and_is_met(rng):
-    library = make_library(rng, groups=(2,), n_controlled=2, n_basis=6, noise_std=1e-4)
-    prior = Gaussian(library.observed_mean[0], library.observed_covariance[0])
-    free = controlled_weights(library, 0, prior)
-    start = StartPosture(np.array([0.05, -0.03]), np.zeros(2))
-    held = controlled_weights(library, 0, prior, start)
-    phase = np.linspace(0, 1, 11)
-    noise = library.control_noise_variance()
-    one = rollout(library.basis, free, phase, 2.0, noise)
-    other = rollout(library.basis, held, phase, 2.0, noise)
-    np.testing.assert_allclose(other.positions[0], start.position, atol=1e-3)
-    assert np.all(other.std <= one.std + 1e-12)
-    assert np.linalg.eigvalsh(free.covariance - held.covariance).min() > -1e-10
-
-
-def test_without_observations_the_prediction_is_the_prior(rng):
-    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6)
-    prior = Gaussian(library.observed_mean[1], library.observed_covariance[1])
-    found = controlled_weights(library, 1, prior)
-    split = library.n_observed_weights
-    np.testing.assert_allclose(found.mean, library.weight_mean[1, split:], atol=1e-10)
-    np.testing.assert_allclose(
-        found.covariance, library.weight_covariance[1, split:, split:], atol=1e-10
-    )
-
-
 def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
     library = make_library(
         rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6, noise_std=0.02, spread=0.3
@@ -166,32 +140,6 @@ def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
     drawn += rng.normal(size=drawn.shape) * np.sqrt(library.control_noise_variance())
     np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=4 * std.max() / np.sqrt(120_000))
     np.testing.assert_allclose(std, drawn.std(axis=0), rtol=0.015)
-
-
-def test_mixture_of_one_hypothesis_is_its_rollout(rng):
-    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6)
-    hypotheses = fixed_prior_grid(library, 2.0)
-    bank = start_bank(library, hypotheses)
-    times = np.linspace(0, 2, 9)
-    mean, std = mixture_at(library, bank, hypotheses, np.array([[0.0], [1.0]]), times)
-    controlled = controlled_weights(library, 1, Gaussian(bank.mean[1], bank.covariance[1]))
-    expected = rollout(library.basis, controlled, times / 2, 2.0, library.control_noise_variance())
-    np.testing.assert_allclose(mean, expected.positions, atol=1e-12)
-    np.testing.assert_allclose(std, expected.std, rtol=1e-9)
-
-
-def test_more_observations_never_widen_a_prediction_of_known_phase(rng):
-    library = make_library(rng, groups=(2,), n_controlled=2, n_basis=6)
-    hypotheses = fixed_prior_grid(library, 2.0)
-    given_task = np.zeros((3, 1))
-    given_task[0] = 1.0
-    before = np.inf
-    run = MovementFilter(library, hypotheses, START_NS)
-    for observation in merge(simulate(library, 0, rng, n_samples=10, duration_s=2.0).observed):
-        run.observe(observation)
-        _, std = mixture_at(library, bank_of(run), hypotheses, given_task, np.linspace(0, 2, 7))
-        assert np.all(std <= before + 1e-12)
-        before = std
 
 
 def test_known_truth_lies_where_the_posterior_says(rng):

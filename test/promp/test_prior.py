@@ -75,12 +75,6 @@ def test_other_tasks_count_where_they_are_borrowed_and_for_a_task_of_few(rng, n)
     assert np.array_equal(alone, borrowing) == (n > 4)
 
 
-@given(seeds, st.floats(1e-3, 1e3))
-def test_target_scales_with_the_unit(seed, unit):
-    weights = np.random.default_rng(seed).normal(size=(5, 2, 6))
-    np.testing.assert_allclose(target_of(unit * weights), unit**2 * target_of(weights), rtol=1e-6)
-
-
 def test_each_dof_may_have_a_unit_of_its_own(rng):
     weights = rng.normal(size=(6, 2, 5))
     units = np.array([1.0, 1000.0])
