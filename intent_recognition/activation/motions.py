@@ -170,10 +170,9 @@ class Motions:
         self, now_ns: int, label: str, path: JointPath, phase: float
     ) -> ClearPath | Obstruction:
         """A path of a task, moved where it must be; what is in its way where nothing is found."""
-        last, settings = self._followed, self._common.settings
+        last = self._followed
         before = last.clear if last is not None and last.label == label else None
-        limits, clearance = settings.limits, settings.clearance
-        return self.things.clear(clearance, now_ns, path, label, phase, limits, before)
+        return self.things.clear(now_ns, path, label, phase, before)
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self._common.settings.clearance

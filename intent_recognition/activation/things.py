@@ -3,8 +3,7 @@
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import Common
-from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import Clearance, ClearPath, JointPath, Obstruction
+from intent_recognition.motion import ClearPath, JointPath, Obstruction
 
 _SEARCH_EVERY_S = 0.25
 """Time between two searches for a way that take their time [s]. Convention: a search takes less
@@ -19,30 +18,25 @@ class Things:
     """
 
     def __init__(self, common: Common, arm: ArmTracking) -> None:
-        self._arm, self._reject, self._counts = arm, common.reject, common.counts
+        self._arm, self._common = arm, common
+        self._reject, self._counts = common.reject, common.counts
         self._n_searches, self._search_ns = 0, 0
         self.obstruction: Obstruction | None = None
 
     def clear(
-        self,
-        clearance: Clearance | None,
-        now_ns: int,
-        path: JointPath,
-        label: str,
-        phase: float,
-        limits: JointLimits,
-        before: ClearPath | None,
+        self, now_ns: int, path: JointPath, label: str, phase: float, before: ClearPath | None
     ) -> ClearPath | Obstruction:
         """A path that is clear from a phase on; what is in its way where nothing is found.
 
         At rest there is time for a search, now and then. See `Clearance.clear`.
         """
-        if clearance is None:
+        settings = self._common.settings
+        if settings.clearance is None:
             return ClearPath(path)
         rests = not self._arm.under_way(now_ns)
         due = not 0 <= now_ns - self._search_ns < 1e9 * _SEARCH_EVERY_S
         tries = self._n_searches if rests and due else None
-        found = clearance.clear(path, label, phase, limits, before, tries)
+        found = settings.clearance.clear(path, label, phase, settings.limits, before, tries)
         if isinstance(found, Obstruction) and tries is not None:
             self._n_searches, self._search_ns = tries + 1, now_ns
         return found

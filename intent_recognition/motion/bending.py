@@ -30,7 +30,7 @@ from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, via_point
 from intent_recognition.signals import right_jacobian, to_tangent
 
-_BEYOND_M = 0.004
+BEYOND_M = 0.004
 """Paths are bent so much farther than the clearance [m]. Convention: more than splines and
 linearised rows leave."""
 _BEYOND_RAD = 0.005
@@ -79,9 +79,7 @@ class Spread:
         return cls(primitive.basis, primitive.weights.covariance[own, own], arm, reference)
 
     @classmethod
-    def given_person(
-        cls, primitive: InteractionProMP, arm: Arm | None = None, reference: tuple[float, ...] = ()
-    ) -> "Spread":
+    def given_person(cls, primitive: InteractionProMP) -> "Spread":
         """Of an interaction primitive for what the person does; only the start is fixed."""
         n_own = primitive.n_observed * primitive.basis.n_basis
         rule = regression(primitive.weights, n_own)
@@ -94,7 +92,7 @@ class Spread:
         )
         still = np.zeros(controlled.n_dofs)
         weights = via_point(controlled, 0.0, still).weights
-        return cls(primitive.basis, weights.covariance, arm, reference)
+        return cls(primitive.basis, weights.covariance)
 
     def design(self, phase: Floats, positions: Floats) -> Floats:
         """Joints by weights, (T, n, Q N), at phases (T,) of a path through positions (T, n).
@@ -184,7 +182,7 @@ def bend(path: TouchingPath, largest: float = np.inf, start: Floats | None = Non
         for sample, pair in sorted(watched):
             gap, gradient = bodies.gap(q[sample], pair)
             rows.append(gradient @ moves[sample])
-            needs.append(bodies.clearance_m + _BEYOND_M - gap + float(rows[-1] @ z))
+            needs.append(bodies.clearance_m + BEYOND_M - gap + float(rows[-1] @ z))
         newer = least_change(np.array(rows), np.array(needs))
         if newer is None or np.linalg.norm(newer) > largest:
             return None

@@ -21,14 +21,12 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import Arm, Bodies, JointLimits
-from intent_recognition.motion.bending import least_change
+from intent_recognition.motion.bending import BEYOND_M, least_change
 from intent_recognition.motion.hand_path import LARGEST_JUMP_RAD, LARGEST_SHORTFALL_M, N_POSES
 from intent_recognition.motion.path import JointPath, make_path
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 from intent_recognition.promp import minimum_jerk
 
-_BEYOND_M = 0.004
-"""The end is turned so much farther than the clearance [m]. Convention: as paths are bent."""
 _LARGEST_STEP_RAD = 0.2
 """No joint turns farther in one round [rad]: null space and distances are those of the posture."""
 _N_ROUNDS = 25
@@ -113,7 +111,7 @@ class HandKept:
             own = unit - np.linalg.pinv(J) @ J
             gaps = [bodies.gap(q, pair) for pair in sorted(watched)]
             rows = [gradient @ own for _, gradient in gaps]
-            needs = [bodies.clearance_m + _BEYOND_M - gap for gap, _ in gaps]
+            needs = [bodies.clearance_m + BEYOND_M - gap for gap, _ in gaps]
             change = least_change(
                 np.vstack([*rows, own, -own]), np.r_[needs, self._lower - q, q - self._upper]
             )

@@ -21,41 +21,12 @@ def test_stale_or_missing_joint_states_start_nothing():
     assert world.activation.mode is Mode.EXECUTING
 
 
-def test_joint_states_going_silent_stop_the_arm():
-    world = executing()
-    world.measures = False
-    world.run_until(Mode.STOPPED)
-    assert world.activation.stop_reason == "stale_joint_states"
-
-
-def test_an_arm_pushed_off_its_reference_is_stopped_and_counted():
-    world = executing()
-    world.run(0.2)
-    world.push = np.full(7, 0.6)
-    world.run_until(Mode.STOPPED)
-    assert world.activation.stop_reason == "arm_off_reference"
-    assert "arm_off_reference" in world.rejected
-
-
-def test_an_arm_moved_while_idle_starts_from_where_it_is():
-    world = World()
-    world.begin("plate")
-    world.run_until(Mode.HOMING)
-    world.task = "idle"
-    world.run_until(Mode.IDLE)
-    n = len(world.commands)
-    world.push = np.full(7, -0.5)
-    world.begin("screw")
-    world.run_until(Mode.EXECUTING)
-    np.testing.assert_allclose(world.commands[n].plan.positions[0], HOME - 0.5, atol=1e-9)
-
-
 def test_an_arm_in_motion_by_others_starts_nothing():
     world = World()
     world.begin("plate")
     world.measures = False
     for _ in range(20):
-        world.activation.take_joint_state(world.now_ns + STEP_NS, HOME, np.full(7, 0.5))
+        world.activation.take_joint_state(world.now_ns + STEP_NS, HOME, np.full(7, 0.1))
         world.step()
     assert world.commands == [] and "arm_moving" in world.rejected
 
@@ -146,16 +117,6 @@ def test_reset_sends_the_arm_home_and_does_not_start_the_same_movement_again():
     world.check_continuous()
 
 
-def test_halt_brakes_the_arm():
-    world = executing()
-    world.run(0.3)
-    command = world.activation.halt(world.now_ns)
-    world.commands.append(command)
-    assert command.plan.kind == "stop" and world.activation.mode is Mode.IDLE
-    assert world.activation.halt(world.now_ns) is None
-    world.check_continuous()
-
-
 def test_without_return_home_it_stays_and_is_idle():
     world = executing(0.8, return_home=False)
     world.run_until(Mode.IDLE)
@@ -221,6 +182,7 @@ def test_a_stopped_arm_that_is_not_seen_stays_where_it_is():
     world.run(0.5)
     world.measures = False
     world.run_until(Mode.STOPPED)
+    assert world.activation.stop_reason == "stale_joint_states"
     n = len(world.commands)
     world.task = "idle"
     world.run(5.0)
@@ -236,6 +198,8 @@ def test_a_stopped_arm_that_was_moved_goes_home_from_where_it_rests():
     world.run(0.5)
     world.push = np.full(7, 0.6)
     world.run_until(Mode.STOPPED)
+    assert world.activation.stop_reason == "arm_off_reference"
+    assert "arm_off_reference" in world.rejected
     world.task = "idle"
     moved = world.reference(world.commands[-1].end_ns).position + world.push
     world.run_until(Mode.HOMING)
@@ -250,6 +214,8 @@ def test_what_comes_after_a_halt_goes_on_from_the_braking_arm(after_s):
     world = executing()
     world.run(0.6)
     world.commands.append(world.activation.halt(world.now_ns))
+    assert world.commands[-1].plan.kind == "stop" and world.activation.mode is Mode.IDLE
+    assert world.activation.halt(world.now_ns) is None
     n = len(world.commands)
     world.task = "idle"
     world.run(after_s)
@@ -292,8 +258,8 @@ def test_without_velocities_two_joint_states_far_apart_are_no_rest():
     assert world.commands == [] and "arm_moving" in world.rejected
 
 
-@pytest.mark.parametrize("moved_rad", [0.06, 0.2, 0.35])
-def test_an_arm_at_rest_moved_by_less_than_a_tracking_error_is_where_it_is(moved_rad):
+@pytest.mark.parametrize("moved_rad", [0.06, 0.35, 0.5])
+def test_an_arm_at_rest_that_was_moved_starts_from_where_it_is(moved_rad):
     world = World()
     world.begin("plate")
     world.run_until(Mode.HOMING)
@@ -305,16 +271,6 @@ def test_an_arm_at_rest_moved_by_less_than_a_tracking_error_is_where_it_is(moved
     world.begin("screw")
     world.run_until(Mode.EXECUTING)
     np.testing.assert_allclose(world.commands[n].plan.positions[0], HOME - moved_rad, atol=1e-9)
-
-
-def test_a_slowly_moving_arm_is_not_at_rest():
-    world = World()
-    world.measures = False
-    world.begin("plate")
-    for _ in range(20):
-        world.activation.take_joint_state(world.now_ns + STEP_NS, HOME, np.full(7, 0.1))
-        world.step()
-    assert world.commands == [] and "arm_moving" in world.rejected
 
 
 def test_a_plan_that_brakes_as_hard_as_it_may_before_a_limit_is_left_to_end():

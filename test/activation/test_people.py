@@ -47,11 +47,6 @@ def test_the_order_of_the_requests_does_not_matter(drawn, random):
     assert first_to_help(requests, START_NS) == first_to_help(mixed, START_NS)
 
 
-def test_who_needs_it_sooner_and_whose_task_is_more_certain_comes_first():
-    assert first_to_help([request("late", 1.0), request("soon", 0.5)], START_NS) == "soon"
-    assert first_to_help([request("a", 0.0, 0.6), request("b", 0.0, 0.95)], START_NS) == "b"
-
-
 @given(st.integers(0, 10**6), st.integers(2, 4))
 def test_nobody_starves_however_often_others_need_the_arm(seed, n):
     """The others ask anew at once with a shorter task, which minimal sums of waiting prefer."""

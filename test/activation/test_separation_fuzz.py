@@ -156,7 +156,7 @@ def test_a_motion_slows_while_another_task_that_is_recognised_cannot_begin():
     world.run(0.7)
     hand = ARM.skeleton(world.arm()[None])[0, -1]
     person = PredictedPerson(world.now_ns + TUBE_NS[:1], hand[None], np.zeros(1))
-    world.activation.take_person(person)
+    world.activation.take_people((person,))
     known = [(START_NS, ()), (world.now_ns, (person,))]
     world.begin("screw", already_s=0.0)
     world.run(1.0)

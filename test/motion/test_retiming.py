@@ -20,7 +20,6 @@ from intent_recognition.motion.plan import (
     scaled_limits,
 )
 from intent_recognition.motion.planning import plan_interaction, stop_plan
-from intent_recognition.motion.point_to_point import brake_plan, home_plan
 from intent_recognition.motion.retiming import NominalTiming
 
 LIMITS = scaled_limits(LWR_LIMITS)
@@ -249,38 +248,6 @@ def test_goes_on_from_a_stop_without_starting_over():
     )
     assert again.phase[0] == phase and again.phase[-1] == 1.0
     check_by_differences(again)
-
-
-@few
-@given(seeds, st.floats(0.0, 1.0))
-def test_home_is_reached_at_rest_also_from_a_moving_start(seed, share):
-    times, q, v = samples(seed, 2.0)
-    path = path_of(times, q, v)
-    running = plan_interaction(path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), LIMITS)
-    start, progress = (f(share * running.duration_s) for f in (running.at, running.phase_at))
-    plan = home_plan(start, HOME, LIMITS)
-    if plan is None:  # in rare fast motions away from home: brake first
-        assert np.abs(start.velocity).max() > 0.1
-        start = JointReference.at_rest(stop_plan(path, start, LIMITS, progress).end)
-        plan = home_plan(start, HOME, LIMITS)
-    assert plan is not None and plan.kind == "home"
-    np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-9)
-    np.testing.assert_allclose(plan.velocities[0], start.velocity, atol=1e-9)
-    np.testing.assert_allclose(plan.end, HOME, atol=1e-12)
-    assert np.all(plan.velocities[-1] == 0.0)
-    check_by_differences(plan)
-
-
-@few
-@given(seeds)
-def test_the_brake_of_last_resort_keeps_velocity_and_acceleration(seed):
-    rng = np.random.default_rng(seed)
-    velocity = rng.uniform(-1.0, 1.0, 7) * LIMITS.velocity
-    plan = brake_plan(JointReference(HOME, velocity, np.zeros(7)), 0.3, LIMITS)
-    np.testing.assert_allclose(plan.velocities[0], velocity)
-    use = excess(plan.times_s, plan.positions, plan.velocities, LIMITS)
-    assert use.velocity <= 1.0 + 1e-9 and use.acceleration <= 1.0 + 1e-6
-    assert np.all(plan.velocities[-1] == 0.0)
 
 
 @few

@@ -143,7 +143,7 @@ def interact(who, **settings):
     world.run(0.3)
     world.begin("plate")
     if who is not None:
-        world.activation.take_person(person(who, world.now_ns))
+        world.activation.take_people((person(who, world.now_ns),))
     world.run_until(Mode.EXECUTING)
     world.run(6.0)
     return world
@@ -180,7 +180,7 @@ def go_home(who, **settings):
     world.run(2.0)
     world.task = "idle"
     if who is not None:
-        world.activation.take_person(person(who))
+        world.activation.take_people((person(who),))
     world.run_until(Mode.HOMING)
     return world
 
