@@ -36,10 +36,12 @@ PATIENCE_S = 4.0
 """Time after which what nobody takes is brought back [s]. Convention."""
 OPENING_S = 0.3
 """Time in which the fingers open [s]: 40 mm at 0.15 m/s."""
-SLIP_SHARE, SLIP_N, SLIP_S = 0.25, 1.0, 0.01
-"""Share of the weight, and force [N], that must be missing, and how long [s], to be a slip: more
-than an arm's acceleration (2 m/s^2) takes off it, and than twice the load's standard deviation.
-What weighs less than twice that force is held by the least grip."""
+SLIP_SHARE, SLIP_NS = 0.25, 0.015
+"""Share of the weight that may be missing: more than an arm's acceleration (2 m/s^2) takes off it;
+and the impulse beyond it that is a slip [N s] (a cumulative sum: Page 1954). Single loads have a
+noise of 1 N, whose sum stays within 0.04 N s, as it comes from differences of the velocity."""
+LIGHT_N = 2.0
+"""What weighs less is held by the least grip [N]."""
 SLIP_GRIP = 2.0
 """Grip after a slip, by what the friction that was felt needs to hold. Convention: it must stop the
 object, too, and the load is still falling when the slip is noticed."""
@@ -55,10 +57,11 @@ STILL_M_S = 0.005
 """Speed of a finger below which it stands [m/s]. Convention."""
 EMPTY_M = 0.0015
 """Half opening below which there is nothing between the fingers [m]. Convention."""
-STEADY_S, STEADY_N = 0.5, 0.9
+STEADY_S, STEADY_N = 0.5, 0.3
 """The person has let go when the mean load of the first and of the second half of such a time [s]
-differ by less than this [N]: 1.4 standard deviations of that difference where joints' velocities
-have a noise of 0.005 rad/s (1.1 N of load with the Panda's arm out, 0.8 N with the LWR's)."""
+differ by less than this [N]: four standard deviations of that difference. Single loads have a noise
+of 1 N, as they come from differences of velocities with 5 mrad/s, and so it cancels in their mean
+(0.05 N at 200 Hz). A person who lets go within a second is slower than that allows."""
 WEIGHED, REMEMBERED = 20, 400
 """Loads from which, and of which at most, an object is weighed: at 100 Hz 0.2 s, and the longest
 way of an arm. Convention."""
@@ -150,7 +153,7 @@ class TransferMachine:
         self._loads: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=REMEMBERED)
         self._since: dict[str, float] = {}
         self._entered_s, self._time_s = 0.0, np.nan
-        self._half_opening_m = np.nan
+        self._half_opening_m, self._missing_ns = np.nan, 0.0
 
     def carry(self, weight_n: float = 0.0) -> None:
         """Begin with an object between the fingers; its weight is measured if it is not given."""
@@ -171,7 +174,7 @@ class TransferMachine:
         slip = False
         if self.holding in (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING):
             self._weigh(now)
-            slip = self._slips(now)
+            slip = self._slips(now, step_s)
             if self._lasts("lost", now.half_opening_m < EMPTY_M, now.time_s, GRIPPED_S):
                 self.drop()  # somebody pulled it out, or it fell
         getattr(self, f"_{self.holding.value}")(request, now)
@@ -266,13 +269,14 @@ class TransferMachine:
             return 0.0
         return load_share(now.force_n, self.weight_n, now.toward)
 
-    def _slips(self, now: Situation) -> bool:
+    def _slips(self, now: Situation, step_s: float) -> bool:
         """Less than the weight is carried, and nobody takes it: grip harder from now on."""
-        if self._share > 0.0 or self.weight_n < 2.0 * SLIP_N:
+        if self._share > 0.0 or self.weight_n < LIGHT_N:
+            self._missing_ns = 0.0
             return False
-        missing_n = self.weight_n + float(now.force_n[2])
-        less = missing_n > max(SLIP_SHARE * self.weight_n, SLIP_N)
-        slips = self._lasts("slip", less, now.time_s, SLIP_S)
+        missing_n = (1.0 - SLIP_SHARE) * self.weight_n + float(now.force_n[2])
+        self._missing_ns = min(max(self._missing_ns + missing_n * step_s, 0.0), 2.0 * SLIP_NS)
+        slips = self._missing_ns > SLIP_NS
         if slips:  # what is still carried shows the friction
             carried = max(-float(now.force_n[2]), 0.1 * self.weight_n)
             self._factor = max(self._factor, SLIP_GRIP * self.weight_n / carried)
@@ -311,6 +315,7 @@ class TransferMachine:
 
     def _enter(self, holding: Holding, time_s: float) -> None:
         self.holding, self._entered_s = holding, time_s
+        self._missing_ns = 0.0
         self._loads.clear()
         self._since.clear()
 

@@ -33,6 +33,10 @@ PAD_FRICTION = 1.0
 PAD_RADIUS_M = 0.015
 """Radius of the patch in which a soft pad touches [m]: a finger holds a torque of two thirds of it
 times its friction. Without it the corners of boxes touch, and what hangs off its centre creeps."""
+PAD_N_M, PAD_NS_M = 2e4, 200.0
+"""Stiffness and damping of a pad at each point that touches [N/m], [N s/m]: it yields by a
+millimetre to the strongest grip, and so presses evenly. What hard faces hold turns about one edge.
+"""
 GEAR_N = 500.0
 """Force that keeps the fingers alike apart from the middle [N]: much more than they press."""
 OPENED_M = 0.002
@@ -80,6 +84,8 @@ class Fingers:
                 link,
                 lateralFriction=PAD_FRICTION,
                 spinningFriction=PAD_RADIUS_M * 2.0 / 3.0,
+                contactStiffness=PAD_N_M,
+                contactDamping=PAD_NS_M,
             )
             self._client.resetJointState(self._body, link, OPENING_M)
         gear = self._client.createConstraint(

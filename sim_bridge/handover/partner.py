@@ -27,6 +27,10 @@ MISSED_M = 0.005
 """Standard deviation of where the hand takes hold [m]. Convention."""
 GRASPED_S = 0.15
 """From the touch until the load is taken over [s]. Convention."""
+PUSHED_N, AGAIN_M = 3.0, 0.05
+"""Load beyond what was carried by which a giver feels that the object met a finger [N], and how far
+it is taken back then, to be brought again where it should be [m]. Convention.
+"""
 LEFT_SHARE = 0.5
 """Share of the load felt below which a giver opens the hand. Convention."""
 BROUGHT_M = 0.3
@@ -119,16 +123,22 @@ class Giver:
         self._from_m, self.to_m = hand.position_m.copy(), to_m
         self._closed_s: float | None = None
         self._opened_s: float | None = None
-        self._gone_s = np.inf
-        hand.lift_n = manner.weight_n
+        self._met_s = self._gone_s = np.inf
+        self._carried_n, hand.lift_n = hand.felt_n, manner.weight_n
 
     def step(self, time_s: float, seen: SeenRobot) -> None:
         """Set what the hand wants at a time; it comes when the time is its reaction."""
         manner, hand = self._manner, self.hand
         done = progress((time_s - manner.reaction_s) / manner.reach_s)
-        hand.target_m = self._from_m + done * (self.to_m - self._from_m)
+        again_s = time_s - self._met_s - manner.reaction_s
+        back = progress(again_s / manner.load_s)
+        hand.target_m = self._from_m + done * (self.to_m - self._from_m) - back * manner.miss_m
+        back -= progress((again_s - 2.0 * manner.load_s) / manner.reach_s)
+        hand.target_m += back * AGAIN_M * manner.toward
         self._look(time_s, seen.closed)
         if self._closed_s is None:
+            if hand.felt_n > self._carried_n + PUSHED_N:
+                self._met_s = min(self._met_s, time_s)
             return
         lowering_s = time_s - self._closed_s - manner.reaction_s
         if hand.holds:

@@ -141,6 +141,22 @@ def test_a_giver_keeps_what_the_fingers_closed_on_and_opened_again():
     assert one.lift_n == pytest.approx(manner.weight_n)
 
 
+def test_a_giver_takes_back_what_met_a_finger_and_brings_it_where_it_should_be():
+    manner = Manner.draw(np.random.default_rng(2), WEIGHT_N)
+    one, to_m = hand(), np.array([-0.2, 0.0, 0.0])
+    one.grasp(np.zeros(3), LEVEL)
+    one.feel(WEIGHT_N)
+    giver, ways = Giver(one, manner, to_m), []
+    for t in np.arange(0.0, 5.0, STEP_S):
+        one.feel(WEIGHT_N + (5.0 if 1.2 < t < 1.4 else 0.0))
+        giver.step(t, SeenRobot(to_m, LEVEL, rests=True))
+        ways.append(one.target_m @ manner.toward)
+        if t <= 1.2:
+            np.testing.assert_allclose(one.target_m[1:], 0.0)
+    np.testing.assert_allclose(one.target_m, to_m - manner.miss_m)
+    assert max(ways[1200:]) > ways[-1] + 0.04
+
+
 def test_progress_is_minimum_jerk():
     assert [progress(x) for x in (-1.0, 0.0, 0.5, 1.0, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
     assert progress(-np.inf) == 0.0
