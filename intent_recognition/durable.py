@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ResourceBusyError, describe
 
-LOCK_S = 20.0
-"""Longest wait for another process to end its change [s]. Convention: learning takes up to 5 s."""
+LOCK_S = 60.0
+"""Longest wait for another process to end its change [s]. Convention: learning takes up to 5 s, and
+four times as long on a busy machine."""
 RETRY_S = 0.02
 """Time between two tries to lock [s]. Convention."""
 

@@ -242,6 +242,10 @@ class Activation:
         """Take where people are predicted to be, as far as that is known."""
         self._motions.people = people
 
+    def take_person(self, person: PredictedPerson | None) -> None:
+        """Take where the only person is predicted to be; None where that is not known."""
+        self.take_people(() if person is None else (person,))
+
     def take_joint_state(
         self,
         stamp_ns: int,

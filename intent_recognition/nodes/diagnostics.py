@@ -160,10 +160,11 @@ class Diagnostics:
 
     def answer(self) -> None:
         """Tell how many messages were taken and sent, where simulated time waits for that."""
-        total = self._totals.total()
+        counts = dict(self._totals)  # at once: a recorder's reading thread goes on counting
+        total = sum(counts.values())
         if total != self._answered and self.answers:
             self._answered = total
-            self._answers.publish(answer_of(self._node.get_name(), self._totals))
+            self._answers.publish(answer_of(self._node.get_name(), counts))
 
     def latency(self, seconds: float) -> None:
         """Note the time one input took from arrival to output."""

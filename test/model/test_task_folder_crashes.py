@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import sys
+import traceback
 
 import numpy as np
 import pytest
@@ -199,7 +200,8 @@ def test_two_teachers_lose_nothing(started, tmp_path):
                 for bag in own:
                     teacher.learn(bag)
                 os._exit(0)
-            finally:
+            except BaseException:
+                traceback.print_exc()
                 os._exit(1)
         pids.append(pid)
     assert [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in pids] == [0, 0]

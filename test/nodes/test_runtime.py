@@ -4,8 +4,10 @@
 import gc
 import signal
 import sys
+import threading
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -59,6 +61,27 @@ def test_simulated_time_hears_of_a_node_before_its_first_message(harness):
     harness.spin_until(lambda: heard, what="the answer")
     assert (heard[0].header.frame_id, heard[0].name) == ("taker", ["mocap/wrist/pose"])
     assert heard[0].position.tolist() == [0.0]
+
+
+def test_messages_may_be_counted_by_another_thread_while_it_answers(harness, monkeypatch):
+    diagnostics, told = Diagnostics(node_with(harness)), []
+    heard_by_all = SimpleNamespace(get_subscription_count=lambda: 1, publish=told.append)
+    monkeypatch.setattr(diagnostics, "_answers", heard_by_all)
+
+    def count():
+        for k in range(4000):
+            diagnostics.tick(f"stream {k}")
+
+    often, counting = sys.getswitchinterval(), threading.Thread(target=count)
+    sys.setswitchinterval(1e-6)
+    try:
+        counting.start()
+        while counting.is_alive():
+            diagnostics.answer()
+    finally:
+        sys.setswitchinterval(often)
+        counting.join()
+    assert all(len(one.name) == len(one.position) for one in told)
 
 
 @pytest.mark.parametrize(("simulated", "taken"), [(True, [0, 1, 2]), (False, [2])])
