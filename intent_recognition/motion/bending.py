@@ -79,7 +79,9 @@ class Spread:
         return cls(primitive.basis, primitive.weights.covariance[own, own], arm, reference)
 
     @classmethod
-    def given_person(cls, primitive: InteractionProMP) -> "Spread":
+    def given_person(
+        cls, primitive: InteractionProMP, arm: Arm | None = None, reference: tuple[float, ...] = ()
+    ) -> "Spread":
         """Of an interaction primitive for what the person does; only the start is fixed."""
         n_own = primitive.n_observed * primitive.basis.n_basis
         rule = regression(primitive.weights, n_own)
@@ -92,7 +94,7 @@ class Spread:
         )
         still = np.zeros(controlled.n_dofs)
         weights = via_point(controlled, 0.0, still).weights
-        return cls(primitive.basis, weights.covariance)
+        return cls(primitive.basis, weights.covariance, arm, reference)
 
     def design(self, phase: Floats, positions: Floats) -> Floats:
         """Joints by weights, (T, n, Q N), at phases (T,) of a path through positions (T, n).
