@@ -72,8 +72,7 @@ class Activation:
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self._settings, self._reject = settings, reject
-        self._parts = Parts(Common(settings, reject))
+        self._parts, self._reject = Parts(Common(settings, reject)), reject
         parts = self._parts
         self._arm, self._motions, self._people = parts.arm, parts.motions, parts.people
         self.counts, self.pretrigger = parts.counts, parts.pretrigger
@@ -92,9 +91,13 @@ class Activation:
 
     def change(self, settings: ActivationSettings) -> None:
         """Act by other settings from now on, for the same joints; what is under way goes on."""
-        self._settings = self._parts.common.settings = settings
+        self._parts.common.settings = settings
         self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
         self._waiting.change()
+
+    @property
+    def _settings(self) -> ActivationSettings:
+        return self._parts.common.settings
 
     @property
     def attended(self) -> str:

@@ -61,7 +61,7 @@ STEADY_S, STEADY_N = 0.5, 0.3
 """The person has let go when the mean load of the first and of the second half of such a time [s]
 differ by less than this [N]: four standard deviations of that difference. Single loads have a noise
 of 1 N, as they come from differences of velocities with 5 mrad/s, and so it cancels in their mean
-(0.05 N at 200 Hz). A person who lets go within a second is slower than that allows."""
+(0.05 N at 200 Hz). A load that is given up over a second changes by more."""
 WEIGHED, REMEMBERED = 20, 400
 """Loads from which, and of which at most, an object is weighed: at 100 Hz 0.2 s, and the longest
 way of an arm. Convention."""
