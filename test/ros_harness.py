@@ -121,7 +121,7 @@ class NodeProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, "PYTHONFAULTHANDLER": "1", **(environment or {})},
         )
         self.output = self.errors = ""
 
@@ -132,13 +132,17 @@ class NodeProcess:
         self.stop()
 
     def wait(self, timeout_s: float = DEADLINE_S) -> int:
-        """Wait for the process to end by itself; returns its exit code."""
+        """Wait for the process to end by itself; returns its exit code.
+
+        Raises:
+            AssertionError: it does not end, with where each of its threads is.
+        """
         try:
             output, errors = self.process.communicate(timeout=timeout_s)
         except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.communicate()
-            raise
+            self.process.send_signal(signal.SIGABRT)  # faulthandler's, see the environment
+            _, errors = self.process.communicate()
+            raise AssertionError(f"did not end within {timeout_s:g} s:\n{errors}") from None
         self.output, self.errors = output, errors
         return self.process.returncode
 

@@ -3,20 +3,19 @@
 
 Its parameter `answer` says what becomes of a goal: `accept`, `hold` (which does not end by itself),
 `reject`, `silent` (accepted late), and of one that is executed: `path` or `goal` (the tolerance
-that is violated). A newer goal takes the place of the one before. What it did is told on the topic
-`told`.
+that is violated; `goal` ends a held one, too, after its time). A newer goal takes the place of the
+one before. What it did is told on the topic `told`.
 """
 
 import contextlib
-import signal
 import sys
 import time
+from functools import partial
 
 import rclpy
 from control_msgs.action import FollowJointTrajectory
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import String
 
@@ -26,22 +25,26 @@ LATE_S = 1.5
 
 
 class TrajectoryController(Node):
-    """Preempts as joint_trajectory_controller does: the newest goal is the active one."""
+    """Preempts as joint_trajectory_controller does: the newest goal is the active one.
+
+    In one thread: those of an executor may wait for ever for one another when a signal ends it.
+    """
 
     def __init__(self):
         super().__init__("joint_trajectory_controller")
         self.declare_parameter("answer", "accept")
-        self._newest = None
+        self._under_way = []
         self._told = self.create_publisher(String, "told", 100)
         self._server = ActionServer(
             self,
             FollowJointTrajectory,
             "~/follow_joint_trajectory",
-            self._execute,
+            self._succeeded,  # or what `_step` executes
             goal_callback=self._accept,
+            handle_accepted_callback=self._begin,
             cancel_callback=self._cancel,
-            callback_group=ReentrantCallbackGroup(),
         )
+        self.create_timer(0.005, self._step)
 
     @property
     def answer(self):
@@ -61,42 +64,56 @@ class TrajectoryController(Node):
         self.tell("asked to cancel")
         return CancelResponse.ACCEPT
 
-    def _execute(self, handle):
-        self._newest, holds = handle, self.answer == "hold"
+    def _begin(self, handle):
         names = handle.request.trajectory.joint_names
         feedback = FollowJointTrajectory.Feedback(joint_names=names)
         feedback.error.positions = [0.01, -0.02]
         handle.publish_feedback(feedback)
         last = handle.request.trajectory.points[-1].time_from_start
         end_s = time.monotonic() + last.sec + last.nanosec * 1e-9
-        while handle is self._newest and not handle.is_cancel_requested and self.answer != "path":
-            over = not rclpy.ok() if holds else time.monotonic() > end_s
-            if over:
-                break
-            time.sleep(0.005)
-        if handle.is_cancel_requested:
-            handle.canceled()
-            self.tell("cancelled")
-            return Result()
-        if handle is not self._newest:
-            handle.abort()
-            return Result(error_string="replaced")
-        if self.answer in TOLERANCES:
-            handle.abort()
-            self.tell("aborted")
-            return Result(error_code=TOLERANCES[self.answer], error_string="joint 3")
+        self._under_way.append((handle, end_s, self.answer == "hold"))
+
+    def _step(self):
+        newest = self._under_way[-1:]
+        for goal in list(self._under_way):
+            handle, end_s, held = goal
+            if handle.is_cancel_requested:
+                end = self._cancelled
+            elif goal not in newest:
+                end = self._replaced
+            elif self.answer == "path":
+                end = partial(self._violated, "path")
+            elif time.monotonic() < end_s or (held and self.answer != "goal"):
+                continue
+            else:
+                end = partial(self._violated, "goal") if self.answer == "goal" else self._succeeded
+            self._under_way.remove(goal)
+            handle.execute(end)
+
+    def _cancelled(self, handle):
+        handle.canceled()
+        self.tell("cancelled")
+        return Result()
+
+    def _replaced(self, handle):
+        handle.abort()
+        return Result(error_string="replaced")
+
+    def _violated(self, tolerance, handle):
+        handle.abort()
+        self.tell("aborted")
+        return Result(error_code=TOLERANCES[tolerance], error_string="joint 3")
+
+    def _succeeded(self, handle):
         handle.succeed()
         self.tell("succeeded")
         return Result()
 
 
 def main():
-    # A KeyboardInterrupt that came while the executor's threads are told to end would leave them.
-    signal.signal(signal.SIGINT, lambda *_: None)
-    rclpy.init()  # whose own handler shuts the context down
-    node, executor = TrajectoryController(), MultiThreadedExecutor(4)
-    with contextlib.suppress(ExternalShutdownException):
-        rclpy.spin(node, executor)
+    rclpy.init()
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(TrajectoryController())
     return 0
 
 

@@ -196,6 +196,7 @@ def test_a_goal_accepted_after_the_next_was_rejected_is_cancelled(cell, monkeypa
 
 
 def test_a_goal_tolerance_is_told_and_the_arm_goes_home(cell):
+    cell.answer("hold")
     cell.begin()
     cell.until(lambda: cell.mode == "homing")
     cell.until(lambda: cell.mode == "idle")
