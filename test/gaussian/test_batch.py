@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_t
 from simulation import make_library
@@ -48,7 +48,6 @@ def a_measurement(rng, n: int, n_dofs: int, n_basis: int, n_deviations: int = 1)
 
 @BUILT
 @given(seeds)
-@settings(max_examples=100)
 def test_the_compiled_update_is_that_of_numpy(seed):
     """Of all shapes, of some of the Gaussians in any order, with and without deviations."""
     rng = np.random.default_rng(seed)
@@ -156,7 +155,7 @@ def test_arrays_of_any_layout_are_taken_as_they_are(rng):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("resting", [False, True])
-def test_ten_thousand_nearly_noiseless_updates_keep_a_covariance(resting):
+def test_thousands_of_nearly_noiseless_updates_keep_a_covariance(resting):
     """The million is a benchmark."""
     rng = np.random.default_rng(4)
     library = make_library(rng, n_basis=20)
@@ -164,7 +163,7 @@ def test_ten_thousand_nearly_noiseless_updates_keep_a_covariance(resting):
     block = GaussianBatch.of(np.zeros((2, 60)), prior, 20)
     gram = np.zeros((20, 20))
     noise = 1e-8 * np.eye(3)
-    for k in range(10_000):
+    for k in range(2_000):
         phase = np.full(2, 0.37) if resting else rng.uniform(size=2)
         row = library.basis.design_matrix(phase)
         gram += np.outer(row[0], row[0])
@@ -173,10 +172,10 @@ def test_ten_thousand_nearly_noiseless_updates_keep_a_covariance(resting):
             covariance = block.moments()[1]
             assert np.array_equal(covariance, np.swapaxes(covariance, 1, 2))
             assert np.linalg.eigvalsh(covariance).min() > 0.0
-    if resting:  # as good as one observation with a ten-thousandth of the noise
+    if resting:  # as good as one observation with a two-thousandth of the noise
         matrix = np.kron(np.eye(3), row[:1])
         nothing = Gaussian(np.zeros(60), prior[0])
-        expected = condition(nothing, matrix, np.zeros(3), noise / 10_000)[0].covariance
+        expected = condition(nothing, matrix, np.zeros(3), noise / 2_000)[0].covariance
     else:
         information = np.linalg.inv(prior[0]) + np.kron(np.eye(3), gram) / 1e-8
         expected = np.linalg.inv(information)

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_triangular
 from scipy.stats import multivariate_normal, multivariate_t
@@ -47,61 +47,18 @@ def textbook(prior: Gaussian, H, y, R) -> Gaussian:
 
 
 @given(seeds, st.integers(1, 8), st.integers(1, 5))
-def test_posterior_equals_the_information_form(seed, d, m):
+def test_conditioning_is_the_information_form_and_the_density_of_the_observation(seed, d, m):
     rng = np.random.default_rng(seed)
     prior, (H, y, R) = random_gaussian(rng, d), random_observation(rng, d, m)
-    posterior, _ = condition(prior, H, y, R)
+    posterior, log_evidence = condition(prior, H, y, R)
     expected = textbook(prior, H, y, R)
     np.testing.assert_allclose(posterior.mean, expected.mean, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(posterior.covariance, expected.covariance, rtol=1e-6, atol=1e-6)
-
-
-@given(seeds, st.integers(1, 8), st.integers(1, 5))
-def test_log_evidence_is_the_log_density_of_the_observation(seed, d, m):
-    rng = np.random.default_rng(seed)
-    prior, (H, y, R) = random_gaussian(rng, d), random_observation(rng, d, m)
-    _, log_evidence = condition(prior, H, y, R)
-    expected = multivariate_normal(H @ prior.mean, H @ prior.covariance @ H.T + R).logpdf(y)
-    assert log_evidence == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-@given(seeds, st.integers(2, 8), st.integers(2, 5), st.randoms(use_true_random=False))
-def test_one_after_the_other_in_any_order_equals_all_at_once(seed, d, m, order_source):
-    rng = np.random.default_rng(seed)
-    prior = random_gaussian(rng, d)
-    H, y = rng.normal(size=(m, d)), rng.normal(size=m)
-    R = np.diag(rng.uniform(0.1, 2.0, size=m))
-    together, log_together = condition(prior, H, y, R)
-    order = list(range(m))
-    order_source.shuffle(order)
-    one_by_one, total = prior, 0.0
-    for i in order:
-        one_by_one, log_evidence = condition(one_by_one, H[[i]], y[[i]], R[[i]][:, [i]])
-        total += log_evidence
-    np.testing.assert_allclose(one_by_one.mean, together.mean, rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(one_by_one.covariance, together.covariance, rtol=1e-8, atol=1e-8)
-    assert total == pytest.approx(log_together, rel=1e-9, abs=1e-8)
-
-
-@given(seeds, st.integers(1, 8), st.integers(1, 5))
-def test_posterior_is_symmetric_and_never_wider_than_the_prior(seed, d, m):
-    rng = np.random.default_rng(seed)
-    prior = random_gaussian(rng, d)
-    posterior, _ = condition(prior, *random_observation(rng, d, m))
     assert np.array_equal(posterior.covariance, posterior.covariance.T)
     assert np.linalg.eigvalsh(prior.covariance - posterior.covariance).min() > -1e-9
     assert np.linalg.eigvalsh(posterior.covariance).min() > 0
-
-
-@given(seeds, st.integers(1, 6), st.integers(1, 4))
-def test_no_information_leaves_the_prior_and_perfect_information_replaces_it(seed, d, m):
-    rng = np.random.default_rng(seed)
-    prior, (H, y, _) = random_gaussian(rng, d), random_observation(rng, d, m)
-    nothing, _ = condition(prior, H, y, 1e18 * np.eye(m))
-    np.testing.assert_allclose(nothing.mean, prior.mean, atol=1e-6)
-    np.testing.assert_allclose(nothing.covariance, prior.covariance, atol=1e-6)
-    everything, _ = condition(prior, np.eye(d), np.arange(d, dtype=float), 1e-12 * np.eye(d))
-    np.testing.assert_allclose(everything.mean, np.arange(d), atol=1e-6)
+    density = multivariate_normal(H @ prior.mean, H @ prior.covariance @ H.T + R).logpdf(y)
+    assert log_evidence == pytest.approx(density, rel=1e-9, abs=1e-9)
 
 
 def test_arguments_are_not_modified(rng):
@@ -141,21 +98,6 @@ def test_density_factors_into_marginal_and_regression(seed, n_source, n_target):
     conditional = Gaussian(offset + matrix @ value[:n_source], covariance)
     total = log_density(source, value[:n_source]) + log_density(conditional, value[n_source:])
     assert total == pytest.approx(log_density(joint, value), rel=1e-7, abs=1e-7)
-
-
-@settings(max_examples=30)
-@given(seeds)
-def test_regression_after_filtering_the_source_equals_conditioning_the_whole(seed):
-    rng = np.random.default_rng(seed)
-    joint = random_gaussian(rng, 7)
-    H, y, R = random_observation(rng, 3, 2)
-    source, log_source = condition(marginal(joint, np.arange(3)), H, y, R)
-    matrix, offset, covariance = regression(joint, 3)
-    whole, log_whole = condition(joint, np.hstack([H, np.zeros((2, 4))]), y, R)
-    np.testing.assert_allclose(matrix @ source.mean + offset, whole.mean[3:], atol=1e-7)
-    recovered = covariance + matrix @ source.covariance @ matrix.T
-    np.testing.assert_allclose(recovered, whole.covariance[3:, 3:], atol=1e-7)
-    assert log_source == pytest.approx(log_whole, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -206,11 +148,6 @@ def test_cholesky_refuses_an_indefinite_matrix_and_says_how_far_off_it_is():
         cholesky(np.diag([1.0, -1.0]), name="innovation")
 
 
-def test_cholesky_refuses_one_bad_matrix_in_a_batch():
-    with pytest.raises(ArgumentError):
-        cholesky(np.stack([np.eye(2), np.zeros((2, 2)), np.eye(2)]))
-
-
 @pytest.mark.parametrize("d", [1, 2, 3, 7])
 def test_cholesky_refuses_nan(d):
     matrix = np.eye(d)
@@ -226,12 +163,6 @@ def test_solve_lower_equals_scipy_on_a_batch(seed, d, k):
     right = rng.normal(size=(5, d, k))
     expected = [solve_triangular(one, b, lower=True) for one, b in zip(factor, right, strict=True)]
     np.testing.assert_allclose(solve_lower(factor, right), expected, rtol=1e-9, atol=1e-9)
-
-
-def test_solve_lower_broadcasts_one_factor_over_many_right_sides(rng):
-    factor = np.linalg.cholesky(positive_definite(rng, 3))
-    right = rng.normal(size=(6, 3, 2))
-    np.testing.assert_allclose(factor @ solve_lower(factor, right), right, atol=1e-12)
 
 
 def test_solve_lower_reads_only_the_lower_triangle(rng):
