@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from experiments.alignment.timed import demonstrations
-from intent_recognition.alignment.reference import even_trajectory, resample
+from intent_recognition.alignment.reference import even_trajectory
 from intent_recognition.alignment.time_alignment import AlignmentSettings, align, align_to
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals.signal import Signal
@@ -31,17 +31,6 @@ def test_known_timing_is_recovered(seed):
     found = errors(timed, align(timed.trajectories, 0).warps, 0)
     assert np.median(found) < 0.006
     assert np.quantile(found, 0.95) < 0.05
-
-
-@pytest.mark.slow
-@given(seeds)
-@settings(max_examples=15)
-def test_a_different_place_is_not_a_different_time(seed):
-    rng = np.random.default_rng(seed)
-    timed = demonstrations(rng, rate_std=0.25, noise=0.01)
-    aside = timed.trajectories + rng.normal(0.0, 0.5, (10, 1, 3))
-    found = errors(timed, align(aside, 0).warps, 0)
-    assert np.median(found) < 0.006
 
 
 def test_a_shift_is_recovered(rng):
@@ -87,19 +76,11 @@ def test_units_and_dofs_that_never_move_do_not_matter(rng):
     ),
     st.sampled_from(["mean", "medoid", 0]),
 )
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_no_warp_runs_backward_whatever_the_data(trajectories, reference):
     for warp in align(trajectories, reference).warps:
         assert np.all(np.diff(warp.recorded) > 0)
         assert np.all(np.isfinite(warp.recorded))
-
-
-@given(seeds, st.floats(0.05, 50.0))
-@settings(max_examples=20)
-def test_no_warp_runs_backward_on_noise_and_a_weak_prior(seed, rate_std):
-    noise = np.random.default_rng(seed).normal(size=(5, 80, 2))
-    for warp in align(noise, 0, AlignmentSettings(rate_std=rate_std)).warps:
-        assert np.all(np.diff(warp.recorded) > 0)
 
 
 def test_the_mean_keeps_the_average_timing(rng):
@@ -109,13 +90,6 @@ def test_the_mean_keeps_the_average_timing(rng):
     np.testing.assert_allclose(average, PHASE, atol=0.02)
     assert alignment.reference_index is None
     np.testing.assert_allclose(alignment.aligned.mean(axis=0), alignment.template.values, atol=0.03)
-
-
-def test_aligned_demonstrations_differ_less(rng):
-    timed = demonstrations(rng, noise=0.01, variety=0.02)
-    before = resample(timed.trajectories, 61, 0.01).var(axis=0).mean()
-    for reference in ("mean", "medoid"):
-        assert align(timed.trajectories, reference).aligned.var(axis=0).mean() < 0.3 * before
 
 
 def test_a_later_demonstration_comes_out_as_if_it_had_been_there(rng):
