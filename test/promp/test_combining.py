@@ -97,13 +97,6 @@ def test_a_velocity_is_a_point_too(primitive):
     assert slope == pytest.approx(0.25, abs=1e-5)
 
 
-def test_via_points_do_not_depend_on_their_order(primitive):
-    spread = [1e-4, 1e-4]
-    one = via_point(via_point(primitive, 0.5, [0.1, 0.1], covariance=spread), 2.0, [0.4, 0.0])
-    other = via_point(via_point(primitive, 2.0, [0.4, 0.0]), 0.5, [0.1, 0.1], covariance=spread)
-    np.testing.assert_allclose(one.weights.mean, other.weights.mean, atol=1e-8)
-
-
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
@@ -148,13 +141,6 @@ def test_one_active_alone_is_that_one(primitives):
     assert alone.weights is primitives[1].weights and alone.duration_s == 2.0
 
 
-def test_the_product_lies_nearer_to_the_surer_one(primitives):
-    one, other = primitives
-    sure = replace(one, weights=Gaussian(one.weights.mean, one.weights.covariance * 1e-6))
-    found = co_activate([sure, other], [0.5, 0.5])
-    np.testing.assert_allclose(found.weights.mean, one.weights.mean, atol=1e-3)
-
-
 def test_conditioning_and_product_commute(primitives):
     """Told to both, each at half of its weight, an observation counts once."""
     one, other = (replace(p, duration_s=2.0) for p in primitives)
@@ -183,16 +169,6 @@ def test_a_blend_with_one_active_is_that_primitive(primitives):
         np.testing.assert_allclose(found.positions, expected.positions, atol=1e-9)
         np.testing.assert_allclose(found.velocities, expected.velocities, atol=1e-8)
         np.testing.assert_allclose(found.std, expected.std, atol=1e-10)
-
-
-def test_a_blend_of_equals_does_not_depend_on_the_activations(primitive):
-    times = np.linspace(0.0, 2.0, 41)
-    shares, rates = smooth_switch(times, 0.9, 0.7)
-    found = blend([primitive, primitive], times, shares, rates=rates)
-    expected = whole(primitive, times)
-    np.testing.assert_allclose(found.positions, expected.positions[:, 3:], atol=1e-9)
-    np.testing.assert_allclose(found.velocities, expected.velocities[:, 3:], atol=1e-8)
-    np.testing.assert_allclose(found.std, expected.std[:, 3:], atol=1e-10)
 
 
 def test_at_each_time_it_is_the_product_of_the_positions(primitives):

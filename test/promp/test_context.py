@@ -68,19 +68,6 @@ def test_conditioning_on_a_context_is_that_of_the_joint_gaussian(library, task, 
     )
 
 
-def test_the_mean_context_makes_nothing_less_certain(library):
-    given = library.given(library.context.mean[1])
-    np.testing.assert_allclose(given.weight_mean[1], library.weight_mean[1], atol=1e-12)
-    gain, covariance = library.context.gain[1], library.context.covariance[1]
-    expected = library.weight_covariance[1] - gain @ covariance @ gain.T
-    np.testing.assert_allclose(given.weight_covariance[1], expected, atol=1e-9)
-
-
-def test_a_context_far_from_those_shown_makes_the_weights_less_certain(library):
-    far = library.given(library.context.mean[1] + 100.0)
-    assert np.all(np.diagonal(far.weight_covariance[1] - library.weight_covariance[1]) > 0.0)
-
-
 def test_a_context_says_nothing_about_the_task_nor_about_the_time(library):
     given = library.given([0.3, 0.2, 0.1])
     assert given.context is None and given.context_names == ()

@@ -3,16 +3,11 @@
 
 import numpy as np
 import pytest
-from plain import run_bank
 from scipy.stats import multivariate_normal
-from simulation import START_NS, make_library
+from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.grid import fixed_prior_grid
 from intent_recognition.promp.interaction import InteractionProMP
-from intent_recognition.promp.prediction import controlled_weights
-from intent_recognition.promp.trajectory import rollout
-from intent_recognition.signals.observation import Observation
 
 PHASES = np.array([0.1, 0.35, 0.4, 0.8])
 
@@ -65,23 +60,6 @@ def test_a_dof_that_is_not_observed_has_no_row(promp, values):
     in_turn = promp.condition(PHASES, values[:, [0]], dofs=[0])[0]
     in_turn = in_turn.condition(PHASES, values[:, [2]], dofs=[2])[0]
     same_weights(promp.condition(PHASES, values[:, [2, 0]], dofs=[2, 0])[0], in_turn)
-
-
-def test_the_filter_bank_gives_the_same(library, promp, values):
-    """Of a task of known duration; the controlled weights follow by regression there."""
-    hypotheses = fixed_prior_grid(library, promp.duration_s)
-    stamps_ns = START_NS + np.round(PHASES * promp.duration_s * 1e9).astype(np.int64)
-    stream = [Observation(int(s), 0, v) for s, v in zip(stamps_ns, values, strict=True)]
-    bank = run_bank(library, hypotheses, stream, START_NS)
-    posterior, log_evidence = promp.condition(PHASES, values)
-    assert bank.log_evidence[1] == pytest.approx(log_evidence, abs=1e-6)
-    observed = type(promp.weights)(bank.mean[1], bank.covariance[1])
-    controlled = controlled_weights(library, 1, observed)
-    phase = np.linspace(0.0, 1.0, 7)
-    noise = library.control_noise_variance()
-    expected = rollout(library.basis, controlled, phase, promp.duration_s, noise)
-    for found, wanted in zip(posterior.predict_controlled(7), expected, strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
 
 
 def test_conditioning_changes_no_argument_and_lowers_the_variance(promp, values):

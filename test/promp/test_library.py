@@ -2,9 +2,13 @@
 """What a library derives from what it holds."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from simulation import make_library
+
+from intent_recognition.gaussian.normal import regression
+from intent_recognition.promp.library import N_KEPT
 
 
 def test_sizes_and_blocks(rng):
@@ -19,19 +23,6 @@ def test_sizes_and_blocks(rng):
     assert library.observed_dofs(0).tolist() == [0, 1]
     assert library.observed_dofs(1).tolist() == [2]
     np.testing.assert_allclose(library.durations_s, 2.0)
-
-
-def test_recovery_splits_the_joint_covariance_exactly(rng):
-    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=5)
-    split = library.n_observed_weights
-    for task, (matrix, offset, rest) in enumerate(library.regressions):
-        mean, covariance = library.primitive(task).weights
-        s_oo = covariance[:split, :split]
-        np.testing.assert_allclose(matrix @ s_oo, covariance[split:, :split], atol=1e-10)
-        np.testing.assert_allclose(
-            rest + matrix @ s_oo @ matrix.T, covariance[split:, split:], atol=1e-10
-        )
-        np.testing.assert_allclose(matrix @ mean[:split] + offset, mean[split:], atol=1e-10)
 
 
 @given(st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
@@ -49,3 +40,20 @@ def test_dense_samples_together_are_worth_one_sample_per_correlation_time(correl
 def test_two_samples_at_the_same_time_do_not_divide_by_zero(rng):
     library = make_library(rng, n_basis=4, correlation_time_s=0.05)
     assert np.all(np.isfinite(library.noise_covariance(np.arange(3), 0.0)))
+
+
+def test_every_task_s_regression_is_there_and_few_stay_in_memory(rng):
+    library = make_library(rng, n_tasks=3 * N_KEPT, n_basis=4)
+    regressions = library.regressions
+    assert len(regressions) == library.n_tasks
+    for task, found in enumerate(regressions):
+        expected = regression(library.primitive(task).weights, library.n_observed_weights)
+        for a, b in zip(found, expected, strict=True):
+            assert np.array_equal(a, b)
+        assert regressions[task] is found
+        regressions[0]  # one that is asked for again and again stays
+    assert len(regressions._kept) == N_KEPT
+    assert 0 in regressions._kept
+    assert regressions[-1] is regressions[library.n_tasks - 1]
+    with pytest.raises(IndexError):
+        regressions[library.n_tasks]

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import Bank, bank_of, mixture_at, observed_weights, run_bank
-from simulation import START_NS, draw_weights, make_library, simulate
+from plain import bank_of, observed_weights, run_bank
+from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
@@ -71,26 +71,6 @@ def test_rollout_equals_samples_of_the_weights(rng):
     np.testing.assert_allclose(trajectory.std, values.std(axis=0), rtol=0.03)
 
 
-def test_durations_are_marginalised_by_matching_moments(rng):
-    mean, covariance = rng.normal(size=(6, 4)), np.empty((6, 4, 4))
-    for b in range(6):
-        root = rng.normal(size=(4, 4))
-        covariance[b] = root @ root.T
-    bank = Bank(mean, covariance, np.zeros(6))
-    weights = rng.dirichlet(np.ones(3), size=2)
-    matched = observed_weights(bank, weights, 1)
-    drawn = np.concatenate(
-        [
-            rng.multivariate_normal(
-                mean[3 + s], covariance[3 + s], size=int(300_000 * weights[1, s])
-            )
-            for s in range(3)
-        ]
-    )
-    np.testing.assert_allclose(matched.mean, drawn.mean(axis=0), atol=0.05)
-    np.testing.assert_allclose(matched.covariance, np.cov(drawn.T), atol=0.15)
-
-
 def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     """Robot's start and the human's movement in one joint Gaussian, in one step."""
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=3, n_basis=6)
@@ -117,49 +97,6 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     np.testing.assert_allclose(found.covariance, joint.covariance[split:, split:], atol=1e-8)
 
 
-def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
-    library = make_library(
-        rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6, noise_std=0.02, spread=0.3
-    )
-    hypotheses = make_prior_grid(library, n_scales=4)
-    recording = simulate(library, 0, rng, n_samples=10, duration_s=2.2)
-    seen = list(merge(recording.observed))[:3]
-    bank = run_bank(library, hypotheses, seen, START_NS)
-    weights = rng.dirichlet(np.ones(8)).reshape(2, 4)
-    times = np.array([0.0, 0.7, 1.5, 4.0])
-    start = StartPosture(np.array([0.02, 0.01]), np.full(2, 1e-4))
-    mean, std = mixture_at(library, bank, hypotheses, weights, times, start)
-    samples = []
-    for index, count in enumerate(rng.multinomial(120_000, weights.ravel())):
-        observed = Gaussian(bank.mean[index], bank.covariance[index])
-        controlled = controlled_weights(library, index // 4, observed, start)
-        w = rng.multivariate_normal(*controlled, size=count).reshape(count, 2, 6)
-        phase = np.minimum(times / hypotheses.duration_s[index], 1.0)
-        samples.append(np.einsum("tk,sdk->std", library.basis.design_matrix(phase), w))
-    drawn = np.concatenate(samples)
-    drawn += rng.normal(size=drawn.shape) * np.sqrt(library.control_noise_variance())
-    np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=4 * std.max() / np.sqrt(120_000))
-    np.testing.assert_allclose(std, drawn.std(axis=0), rtol=0.015)
-
-
-def test_known_truth_lies_where_the_posterior_says(rng):
-    """Normalised squared error of the controlled weights follows chi-square in simulation."""
-    library = make_library(rng, n_tasks=1, groups=(2,), n_controlled=1, n_basis=5, spread=0.2)
-    hypotheses = fixed_prior_grid(library, 2.0)
-    split, errors, d = library.n_observed_weights, [], 5
-    for _ in range(300):
-        w = draw_weights(library, 0, rng)
-        recording = simulate(library, 0, rng, n_samples=6, duration_s=2.0, weights=w)
-        bank = run_bank(library, hypotheses, merge(recording.observed), START_NS)
-        posterior = task_posterior(bank.log_evidence, hypotheses, 2.0)
-        observed = observed_weights(bank, posterior.scale_weights, 0)
-        mean, covariance = controlled_weights(library, 0, observed)
-        error = w.ravel()[split:] - mean
-        errors.append(error @ np.linalg.solve(covariance, error))
-    assert np.mean(errors) == pytest.approx(d, abs=4 * np.sqrt(2 * d / 300))
-    assert np.var(errors) == pytest.approx(2 * d, rel=0.5)
-
-
 @settings(max_examples=15)
 @given(seeds)
 def test_no_end_is_surer_than_with_everything_else_known(seed):
@@ -183,7 +120,7 @@ def test_no_end_is_surer_than_with_everything_else_known(seed):
 
 @pytest.mark.parametrize("with_start", [False, True])
 @pytest.mark.parametrize("prune", [False, True])
-@pytest.mark.parametrize("n_points", [1, 2, 50])
+@pytest.mark.parametrize("n_points", [1, 50])
 def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
     library = make_library(rng, n_tasks=3, groups=(2, 1), n_controlled=3, n_basis=7)
     recorded = simulate(library, 1, rng, n_samples=40)

@@ -117,20 +117,6 @@ def test_strength_moves_from_the_sample_covariance_to_the_target(rng):
     np.testing.assert_allclose(strong, factor * target, atol=1e-6)
 
 
-def test_predictive_covariance_covers_the_next_demonstration(rng):
-    """(1 + 1/n): the mean is uncertain too. Exact here, as the target is the truth."""
-    true = np.diag([1.0, 4.0])
-    n, errors = 3, []
-    for _ in range(4000):
-        drawn = rng.multivariate_normal(np.zeros(2), true, size=n + 1)
-        mean = drawn[:n].mean(axis=0)
-        scatter = (drawn[:n] - mean).T @ (drawn[:n] - mean)
-        covariance = shrunk_covariance(scatter, n, true, 1e6)
-        error = drawn[n] - mean
-        errors.append(error @ np.linalg.solve(covariance, error))
-    assert np.mean(errors) == pytest.approx(2.0, abs=4 * np.sqrt(4 / 4000))
-
-
 def left_out_log_density(rng, n: int) -> float:
     """Mean over tasks of how probable one more demonstration is, smooth ones drawn at random."""
     phase = np.linspace(0.0, 1.0, 12)

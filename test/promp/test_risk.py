@@ -24,7 +24,7 @@ def test_without_groups_the_threshold_is_the_split_conformal_quantile(rng):
 def test_one_more_interaction_is_wrong_in_at_most_the_stated_share(rng):
     """Of a new person, however different people are and however many interactions each has."""
     wrong = []
-    for _ in range(2000):
+    for _ in range(1000):
         counts = rng.integers(1, 5, size=25)
         people = rng.standard_normal(26)
         odds = np.concatenate(

@@ -59,13 +59,6 @@ def test_ridge_means_the_same_at_any_sampling_rate(ridge):
     np.testing.assert_allclose(weights(300), weights(6000), atol=2e-3)
 
 
-def test_order_of_the_samples_does_not_matter(rng):
-    values = np.sin(7 * PHASE)[:, None]
-    order = rng.permutation(len(PHASE))
-    forward = fit_weights(BASIS, PHASE, values).weights
-    np.testing.assert_allclose(fit_weights(BASIS, PHASE[order], values[order]).weights, forward)
-
-
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
 def test_adding_a_constant_or_scaling_the_unit_does_the_same_to_the_weights(offset, factor):
     values = np.sin(7 * PHASE)[:, None]
