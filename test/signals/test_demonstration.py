@@ -25,13 +25,6 @@ def test_arrays_become_one_signal_per_agent():
     assert (made.task, made.duration_s) == ("reach", 1.0)
 
 
-def test_arguments_are_copied():
-    human = HUMAN.copy()
-    made = Demonstration.from_arrays(TIMES_S, human, ROBOT)
-    human[:] = 0.0
-    assert np.array_equal(made.observed[0].values, HUMAN)
-
-
 def test_agents_may_have_times_of_their_own():
     made = Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT[::2], robot_times_s=TIMES_S[::2] + 0.01)
     assert len(made.controlled[0].stamps_ns) == 6

@@ -69,7 +69,7 @@ def test_velocity_far_from_the_origin_and_late_in_a_recording():
 
 
 @given(seeds, st.floats(0.5, 2.0), st.floats(0.0, 0.003))
-@settings(max_examples=25)
+@settings(max_examples=8)
 def test_offline_detector_equals_the_streamed_one(seed, duration, noise):
     times, values = reach(np.random.default_rng(seed), duration_s=duration, noise_m=noise)
     online, _ = streamed(REFERENCE, times, values)
@@ -129,13 +129,6 @@ def test_a_twitch_shorter_than_the_persistence_is_ignored():
     assert first_onset(OnsetSettings(0.5, window_s=0.05), times, values) is None
 
 
-def test_a_gap_before_the_movement_does_no_harm(rng):
-    times, values = reach(rng)
-    seen = (times < 0.4) | (times > 0.9)
-    onset = first_onset(REFERENCE, times[seen], values[seen])
-    assert onset == pytest.approx(1.0, abs=0.15)
-
-
 @pytest.mark.parametrize("n", [0, 1, 2, 3])
 def test_too_few_samples_are_no_movement(n):
     times, values = np.arange(n) * 0.1, np.zeros((n, 2))
@@ -155,11 +148,6 @@ def test_rest_needs_its_time_and_ends_with_movement(rng):
     assert not resting[(times > 1.3) & (times < 2.0)].any()
     assert resting[times > 2.6].all()
     assert not at_rest(REFERENCE, times, values, rest_s=2.5)
-
-
-def test_peak_speed_of_a_minimum_jerk_reach(rng):
-    times, values = reach(rng, duration_s=2.0, distance_m=0.4, noise_m=0.0)
-    assert peak_speed(times, values) == pytest.approx(1.875 * 0.4 / 2.0, rel=0.01)
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.001, 0.003])

@@ -40,14 +40,13 @@ def test_from_the_humans_onset_to_the_end_of_the_last_of_both(rng):
     assert end == pytest.approx(4.5 + END_MARGIN_S, abs=0.25)
 
 
-def test_a_robot_that_moves_first_does_not_begin_the_interaction():
-    start, _ = span([moving(2.0, 3.0)], [moving(0.5, 4.0)])
-    assert start == pytest.approx(2.0, abs=0.12)
-
-
-def test_the_earliest_of_several_observed_signals_begins_it():
-    start, _ = span([moving(2.5, 3.0), moving(1.0, 2.0)], [moving(2.0, 4.0)])
-    assert start == pytest.approx(1.0, abs=0.12)
+@pytest.mark.parametrize(
+    ("observed", "controlled", "begin_s"),
+    [([(2.0, 3.0)], (0.5, 4.0), 2.0), ([(2.5, 3.0), (1.0, 2.0)], (2.0, 4.0), 1.0)],
+)
+def test_the_earliest_observed_signal_begins_it_and_no_robot(observed, controlled, begin_s):
+    start, _ = span([moving(*one) for one in observed], [moving(*controlled)])
+    assert start == pytest.approx(begin_s, abs=0.12)
 
 
 def test_the_start_is_what_the_online_detector_would_say(rng):
