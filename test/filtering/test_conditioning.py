@@ -213,21 +213,6 @@ def test_measurements_far_off_leave_finite_probabilities(rng, far, freedom):
     assert np.all(np.isfinite(bank_of(run).mean))
 
 
-def test_signals_with_the_same_stamp_may_come_one_after_the_other(rng):
-    """With weights known, DOFs at one stamp are independent evidence of the deviation."""
-    library = with_known_weights(library_with(rng, LEADING))
-    once, twice = start(library, 2.0), start(library, 2.0)
-    for time in (0.4, 0.8, 1.2):
-        values = rng.normal(size=3) * 0.1
-        once.observe(seen(time, values, variance=0.01))
-        twice.observe(seen(time, values[:1], (0,), 0.01))
-        twice.observe(seen(time, values[1:], (1, 2), 0.01))
-    assert twice.log_evidence[0] == pytest.approx(once.log_evidence[0], abs=1e-9)
-    times = np.linspace(0, 3, 13)
-    ours, theirs = (run.prediction(0).deviations_at(times) for run in (twice, once))
-    np.testing.assert_allclose(ours, theirs, atol=1e-9)
-
-
 def known_reach() -> TaskLibrary:
     """Two DOFs that reach and swing, nearly the same in every demonstration."""
     phase = np.linspace(0.0, 1.0, 400)

@@ -61,7 +61,7 @@ def task_joint(log_evidence: np.ndarray, hypotheses) -> np.ndarray:
 
 @pytest.mark.slow
 @FILTERS
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(seed=seeds, correlation_time_s=st.sampled_from([1e-9, 0.1]))
 def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s, filtered):
     library, hypotheses, observations = scene(
@@ -81,7 +81,7 @@ def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s
 
 @pytest.mark.slow
 @FILTERS
-@settings(max_examples=3)
+@settings(max_examples=2)
 @given(seed=seeds)
 def test_a_pruned_task_comes_back_as_if_it_had_never_been_pruned(seed, filtered):
     library, hypotheses, observations = scene(seed, filtered=filtered)

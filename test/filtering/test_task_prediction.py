@@ -208,23 +208,6 @@ def test_a_task_of_no_prior_can_be_asked_for(rng):
     assert all(np.all(np.isfinite(part)) for part in run.controlled(5))
 
 
-def test_some_dofs_with_a_covariance_are_taken_as_such(rng):
-    """A DOF that is not measured equals one measured with a boundless variance."""
-    library = library_with(rng, LEADING)
-    hypotheses = make_prior_grid(library, n_scales=3)
-    part = Observation(
-        START_NS + 700_000_000, 0, np.array([0.1, 0.2]), np.diag([1e-4, 2e-4]), (0, 2)
-    )
-    whole = part._replace(
-        values=np.array([0.1, 0.0, 0.2]), covariance=np.diag([1e-4, 1e9, 2e-4]), dofs=None
-    )
-    one, other = (run_on(library, 0, hypotheses, [o]) for o in (part, whole))
-    np.testing.assert_allclose(one.weights.mean, other.weights.mean, atol=1e-7)
-    np.testing.assert_allclose(one.duration_weights, other.duration_weights, atol=1e-7)
-    times = np.linspace(0.0, 2.0, 5)
-    np.testing.assert_allclose(one.deviations_at(times), other.deviations_at(times), atol=1e-7)
-
-
 def test_asking_late_equals_asking_all_the_time(rng):
     library = library_with(rng, LEADING)
     hypotheses = make_prior_grid(library, n_scales=3)
