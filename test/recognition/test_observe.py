@@ -3,11 +3,10 @@
 
 import numpy as np
 import pytest
-from online_stream import episodes, feed, follow, going_back, learned, movement, same, shifted
+from online_stream import episodes, feed, going_back, learned, movement, same, shifted
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError
-from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
 from intent_recognition.signals.observation import Observation, merge
@@ -164,12 +163,12 @@ def unlike(rng: np.random.Generator, amplitude: float = 0.4) -> list[Observation
 @pytest.mark.slow
 def test_none_wins_for_movements_unlike_the_tasks(library):
     wins = 0
-    for seed in range(20):
+    for seed in range(8):
         estimates = feed(IntentEstimator(library), unlike(np.random.default_rng(seed)))
         episode = max(episodes(estimates), key=len)
         late = episode[int(0.6 * len(episode))]
         wins += int(np.argmax(late.probabilities)) == library.n_tasks
-    assert wins == 20
+    assert wins == 8
 
 
 def test_no_robot_trajectory_while_none_leads(library):
@@ -185,8 +184,8 @@ def test_no_robot_trajectory_while_none_leads(library):
 
 
 def test_rest_with_noise_is_never_a_movement(library, rng):
-    stamps = START_NS + np.arange(3000) * 10_000_000
-    values = 0.002 * rng.normal(size=(3000, 3))
+    stamps = START_NS + np.arange(1500) * 10_000_000
+    values = 0.002 * rng.normal(size=(1500, 3))
     stream = [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
     assert not any(e.moving for e in feed(IntentEstimator(library), stream))
 
@@ -274,13 +273,3 @@ def test_a_duplicate_stamp_of_a_tracker_long_silent_is_still_rejected(rng):
     for step in range(300):
         estimator.update(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
     assert estimator.reason_to_reject(silent) == "stamp_not_increasing"
-
-
-def test_the_distribution_behind_an_estimate_is_symmetric_and_positive_definite(
-    library, truth, rng
-):
-    estimator = IntentEstimator(library)
-    follow(estimator, merge(movement(truth, 0, rng).observed), 1.5)
-    observed: Gaussian = estimator._run.prediction(0).observed_weights()
-    assert np.array_equal(observed.covariance, observed.covariance.T)
-    assert np.linalg.eigvalsh(observed.covariance).min() > 0

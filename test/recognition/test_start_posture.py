@@ -108,15 +108,22 @@ def steady(library, recording, position):
     return [Observation(int(s), 0, np.asarray(position)) for s in stamps]
 
 
-@pytest.fixture
-def recording(library, rng):
+@pytest.fixture(scope="module")
+def recording(library):
+    rng = np.random.default_rng(7)
     return simulate(library, 1, rng, rest_before_s=0.8, rest_after_s=0.2, duration_s=2.0)
 
 
+@pytest.fixture(scope="module")
+def alone(library, recording):
+    """Estimates and predictions that know nothing of the arm."""
+    return run(library, recording)
+
+
 @pytest.mark.slow
-def test_it_conditions_the_trajectory_and_never_the_evidence(library, recording):
+def test_it_conditions_the_trajectory_and_never_the_evidence(library, recording, alone):
     start = start_mean(library, 1) + np.array([0.004, -0.003])
-    plain, without = run(library, recording)
+    plain, without = alone
     known, conditioned = run(library, recording, controlled=steady(library, recording, start))
     met = 0
     for a, b, p, q in zip(plain, known, without, conditioned, strict=True):
@@ -161,26 +168,20 @@ def test_it_equals_conditioning_by_hand(library, recording):
 
 
 @pytest.mark.slow
-def test_a_posture_outside_the_trained_starts_is_skipped_and_said(library, recording):
-    _, without = run(library, recording)
-    far = steady(library, recording, start_mean(library, 1) + 0.5)
-    _, skipped = run(library, recording, controlled=far)
-    for p, q in zip(without, skipped, strict=True):
+@pytest.mark.parametrize(
+    ("away", "options", "says"),
+    [(0.5, {}, POSTURE_OUTSIDE), (0.01, {"start_posture": False}, POSTURE_UNKNOWN)],
+)
+def test_outside_the_trained_starts_or_switched_off_it_changes_nothing(
+    library, recording, alone, away, options, says
+):
+    arm = steady(library, recording, start_mean(library, 1) + away)
+    _, found = run(library, recording, controlled=arm, **options)
+    for p, q in zip(alone[1], found, strict=True):
         assert (p is None) == (q is None)
         if p is not None:
             np.testing.assert_array_equal(p.trajectory.positions, q.trajectory.positions)
-            assert q.start == POSTURE_OUTSIDE
-
-
-@pytest.mark.slow
-def test_it_can_be_switched_off(library, recording):
-    arm = steady(library, recording, start_mean(library, 1) + 0.01)
-    _, off = run(library, recording, controlled=arm, start_posture=False)
-    _, without = run(library, recording)
-    for p, q in zip(without, off, strict=True):
-        if p is not None:
-            np.testing.assert_array_equal(p.trajectory.positions, q.trajectory.positions)
-            assert q.start == POSTURE_UNKNOWN
+            assert q.start == says
 
 
 @pytest.mark.slow

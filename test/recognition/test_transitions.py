@@ -204,11 +204,10 @@ def test_without_learned_sessions_nothing_changes_by_one_bit(library, rng):
     on, off = IntentEstimator(plain), IntentEstimator(plain, transitions=False)
     stamp = START_NS
     for task in (0, 1):
-        seed = rng.integers(1 << 30)
-        ours, now = perform(on, plain, task, np.random.default_rng(seed), stamp)
-        theirs, _ = perform(off, plain, task, np.random.default_rng(seed), stamp)
-        stamp = now
-        for one, other in zip(ours, theirs, strict=True):
+        observations = recording(plain, task, rng, stamp)[::3]
+        stamp = observations[-1].stamp_ns
+        for observation in observations:
+            one, other = on.update(observation), off.update(observation)
             np.testing.assert_array_equal(one.probabilities, other.probabilities)
     assert on.expectation.last_task == "task_1"
 
