@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from model_builder import make_dofs, perform, true_library
 
-from intent_recognition.learning import keep_correction, learn_with_report
+from intent_recognition.learning import TrainingSettings, keep_correction, learn_with_report
 from intent_recognition.learning.correcting import (
     DRIFT,
     OFFSET_VARIANCE,
@@ -43,7 +43,8 @@ def test_the_first_counts_whole_and_none_less_than_the_drift_asks_for():
 @pytest.fixture(scope="module")
 def trained():
     recordings = [perform(TRUTH, task, 10 * task + k) for k in range(6) for task in (0, 1)]
-    return learn_with_report(recordings).trained
+    settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
+    return learn_with_report(recordings, settings).trained
 
 
 def moved(recording, offset):

@@ -14,12 +14,10 @@ from intent_recognition.learning import (
     learn,
     learn_components,
     learn_mixture,
-    learn_with_report,
 )
-from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 
-SETTINGS = TrainingSettings(n_basis=6)
+SETTINGS = TrainingSettings(n_basis=6, n_aligned_basis=6)
 
 
 @pytest.fixture(scope="module")
@@ -30,16 +28,6 @@ def demonstrations() -> list[Demonstration]:
     return [
         simulate(truth, task, rng, name=f"demo_{task}_{k}") for task in range(2) for k in range(4)
     ]
-
-
-@pytest.mark.slow
-def test_learn_gives_the_library_of_the_report(demonstrations):
-    library = learn(demonstrations, SETTINGS)
-    report = learn_with_report(demonstrations, SETTINGS)
-    assert isinstance(library, TaskLibrary)
-    assert library.labels == ("task_0", "task_1")
-    assert np.array_equal(library.weight_mean, report.library.weight_mean)
-    assert report.library is report.trained.library
 
 
 @pytest.mark.slow

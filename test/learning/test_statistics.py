@@ -81,16 +81,6 @@ def test_merged_parts_are_the_whole(seed, sizes):
     assert_same(reduce(merge_statistics, map(summarize, groups)), whole)
 
 
-@pytest.mark.slow
-@given(seeds, st.tuples(*[st.integers(1, 4)] * 3))
-def test_merging_is_associative_and_commutative(seed, sizes):
-    rng = np.random.default_rng(seed)
-    a, b, c = (summarize(make_examples(rng, size)) for size in sizes)
-    left = merge_statistics(merge_statistics(a, b), c)
-    assert_same(merge_statistics(a, merge_statistics(b, c)), left)
-    assert_same(merge_statistics(c, merge_statistics(b, a)), left)
-
-
 def test_one_by_one_keeps_the_digits_of_a_small_spread_about_a_large_mean(rng):
     """Sums of squares would lose them all: 1e8 squared is 1e16."""
     examples = make_examples(rng, 200, offset=1e8)

@@ -28,10 +28,10 @@ WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
 
 @pytest.fixture(scope="module")
 def trained():
-    """Three tasks of three observed DOFs, six demonstrations each."""
+    """Three tasks of three observed DOFs, four demonstrations each."""
     rng = np.random.default_rng(5)
     truth = make_library(rng, n_tasks=3, groups=(3,), n_controlled=1, n_basis=8, spread=0.05)
-    recordings = [simulate(truth, i % 3, rng, name=f"{i:02d}", n_samples=60) for i in range(18)]
+    recordings = [simulate(truth, i % 3, rng, name=f"{i:02d}", n_samples=60) for i in range(12)]
     return learn_with_report(recordings, WHOLE).trained
 
 
@@ -83,7 +83,7 @@ def shown_by(people, tasks):
 def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(
     trained, tasks, people, monkeypatch
 ):
-    monkeypatch.setattr(left_out_odds, "MAX_FOLLOWED", 18)
+    monkeypatch.setattr(left_out_odds, "MAX_FOLLOWED", 12)
     whose = people or [""]
     tasks, recorded = shown_by(whose, tasks), shown_by(whose, trained.tasks)
     leaving_out = LeavingOut(trained.library, tasks)

@@ -13,7 +13,11 @@ from same_library import assert_same
 from simulation import make_library, signals, simulate
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.learning import accumulation, selection, statistics, unknown_task
+from intent_recognition.learning import (
+    Hyperparameters,
+    accumulation,
+    statistics,
+)
 from intent_recognition.learning.accumulation import accumulate, merge_accumulated
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.training import (
@@ -23,7 +27,6 @@ from intent_recognition.learning.training import (
     add_statistics,
     choose_again,
     choose_hyperparameters,
-    learn,
     learn_accumulated,
     learn_with_report,
 )
@@ -56,8 +59,14 @@ def anew(demonstrations: list[Demonstration], like: Trained) -> Trained:
     return Trained(library, like.preprocessing, accumulated.tasks, like.chosen)
 
 
+@pytest.fixture(scope="module")
+def report():
+    """Of nine recordings, which several tests go on from."""
+    return learn_with_report(recordings(1, 9), CUT, {"bags": ["a"]})
+
+
 @pytest.mark.slow
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(st.integers(0, 2**32 - 1), st.randoms(use_true_random=False), st.integers(1, 6))
 def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
     """Also when what is added is a task that was not there, and the first one of it."""
@@ -79,22 +88,19 @@ def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
 
 
 @pytest.mark.slow
-def test_training_all_at_once_is_training_anew_at_its_own_reference():
-    report = learn_with_report(recordings(1, 12), CUT)
-    library = report.library
-    assert_equal(anew(recordings(1, 12), report.trained).library, library, 1e-12)
-    assert_equal(report.trained.library, library, 0.0)
+def test_training_all_at_once_is_training_anew_at_its_own_reference(report):
+    assert_equal(anew(recordings(1, 9), report.trained).library, report.library, 1e-12)
+    assert_equal(report.trained.library, report.library, 0.0)
 
 
 @pytest.mark.slow
-def test_adding_leaves_what_it_adds_to_unchanged():
-    *start, last = recordings(2, 7)
-    before = learn_with_report(start, CUT, {"bags": ["a"]}).trained
+def test_adding_leaves_what_it_adds_to_unchanged(report):
+    before, last = report.trained, recordings(1, 10)[-1]
     mean = before.library.weight_mean.copy()
     after = add_demonstration(before, last)
     assert np.array_equal(before.library.weight_mean, mean)
-    assert before.library.n_demonstrations.tolist() == [2, 2, 2]
-    assert after.library.n_demonstrations.tolist() == [3, 2, 2]
+    assert before.library.n_demonstrations.tolist() == [3, 3, 3]
+    assert after.library.n_demonstrations.tolist() == [4, 3, 3]
     assert after.library.provenance["bags"] == ["a", last.name]
     assert before.library.provenance["bags"] == ["a"]
     assert after.chosen == before.chosen and after.preprocessing == before.preprocessing
@@ -117,8 +123,8 @@ def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
 
 
 @pytest.mark.slow
-def test_what_cannot_be_added_is_refused_by_name_and_reason():
-    trained = learn_with_report(recordings(5, 6), CUT).trained
+def test_what_cannot_be_added_is_refused_by_name_and_reason(report):
+    trained = report.trained
     one = replace(recordings(6, 1)[0], name="odd")
     with pytest.raises(TrainingError, match="odd: it has no label"):
         add_demonstration(trained, replace(one, task=None))
@@ -130,16 +136,16 @@ def test_what_cannot_be_added_is_refused_by_name_and_reason():
         add_demonstration(trained, replace(one, end_ns=one.start_ns + 1))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("options", [CUT, WHOLE])
 def test_a_stream_equals_a_list(options):
     demonstrations = recordings(7, 20)
-    report = learn_with_report(demonstrations, options)
-    whole = report.library
-    streamed_report = learn_with_report(iter(demonstrations), options)
-    streamed = streamed_report.library
-    assert_equal(streamed, whole, 0.0)
-    assert streamed_report.used == report.used
+    whole, streamed = (accumulate(some, options) for some in (demonstrations, iter(demonstrations)))
+    assert streamed.used == whole.used and streamed.preprocessing == whole.preprocessing
+    ours, theirs = (
+        library_from_statistics(one.tasks, one.preprocessing, Hyperparameters())
+        for one in (streamed, whole)
+    )
+    assert_equal(ours, theirs, 0.0)
 
 
 @pytest.mark.slow
@@ -156,9 +162,8 @@ def test_parts_gathered_apart_are_the_whole():
 
 
 @pytest.mark.slow
-def test_many_may_be_added_at_once():
-    demonstrations = recordings(9, 15)
-    trained = learn_with_report(demonstrations[:9], CUT).trained
+def test_many_may_be_added_at_once(report):
+    demonstrations, trained = recordings(1, 15), report.trained
     rest = accumulate(demonstrations[9:], CUT, trained.preprocessing)
     at_once = add_statistics(trained, rest.tasks, rest.used)
     one_by_one = reduce(add_demonstration, demonstrations[9:], trained)
@@ -183,44 +188,33 @@ def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings(monkeyp
     assert [name for name, _ in found.rejected] == ["unlabelled"]
 
 
-@pytest.mark.slow
 def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
     monkeypatch.setattr(accumulation, "NAMES_KEPT", 4)
     bad = [replace(r, task=None) for r in recordings(12, 7)]
-    report = learn_with_report([*recordings(12, 9), *bad], CUT)
-    assert (len(report.used), report.n_used) == (4, 9)
-    assert (len(report.rejected), report.n_rejected) == (4, 7)
+    found = accumulate([*recordings(12, 9), *bad], CUT)
+    assert (len(found.used), found.n_used) == (4, 9)
+    assert (len(found.rejected), found.n_rejected) == (4, 7)
 
 
 @pytest.mark.slow
 def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
     """Means and covariances are still those of all of them."""
-    demonstrations = recordings(13, 30)
-    report = learn_with_report(demonstrations, CUT)
-    whole = report.trained.tasks
+    whole = accumulate(recordings(13, 30), CUT)
     monkeypatch.setattr(statistics, "MAX_EXAMPLES", 4)
-    sampled_report = learn_with_report(demonstrations, CUT)
-    for label, task in sampled_report.trained.tasks.items():
+    sampled = accumulate(recordings(13, 30), CUT)
+    for label, task in sampled.tasks.items():
         assert len(task.examples) == 4 and task.n == 10
-        assert np.array_equal(task.mean, whole[label].mean)
-        assert np.array_equal(task.scatter, whole[label].scatter)
-    assert sampled_report.chosen.score == pytest.approx(report.chosen.score, abs=0.5)
+        assert np.array_equal(task.mean, whole.tasks[label].mean)
+        assert np.array_equal(task.scatter, whole.tasks[label].scatter)
+    few, all_ = (
+        choose_hyperparameters(one.tasks, one.preprocessing)[0] for one in (sampled, whole)
+    )
+    assert few.score == pytest.approx(all_.score, abs=0.5)
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("usually_left_out")
-def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
-    trained = learn_with_report(recordings(14, 18), CUT).trained
-    everything, *_ = choose_hyperparameters(trained.tasks, trained.preprocessing)
-    monkeypatch.setattr(selection, "MAX_VALIDATED", 13)
-    some, *_ = choose_hyperparameters(trained.tasks, trained.preprocessing)
-    assert some.score == pytest.approx(everything.score, abs=0.5)
-    assert some.score != everything.score
-
-
-@pytest.mark.slow
-def test_choosing_again_is_training_on_everything_at_the_same_preprocessing():
-    trained = learn_with_report(recordings(15, 9), CUT).trained
+def test_choosing_again_is_training_on_everything_at_the_same_preprocessing(report):
+    trained = report.trained
     spoilt = trained.chosen._replace(
         pace="own" if trained.chosen.aligned else "aligned", noise_scale=64.0
     )
@@ -254,16 +248,16 @@ def stream(n: int, seed: int = 0):
 def peak_memory(n: int) -> int:
     tracemalloc.start()
     try:
-        learn(stream(n), WHOLE)
+        accumulate(stream(n), WHOLE)
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
 
 
-@pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_demonstrations(monkeypatch):
+    """Of what is gathered, from which then a bounded number is left out."""
     monkeypatch.setattr(statistics, "MAX_EXAMPLES", 10)
-    monkeypatch.setattr(selection, "MAX_VALIDATED", 6)  # they are bounded anyway
-    monkeypatch.setattr(unknown_task, "MAX_CALIBRATED", 6)
-    few, many = peak_memory(20), peak_memory(50)
+    monkeypatch.setattr(accumulation, "REFERENCE_RECORDINGS", 10)
+    monkeypatch.setattr(accumulation, "NAMES_KEPT", 10)
+    few, many = peak_memory(80), peak_memory(200)
     assert many < 1.1 * few

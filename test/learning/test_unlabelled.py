@@ -12,7 +12,7 @@ from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.unlabelled import label_by_components, learn_components
 from intent_recognition.signals.signal import Signal
 
-SETTINGS = TrainingSettings(n_basis=10, segmentation="recording")
+SETTINGS = TrainingSettings(n_basis=10, n_aligned_basis=10, segmentation="recording")
 
 
 @pytest.fixture
