@@ -7,6 +7,7 @@ import runpy
 
 import pytest
 from docs.shown import PAGES, ROOT
+from few_functions import aligned_basis
 
 BLOCK = re.compile(r"^ *```python\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 EXAMPLES = [
@@ -51,7 +52,8 @@ def test_an_example_of_the_gallery_runs(example, monkeypatch):
     monkeypatch.chdir(example.parent)
     monkeypatch.setattr(pyplot, "show", lambda: None)
     try:
-        runpy.run_path(str(example), run_name="__main__")
+        with aligned_basis():
+            runpy.run_path(str(example), run_name="__main__")
         assert pyplot.get_fignums() or example.stem == "10_a_real_recording"
     finally:
         pyplot.close("all")

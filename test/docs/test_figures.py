@@ -70,25 +70,3 @@ def test_only_what_is_not_current_is_measured_and_each_is_kept(monkeypatch, tmp_
     monkeypatch.setattr(sys, "argv", ["figures.py", "--list"])
     figures.main()
     assert "to measure: 0, about 0 min" in capsys.readouterr().out
-
-
-def test_values_and_tables_are_written_in_their_places():
-    kept = {"a/b": {"rows": [["x", "y"], ["1", "2"]], "values": {"n": "7/8"}}}
-    page = "<!-- figures a/b -->\nold\n<!-- end -->\nIt was 1/2<!--a/b.n--> (4<!--a/b.n-->)."
-    table = "|x|y|\n|---|---|\n|1|2|\n"
-    expected = (
-        f"<!-- figures a/b -->\n{table}<!-- end -->\nIt was 7/8<!--a/b.n--> (7/8<!--a/b.n-->)."
-    )
-    assert figures.with_figures(page, kept) == expected
-
-
-def test_findings_and_benchmarks_become_rows():
-    finding = {"quantity": "error", "paper": "", "ours": "2 cm", "holds": None, "remark": "-"}
-    numbers = {"experiments": {"pole": {"findings": [finding]}}}
-    rows = figures.SOURCES["experiments/pole"].keep(numbers)["rows"]
-    assert rows[1:] == [["error", "-", "2 cm"]]
-    result = {"name": "one", "measured": 17.71, "required": 20.0, "direction": "at least"}
-    (row,) = figures.SOURCES["speed"].keep([result | {"unit": "x", "verdict": "falls short"}])[
-        "rows"
-    ][1:]
-    assert row == ["one", "at least 20 x", "**17.7 x, falls short**"]

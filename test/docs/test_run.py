@@ -57,6 +57,18 @@ def runs_here(words):
     return words[1] not in NOT_RUN and words[1] not in UNTIL_CTRL_C
 
 
+def one_of_a_kind(commands, kind):
+    """Of those that differ in names and values alone one, the last; `test_commands.py` has all."""
+    return list({kind(words): words for words in commands if kind(words)}.values())
+
+
+def kind_of(words):
+    """Command and options of what runs here; None of others."""
+    if not runs_here(words):
+        return None
+    return words[1], frozenset(word for word in words if word.startswith("--"))
+
+
 def faster(words):
     """The same command with what makes it take seconds, beside that there are few recordings."""
     if words[0] != "evaluate":
@@ -70,7 +82,7 @@ def evaluate_one_fold(demonstrations, folds, *args, **options):
     return evaluate(demonstrations, folds[:1], *args, **options)
 
 
-@pytest.mark.parametrize("words", [w for w in SHOWN if runs_here(w)], ids=" ".join)
+@pytest.mark.parametrize("words", one_of_a_kind(SHOWN, kind_of), ids=" ".join)
 def test_it_runs(words, bench, monkeypatch, capsys):
     monkeypatch.chdir(bench)
     monkeypatch.setattr("intent_recognition.cli.evaluate.evaluate", evaluate_one_fold)
@@ -100,7 +112,9 @@ def node_of(words):
     return (words[0], words[1:]) if words[0] in NODES else None
 
 
-@pytest.mark.parametrize("words", [w for w in SHOWN if node_of(w)], ids=" ".join)
+@pytest.mark.parametrize(
+    "words", one_of_a_kind(SHOWN, lambda words: (node_of(words) or [None])[0]), ids=" ".join
+)
 def test_it_comes_up_and_ends_on_ctrl_c(words, bench, tmp_path, monkeypatch, harness):
     name, arguments = node_of(words)
     monkeypatch.chdir(tmp_path if words[:2] == ("intent", "record") else bench)
@@ -146,15 +160,15 @@ def test_what_is_launched_is_complete(words, bench):
         assert name not in given or (bench / given[name]).exists()
 
 
-MODULES = [
-    line.split()
-    for line in (ROOT / "bags" / "README.md").read_text(encoding="utf-8").splitlines()
-    if line.startswith("    python -m ")
-]
+MODULES: dict[str, set[str]] = {}
+for line in (ROOT / "bags" / "README.md").read_text(encoding="utf-8").splitlines():
+    if line.startswith("    python -m "):
+        _, _, name, *given = line.split()
+        MODULES.setdefault(name, set()).update(word for word in given if word.startswith("--"))
 
 
-@pytest.mark.parametrize("words", MODULES, ids=" ".join)
-def test_generators_take_the_options_shown(words):
+@pytest.mark.parametrize("name", MODULES)
+def test_generators_take_the_options_shown(name):
     """They take minutes to an hour: test/experiments runs parts of them."""
-    said = output_of(sys.executable, "-m", words[2], "--help")
-    assert all(word in said for word in words[3:] if word.startswith("--"))
+    said = output_of(sys.executable, "-m", name, "--help")
+    assert all(option in said for option in MODULES[name])

@@ -106,7 +106,6 @@ def test_it_learns_recognises_and_names_what_is_missing(python, repository):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--version",), ""),
         (("train", "BAGS", "--output", "m.npz"), ""),
         (("replay", "BAGS/plate_handover_00", "--model", "m.npz"), ""),
         (("evaluate", "BAGS", "--report", "r.html"), "pip install matplotlib"),
@@ -119,7 +118,7 @@ def test_it_learns_recognises_and_names_what_is_missing(python, repository):
 def test_commands_run_or_name_what_they_need(python, repository, tmp_path, words, told):
     """In one line."""
     bags = tmp_path / "bags"
-    for bag in sorted((repository / "bags/toolbox/train").glob("*_0[0-3]")):
+    for bag in sorted((repository / "bags/toolbox/train").glob("*_0[01]")):
         bags.mkdir(exist_ok=True)
         (bags / bag.name).symlink_to(bag)
     (bags / "mug.obj").write_text("")
