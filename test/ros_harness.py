@@ -54,6 +54,14 @@ class Harness:
         self.nodes.append(node)
         return node
 
+    def remove(self, node: Node) -> None:
+        """Destroy a node now."""
+        self.executor.remove_node(node)
+        self.nodes.remove(node)
+        for timer in node.timers:
+            timer.callback = lambda: None  # the executor may have queued it already
+        node.destroy_node()
+
     def node(self, kind: Callable[..., Node], **parameters) -> Node:
         """Spin a node of this kind with these parameters; see `add`."""
         given = [Parameter(name, value=value) for name, value in parameters.items()]

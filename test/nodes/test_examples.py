@@ -65,6 +65,8 @@ def trained(request, tmp_path_factory):
     example = EXAMPLES[request.param]
     folder = tmp_path_factory.mktemp("example")
     dofs = load_dofs(share_path(example.dofs))
+    for entry in dofs.observed:
+        pytest.importorskip(entry.type.partition("/")[0], reason="its messages are not installed")
     truth = true_library(dofs)
     for i in range(4 * truth.n_tasks):
         recording = perform(truth, i % truth.n_tasks, i)
@@ -108,8 +110,6 @@ class Sender:
 @pytest.mark.slow
 def test_nodes_recognise_and_predict_with_the_example(harness, trained):
     model, example = load_model(trained.model), trained.example
-    for entry in model.dofs.observed:
-        pytest.importorskip(entry.type.partition("/")[0], reason="its messages are not installed")
     poses = "PoseStamped" in model.dofs.observed[0].type
     ingest = make(harness, MocapIngest, example.params) if poses else None
     estimator = make(harness, IntentEstimatorNode, model=trained.model)

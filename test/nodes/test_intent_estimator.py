@@ -39,9 +39,8 @@ def mixed(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task", [0, 2])
-def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist, task):
-    graph = Graph(harness, wrist, publish_rate=10.0)
+def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist):
+    graph, task = Graph(harness, wrist, publish_rate=10.0), 2
     observations = wrist.observations(task)
     graph.feed(observations)
     estimates = expected(wrist.model, observations)
@@ -106,7 +105,7 @@ FAULTS = ("not_finite", "zero_stamp", "stamp_not_increasing", "bad_covariance")
 @pytest.mark.slow
 def test_bad_input_is_counted_and_leaves_the_estimate_alone(harness, wrist):
     graph = Graph(harness, wrist)
-    observations = wrist.observations(1)
+    observations = wrist.observations(1)[:120]
     for k, observation in enumerate(observations):
         if k % 7 == 3:
             fault = FAULTS[k // 7 % len(FAULTS)]
@@ -124,7 +123,7 @@ def test_bad_input_is_counted_and_leaves_the_estimate_alone(harness, wrist):
 
 def test_what_cannot_be_computed_is_counted_and_the_movement_forgotten(harness, wrist, monkeypatch):
     graph = Graph(harness, wrist)
-    first, *rest = wrist.observations(1)
+    first, *rest = wrist.observations(1)[:90]
 
     def refuse(observation):
         raise ArgumentError("innovation covariance: none")
@@ -146,8 +145,8 @@ def test_a_publisher_of_another_type_is_reported_once(harness, wrist):
     try:
         impostor.create_publisher(PoseStamped, "human/wrist", qos.SENSOR)
         harness.spin_until(lambda: graph.rejected("wrong_type"))
-        end_s = time.monotonic() + 2.5  # two more reports
-        harness.spin_until(lambda: time.monotonic() > end_s)
+        for _ in range(2):
+            graph.node._diagnostics.publish()
         assert graph.rejected("wrong_type") == 1
         graph.feed(wrist.observations(0)[:5])
     finally:
@@ -156,10 +155,18 @@ def test_a_publisher_of_another_type_is_reported_once(harness, wrist):
 
 
 @pytest.mark.slow
-def test_reload_in_mid_movement_loses_no_observation(harness, wrist, tmp_path):
+def test_in_mid_movement_a_model_is_reloaded_unless_it_is_of_other_dofs(
+    harness, wrist, mixed, tmp_path
+):
     graph = Graph(harness, wrist)
-    observations = wrist.observations(1)
-    graph.feed(observations[:80])
+    observations = wrist.observations(1)[:130]
+    graph.feed(observations[:60])
+    for path, word in ((mixed.path, "thumb"), ("/nowhere.npz", "/nowhere.npz"), ("", "model")):
+        graph.node.set_parameters([Parameter("model", value=str(path))])
+        answer = graph.call("reload_model")
+        assert not answer.success and word in answer.message
+    graph.feed(observations[60:80])
+    check_tasks(graph.tasks, expected(wrist.model, observations[:80]), wrist.model.labels)
     fewer = learned_model(DOFS, wrist.truth, per_task=5).library
     other = Model(replace(fewer, onset=wrist.model.library.onset), DOFS)
     save_model(tmp_path / "other.npz", other)
@@ -187,19 +194,6 @@ def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
     harness.spin_until(lambda: future.done() and len(tasks) >= len(observations))
     assert future.result().success
     check_tasks(tasks, expected(wrist.model, observations), wrist.model.labels)
-
-
-@pytest.mark.slow
-def test_a_model_of_other_dofs_is_refused_and_the_old_one_kept(harness, wrist, mixed):
-    graph = Graph(harness, wrist)
-    observations = wrist.observations(1)
-    graph.feed(observations[:80])
-    for path, word in ((mixed.path, "thumb"), ("/nowhere.npz", "/nowhere.npz"), ("", "model")):
-        graph.node.set_parameters([Parameter("model", value=str(path))])
-        answer = graph.call("reload_model")
-        assert not answer.success and word in answer.message
-    graph.feed(observations[80:])
-    check_tasks(graph.tasks, expected(wrist.model, observations), wrist.model.labels)
 
 
 @pytest.mark.slow
@@ -255,8 +249,8 @@ def test_a_stream_does_not_stop_while_simulated_time_stands_still(harness, wrist
 @pytest.mark.slow
 def test_it_obeys_the_services_of_a_lifecycle_node(harness, wrist):
     graph = Graph(harness, wrist)
-    observations = wrist.observations(2)
-    graph.feed(observations[:90])
+    observations = wrist.observations(2)[:90]
+    graph.feed(observations[:60])
     for transition, state in (
         (Transition.TRANSITION_DEACTIVATE, "inactive"),
         (Transition.TRANSITION_CLEANUP, "unconfigured"),
@@ -295,7 +289,7 @@ def test_an_activation_that_fails_half_way_leaves_nothing_subscribed(harness, tm
 @pytest.mark.slow
 def test_observed_topics_of_three_kinds_work_together(harness, mixed):
     graph = Graph(harness, mixed)
-    observations = mixed.observations(2)
+    observations = mixed.observations(2, rate_hz=25.0)
     graph.feed(observations)
     check_tasks(graph.tasks, expected(mixed.model, observations), mixed.model.labels)
     moving = [m for m in graph.tasks if m.position[-1] < 1.0]

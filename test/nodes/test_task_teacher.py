@@ -8,7 +8,7 @@ import pytest
 from corrected_execution import execute
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
-from model_builder import make_dofs, perform, true_library, write_recording
+from model_builder import make_dofs, perform, true_library
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -116,7 +116,7 @@ class Cell:
 @pytest.mark.slow
 def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness, tmp_path, model):
     cell = Cell(harness, tmp_path / "mine", model)
-    for seed in (50, 51, 52):
+    for seed in (50, 51):
         assert cell.call("start").success
         cell.show(seed)
         answer = cell.call("stop")
@@ -127,7 +127,7 @@ def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness
     assert labels == [*OLD, NEW, "none"]
     assert probabilities[labels.index(NEW)] > 0.9
     assert max(probabilities[labels.index(label)] for label in OLD) < 0.9
-    for _ in range(3):
+    for _ in range(2):
         assert cell.call("undo").success
     cell.wait_said("in use")
     harness.spin_until(lambda: tuple(cell.estimator._model.labels) == OLD)
@@ -142,9 +142,7 @@ def test_an_estimator_that_was_started_again_gets_the_taught_model(harness, tmp_
     assert cell.call("stop").success
     cell.wait_said("in use")
     cell.said.clear()
-    harness.executor.remove_node(cell.estimator)
-    harness.nodes.remove(cell.estimator)
-    cell.estimator.destroy_node()
+    harness.remove(cell.estimator)
     cell.estimator = harness.node(IntentEstimatorNode, model=str(model))
     assert cell.estimator.active and tuple(cell.estimator._model.labels) == OLD
     cell.wait_said("started again; in use")
@@ -177,14 +175,6 @@ def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, m
 def test_a_library_is_asked_for(harness):
     with pytest.raises(ArgumentError, match="library"):
         TaskTeacher()
-
-
-@pytest.mark.slow
-def test_without_an_estimator_it_learns_all_the_same(harness, tmp_path, model):
-    teacher = harness.node(TaskTeacher, library=str(tmp_path / "mine"), model=str(model))
-    bag = teacher.folder.new_bag(NEW)
-    teacher.folder.learn(write_recording(bag, perform(TRUTH, 2, 50), DOFS))
-    assert "took" in teacher.undo()
 
 
 def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
