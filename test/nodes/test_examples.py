@@ -67,7 +67,7 @@ def trained(request, tmp_path_factory):
     dofs = load_dofs(share_path(example.dofs))
     for entry in dofs.observed:
         pytest.importorskip(entry.type.partition("/")[0], reason="its messages are not installed")
-    truth = true_library(dofs)
+    truth = true_library(dofs, n_tasks=2)
     for i in range(4 * truth.n_tasks):
         recording = perform(truth, i % truth.n_tasks, i)
         write_recording(folder / "bags" / recording.name, recording, dofs)
@@ -78,7 +78,7 @@ def trained(request, tmp_path_factory):
         demonstrations, TrainingSettings(n_basis=10, n_aligned_basis=10, switching=False)
     )
     save_model(folder / "m.npz", Model(library, settled))
-    bag = write_recording(folder / "unseen", perform(truth, 1, 90), dofs)
+    bag = write_recording(folder / "unseen", perform(truth, 1, 90, rate_hz=25.0), dofs)
     return Trained(example, str(folder / "m.npz"), bag)
 
 
