@@ -23,7 +23,6 @@ LOADED = {
     "joins the graph": "rmw_fastrtps_cpp",
 }
 """Libraries that are mapped when a process gets so far."""
-NODES = ("mocap_ingest", "primitive_activation", "coworker_sim")
 
 
 def start(command, tmp_path):
@@ -46,9 +45,16 @@ def wait_for(process, what, said):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
-@pytest.mark.parametrize("instant", ["imports rclpy", "joins the graph", "ready"])
-@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize(
+    ("name", "instant"),
+    [
+        ("mocap_ingest", "imports rclpy"),
+        ("primitive_activation", "joins the graph"),
+        ("coworker_sim", "ready"),
+    ],
+)
 def test_a_node_that_is_interrupted_ends_with_0(name, instant, tmp_path):
+    """Other nodes that are ready: `test/docs/test_run.py`."""
     command, expected = commands()[name]
     process, said = start(command, tmp_path)
     wait_for(process, instant, said)

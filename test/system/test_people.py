@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real people: trained on all recordings but one, which is played to the running nodes."""
+"""Real people: recordings that were not learned from are played to the running nodes."""
 
 from functools import partial
 
@@ -27,34 +27,31 @@ LONG_S = 300.0
 
 
 @pytest.fixture(scope="module")
-def recordings(shared_data):
-    """All demonstrations of people and the YuMi arm, and their DOFs."""
+def learned(shared_data, tmp_path_factory):
+    """People with the YuMi arm: the folder, and a model of all but one recording of each task."""
     folder = shared_data / "hri_yumi"
     if not folder.is_dir():
         pytest.skip(f"{folder} is not there")
     dofs = load_dofs(folder / "dofs.yaml")
     demonstrations, rejections = read_demonstrations(folder, dofs)
     assert len(demonstrations) == 28 and not rejections
-    return folder, dofs, demonstrations
-
-
-def start(harness, kind, **parameters):
-    return harness.node(kind, **parameters)
+    library = learn([d for d in demonstrations if d.name not in LEFT_OUT], TrainingSettings())
+    path = tmp_path_factory.mktemp("people") / "model.npz"
+    save_model(path, Model(library, dofs))
+    return folder, dofs, path
 
 
 @pytest.mark.parametrize("name", LEFT_OUT)
-def test_a_person_never_seen_in_training_is_recognised(harness, recordings, tmp_path, name):
-    folder, dofs, demonstrations = recordings
-    library = learn([d for d in demonstrations if d.name != name], TrainingSettings())
-    save_model(tmp_path / "model.npz", Model(library, dofs))
+def test_a_person_never_seen_in_training_is_recognised(harness, learned, name):
+    folder, dofs, model = learned
     task = BagReader(folder / name).custom_data["task"]
 
-    ingest = start(harness, MocapIngest)
-    estimator = start(harness, IntentEstimatorNode, model=str(tmp_path / "model.npz"))
+    ingest = harness.node(MocapIngest)
+    estimator = harness.node(IntentEstimatorNode, model=str(model))
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
     kind = partial(PacedPlayer, {e.topic for e in dofs.observed}, ingest, estimator)
-    player = start(harness, kind, bag=str(folder / name), rate=RATE)
+    player = harness.node(kind, bag=str(folder / name), rate=RATE)
     harness.spin_until(lambda: player.done, LONG_S, "the end of the recording")
     end_ns = BagReader(folder / name).end_ns
     harness.spin_until(lambda: stamp_ns(tasks[-1]) > end_ns - 500_000_000, what="the last tasks")

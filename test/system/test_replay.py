@@ -3,6 +3,7 @@
 
 from collections import Counter
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +27,13 @@ from intent_recognition.nodes.mocap_ingest import MocapIngest
 pytestmark = pytest.mark.slow
 
 LONG_S = 300.0
-
-
-def start(harness, kind, **parameters):
-    return harness.node(kind, **parameters)
+MOST = 220
+"""So many poses are spoiled; the person moves in the last of them."""
 
 
 def chain(harness, model):
-    ingest = start(harness, MocapIngest)
-    estimator = start(harness, IntentEstimatorNode, model=str(model))
+    ingest = harness.node(MocapIngest)
+    estimator = harness.node(IntentEstimatorNode, model=str(model))
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     harness.spin_until(lambda: ingest.count_subscribers("human/wrist"), what="the chain")
     harness.spin_until(
@@ -82,7 +81,7 @@ def test_replay_equals_the_nodes_on_a_spoiled_recording(
     source = BagReader(repository / "bags/toolbox/test/plate_handover_02")
     faults = Counter()
     with BagWriter(tmp_path / "spoiled", {"task": "plate_handover"}) as writer:
-        for k, item in enumerate(source.messages(["mocap/wrist/pose"])):
+        for k, item in enumerate(islice(source.messages(["mocap/wrist/pose"]), MOST)):
             message = item.message
             p, header = message.pose.position, message.header
             pose = {
@@ -109,21 +108,8 @@ def test_replay_equals_the_nodes_on_a_spoiled_recording(
     counted = Counter()
     rows = list(replay(BagReader(tmp_path / "spoiled"), load_model(toolbox_model), counted))
     check_equal(tasks, rows)
+    assert rows[-1]["probabilities"]["none"] < 1.0
     assert counted == rejected(ingest, estimator) == faults
-
-
-def test_replay_equals_the_nodes_behind_the_player(harness, repository, toolbox_model):
-    """In the bag's own rhythm, where the nodes keep up with it."""
-    bag = repository / "bags/toolbox/test/screw_handover_00"
-    ingest, estimator, tasks = chain(harness, toolbox_model)
-    kind = partial(PacedPlayer, {"mocap/wrist/pose"}, ingest, estimator)
-    player = start(harness, kind, bag=str(bag), rate=1.0)
-    harness.spin_until(lambda: player.done, LONG_S, "the end of the bag")
-    total = BagReader(bag).topics["/mocap/wrist/pose"].message_count
-    harness.spin_until(lambda: len(tasks) >= total, what="tasks")
-    rows = list(replay(BagReader(bag), load_model(toolbox_model)))
-    assert not rejected(ingest, estimator)
-    check_equal(tasks, rows)
 
 
 KINDS = {"mocap_ingest": MocapIngest, "intent_estimator": IntentEstimatorNode}
@@ -145,6 +131,7 @@ def with_answers(bag, path):
 def test_a_session_is_recognised_again_on_its_own_time(
     harness, repository, toolbox_model, tmp_path
 ):
+    """In the bag's own rhythm, where the nodes keep up with it."""
     original = repository / "bags/toolbox/test/plate_handover_03"
     bag = with_answers(original, tmp_path / "session")
     given = {"bag": str(bag), "model": str(toolbox_model), "namespace": "again"}
@@ -169,10 +156,8 @@ def test_a_session_is_recognised_again_on_its_own_time(
     player._running.set()
     harness.spin_until(player.finished.is_set, LONG_S, "the end of the bag")
     harness.spin_until(lambda: len(tasks) >= len(rows), what="estimates")
-    assert all("stale" not in message.name for message in tasks)
-    assert [stamp_ns(message) for message in tasks] == [row["stamp"] for row in rows]
-    best = dict(zip(tasks[-1].name, tasks[-1].position, strict=True))
-    assert set(best) == set(rows[-1]["probabilities"])
+    assert not rejected(ingest, estimator)
+    check_equal(tasks, rows)  # and none of the recorded ones
     reader = BagReader(original)
     now_ns = estimator.get_clock().now().nanoseconds
     assert abs(now_ns - reader.end_ns) < 1_000_000_000
