@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-EACH = int(os.environ.get("HOSTILE_EACH", "50"))
+EACH = int(os.environ.get("HOSTILE_EACH", "36"))
 """Files of each kind."""
 SEED = int(os.environ.get("HOSTILE_SEED", "14"))
 
