@@ -155,16 +155,16 @@ def test_the_boxes_are_clear_of_where_the_lwr_hands_over():
 @pytest.mark.slow
 def test_a_step_of_the_plan_is_done_when_its_object_has_changed_hands(tmp_path, toolbox_model):
     files = ("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag"))
-    session = ("--scenario", "cell", "--interactions", "3", "--model", str(toolbox_model))
+    session = ("--scenario", "cell", "--interactions", "2", "--model", str(toolbox_model))
     words = ("demo", "--headless", "--output", str(tmp_path / "out"), *session, *files)
     output_of(sys.executable, "-m", "intent_recognition.cli.main", *words, timeout_s=END_S)
     numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
-    assert [one["person"] for one in numbers["interactions"]] == ["anna", "ben", "anna"]
+    assert [one["person"] for one in numbers["interactions"]] == ["anna", "ben"]
     for interaction in numbers["interactions"]:
         assert interaction["task"] == interaction["recognised"] == interaction["believed"]
         assert interaction["handed_over"] and 0.0 < interaction["largest_force_n"] < 15.0
         assert not interaction["wrong_helps"]
-    assert [one["helped"] for one in numbers["summary"]["people"]] == [2, 1]
+    assert [one["helped"] for one in numbers["summary"]["people"]] == [1, 1]
     topic = "/intent/ben/next_task"
     told = [m.message for m in BagReader(tmp_path / "bag").messages([topic])]
     first, last = (dict(zip(m.name, m.position, strict=True)) for m in (told[0], told[-1]))

@@ -42,8 +42,8 @@ def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     assert main([*base, "--accept"]) == 1
     assert "Practise first" in capsys.readouterr().err
     numbers = tmp_path / "n.json"
-    assert main([*base, "--rollouts", "1", "--json", str(numbers)]) == 0
-    first = json.loads(numbers.read_text())
+    assert main([*base, "--rollouts", "1", "--json"]) == 0
+    first = json.loads(capsys.readouterr().out)
     assert main([*base, "--rollouts", "2", "--json", str(numbers)]) == 0
     told = json.loads(numbers.read_text())
     assert told["costs"][:1] == first["costs"] and len(told["costs"]) == 2

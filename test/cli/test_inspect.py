@@ -142,11 +142,12 @@ def test_nothing_to_inspect_is_an_error(parse, tmp_path):
         args.run(args)
 
 
-@pytest.fixture
-def model_file(tmp_path, rng):
+@pytest.fixture(scope="module")
+def model_file(tmp_path_factory):
+    folder, rng = tmp_path_factory.mktemp("learned"), np.random.default_rng(3)
     for number in range(4):
         task = ("plate", "screw")[number % 2]
-        with BagWriter(tmp_path / f"bag{number}", {"task": task}) as writer:
+        with BagWriter(folder / f"bag{number}", {"task": task}) as writer:
             side = rng.normal(1.0 if task == "plate" else -1.0, 0.05)
             for i in range(200):
                 at_ns = START_NS + i * STEP_NS
@@ -156,16 +157,11 @@ def model_file(tmp_path, rng):
                 angles = [side * reach * (j + 1) / 10 for j in range(7)]
                 writer.write_message("joint_states", JOINTS, joints(i, positions=angles), at_ns)
     dofs = load_dofs()
-    demonstrations, _ = read_demonstrations([tmp_path], dofs)
+    demonstrations, _ = read_demonstrations([folder], dofs)
     settings = TrainingSettings(n_basis=6, n_aligned_basis=9, segmentation="recording")
     report = learn_with_report(demonstrations, settings, {"bags": ["bag0", "bag1"]})
-    save_model(tmp_path / "m.npz", Model(report.library, dofs))
-    return tmp_path / "m.npz"
-
-
-@pytest.fixture
-def rng():
-    return np.random.default_rng(3)
+    save_model(folder / "m.npz", Model(report.library, dofs))
+    return folder / "m.npz"
 
 
 def test_a_model_shows_what_was_learned(run_command, model_file):

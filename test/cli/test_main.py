@@ -156,8 +156,7 @@ def test_only_errors_of_this_package_are_caught(monkeypatch, capsys):
         cli.main(argv)
 
 
-@pytest.mark.parametrize("n_imports", [0, 100, 300])
-def test_an_interrupt_during_imports_is_quiet(tmp_path, n_imports):
+def test_an_interrupt_during_imports_is_quiet(tmp_path):
     script = tmp_path / "intent"  # as pip writes it
     script.write_text(
         "import sys\nfrom intent_recognition.cli.main import main\nsys.exit(main())\n"
@@ -166,7 +165,7 @@ def test_an_interrupt_during_imports_is_quiet(tmp_path, n_imports):
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
         next(line for line in process.stderr if line.startswith("import 'numpy.version' "))
-        for _ in range(n_imports):  # each import is a line
+        for _ in range(100):  # each import is a line
             next(process.stderr)
         process.send_signal(signal.SIGINT)
         rest = process.stderr.read()

@@ -5,7 +5,6 @@ import io
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 from bag_builder import POSE, START_NS, pose, write_bag
@@ -81,16 +80,6 @@ def test_broken_bags_are_left_out_and_named_to_users_and_scripts(train, recorded
     assert all(reason in left_out[name] for name, reason in reasons.items())
 
 
-@pytest.mark.slow
-def test_the_same_bags_give_the_same_model(train, recorded):
-    _, _, output = train(recorded / "bags")
-    first = load_model(output).library
-    _, _, output = train(recorded / "bags")
-    second = load_model(output).library
-    np.testing.assert_array_equal(first.weight_mean, second.weight_mean)
-    np.testing.assert_array_equal(first.weight_covariance, second.weight_covariance)
-
-
 def test_nothing_to_learn_from_is_refused_with_the_reason(train, recorded, tmp_path):
     with pytest.raises(BagError, match="/no/bag"):
         train("/no/bag")
@@ -130,10 +119,3 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(run_command
     for output in (tmp_path, tmp_path / "file" / "model.npz"):
         with pytest.raises(ResourceBusyError, match="--output"):
             run_command("train", "/no/bag", "--output", output)
-
-
-@pytest.mark.slow
-def test_single_bags_and_folders_may_be_mixed(train, recorded):
-    names = [recorded / "bags" / f"demo_{k:02d}" for k in range(6)]
-    code, _, output = train(*names)
-    assert code == 0 and load_model(output).library.n_demonstrations.tolist() == [3, 3]

@@ -48,12 +48,6 @@ def test_training_without_labels(run):
     assert "2 components" in text and "purity" not in text and "taken" in text
 
 
-@pytest.mark.slow
-def test_purity_is_told_where_there_are_labels(run):
-    text, _ = run("train", "bags", "--unlabelled")
-    assert "purity 1.000" in text
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
