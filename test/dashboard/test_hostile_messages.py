@@ -94,6 +94,9 @@ class Fed(Watched):
         made = (s for s in self._node.subscriptions if s not in self._before)
         return {s.topic_name: s for s in made}
 
+    def reasons(self):
+        return [reason for reason, _ in self.rejected]
+
     def meet(self, name):
         self.subscriptions.meet(name)
 
@@ -115,7 +118,7 @@ def fed(harness):
 def test_random_messages_of_every_type_leave_it_running(fed):
     rng = np.random.default_rng(14)
     fed.meet("anna")
-    for _ in range(60):
+    for _ in range(25):
         for topic, subscription in fed.topics.items():
             if topic != "/robot_description":
                 fed.hear(topic, random_message(rng, subscription.msg_type, TEXTS))
@@ -126,41 +129,43 @@ def test_random_messages_of_every_type_leave_it_running(fed):
     assert fed.state.person.posterior.labels == ("a", "none")
 
 
-@pytest.mark.parametrize("name", URDFS)
-def test_a_robot_that_cannot_be_drawn_is_told_and_the_next_one_drawn(fed, name):
+def test_after_a_robot_that_cannot_be_drawn_the_next_one_is(fed):
     fed.hear("/joint_states", JointState(name=list(JOINT_NAMES), position=[0.1] * 7))
-    fed.hear("/robot_description", String(data=URDFS[name]))
     fed.hear("/joint_states", JointState(name=["0", "1"], position=[0.1] * 2))
-    fed.hear("/robot_description", String(data=lwr_urdf()))
-    assert fed.page._scene.robot is not None
+    for name, text in URDFS.items():
+        fed.hear("/robot_description", String(data=text))
+        bad = fed.page._scene.robot
+        fed.hear("/robot_description", String(data=chain(2)))
+        assert fed.page._scene.robot not in (None, bad), name
 
 
-@pytest.mark.parametrize(
-    ("position", "velocity"),
-    [([0.5], [0.5]), ([], []), ([0.5, 0.5], []), ([np.nan, 0.5], [0, 0]), ([7.0, -6.0], [0, 0])],
-)
-def test_a_posterior_of_unequal_sizes_is_counted(fed, position, velocity):
-    message = JointState(name=["a", "none"])
-    message.position, message.velocity = array("d", position), array("d", velocity)
-    fed.hear("/intent/tasks", message)
-    fed.hear("/intent/tasks", JointState())
-    assert fed.state.person.posterior is None
-    assert [reason for reason, _ in fed.rejected] == ["malformed intent/tasks"] * 2
+UNEQUAL = [([0.5], [0.5]), ([], []), ([0.5, 0.5], []), ([np.nan, 0.5], [0, 0]), ([7, -6], [0, 0])]
+
+
+def test_a_posterior_of_unequal_sizes_is_counted(fed):
+    for number, (position, velocity) in enumerate(UNEQUAL, 1):
+        message = JointState(name=["a", "none"])
+        message.position, message.velocity = array("d", position), array("d", velocity)
+        fed.hear("/intent/tasks", message)
+        fed.hear("/intent/tasks", JointState())
+        assert fed.state.person.posterior is None
+        assert fed.reasons() == ["malformed intent/tasks"] * 2 * number
 
 
 FELT = {"load_share": 0.5, "load": 4.0, "weight": 3.9, "grip_force": 12.0, "slip": 0.0}
 BIG = "steps: [" + ", ".join(f"{{step: {k}}}" for k in range(100)) + "]"
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [{"load": np.nan}, {"load": np.inf}, {"load_share": 1e300}, {"load": None}, {"slip": None}],
-)
-def test_forces_that_are_no_forces_are_counted(fed, changed):
-    felt = {name: v for name, v in (FELT | changed).items() if v is not None}
-    fed.hear("/intent/transfer", JointState(name=list(felt), position=list(felt.values())))
-    assert [reason for reason, _ in fed.rejected] == ["malformed intent/transfer"]
-    assert not fed.state.transfer.holding
+NO_FORCES = ({"load": np.nan}, {"load": np.inf}, {"load_share": 1e300})
+NO_FORCES += ({"load": None}, {"slip": None})
+
+
+def test_forces_that_are_no_forces_are_counted(fed):
+    for number, changed in enumerate(NO_FORCES, 1):
+        felt = {name: v for name, v in (FELT | changed).items() if v is not None}
+        fed.hear("/intent/transfer", JointState(name=list(felt), position=list(felt.values())))
+        assert fed.reasons() == ["malformed intent/transfer"] * number
+        assert not fed.state.transfer.holding
     message = JointState(name=list(FELT), position=list(FELT.values()))
     message.header.frame_id = "offering"
     for _ in range(3):
@@ -168,15 +173,16 @@ def test_forces_that_are_no_forces_are_counted(fed, changed):
     assert "offering" in fed.page._watch._transfer_line.content
 
 
-@pytest.mark.parametrize(
-    "text", ["", "[", "steps: 3", "steps: [{step: a}, {step: a}]", BIG, "x" * 200_000, "&a [*a]"]
-)
-def test_a_plan_that_is_none_is_counted_and_the_one_before_stays(fed, text):
+NO_PLANS = ("", "[", "steps: 3", "steps: [{step: a}, {step: a}]", BIG, "x" * 200_000, "&a [*a]")
+
+
+def test_a_plan_that_is_none_is_counted_and_the_one_before_stays(fed):
     good = [KeyValue(key="a", value="done 1.00"), KeyValue(key="yaml", value="steps: [{step: a}]")]
     fed.hear("/intent/plan", DiagnosticStatus(values=good))
-    fed.hear("/intent/plan", DiagnosticStatus(values=[KeyValue(key="yaml", value=text)]))
-    assert [reason for reason, _ in fed.rejected] == ["malformed intent/plan"]
-    assert fed.page._watch._plan._step.options == ("a",)
+    for number, text in enumerate(NO_PLANS, 1):
+        fed.hear("/intent/plan", DiagnosticStatus(values=[KeyValue(key="yaml", value=text)]))
+        assert fed.reasons() == ["malformed intent/plan"] * number
+        assert fed.page._watch._plan._step.options == ("a",)
     fed.hear("/intent/plan", DiagnosticStatus(message="no plan"))
     assert fed.state.plan is None
 
@@ -201,7 +207,7 @@ def test_each_person_has_a_belief_a_hand_and_a_colour_and_the_helped_one_is_name
     assert tuple(hands[1].color) != DARK and "ben" in fed.page._now.content
     fed.hear("/intent/active_person", String(data="nobody known"))
     fed.hear("/intent/active_person", String(data="x" * 300))
-    assert [reason for reason, _ in fed.rejected] == ["malformed intent/active_person"]
+    assert fed.reasons() == ["malformed intent/active_person"]
 
 
 def test_who_is_seen_no_more_makes_room_for_somebody_new(fed):
