@@ -166,6 +166,14 @@ def few_basis_functions() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def laid_out_roughly() -> Iterator[None]:
+    """Figures are drawn without measuring their texts first, which takes half of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("intent_recognition.report.drawing.LAYOUT", None)
+        yield
+
+
 @pytest.fixture
 def rng() -> "np.random.Generator":
     """A generator of its own for each test."""

@@ -6,16 +6,12 @@ from collections.abc import Iterator
 import pytest
 
 from experiments import generate
-from intent_recognition.report import drawing
 from intent_recognition.share import share_path
 
 
-@pytest.fixture(autouse=True, scope="session")
-def laid_out_roughly() -> Iterator[None]:
-    """Figures are drawn without measuring their texts first, which takes half of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drawing, "LAYOUT", None)
-        yield
+@pytest.fixture(autouse=True, scope="module")
+def rough(laid_out_roughly) -> None:
+    """Of the figures of experiments only their content is looked at."""
 
 
 @pytest.fixture(scope="module")

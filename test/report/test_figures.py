@@ -241,6 +241,7 @@ def test_thinning_keeps_both_ends():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("laid_out_roughly")
 def test_any_number_of_joints(trace):
     for count in (1, 3, 4, 8):
         trace["joint_rad"] = np.zeros((900, count))

@@ -75,7 +75,7 @@ def undrawn(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def page(session):
+def page(session, laid_out_roughly):
     records, traces = session
     return demo_page(records, summarise(records), traces, {"seed": 1})
 
