@@ -40,16 +40,6 @@ def test_every_name_says_what_it_is(name):
     assert summary.endswith(".") and "Eq. " not in summary
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_every_function_documents_its_arguments(name):
-    function = getattr(ir, name)
-    text, parameters = inspect.getdoc(function), inspect.signature(function).parameters
-    if len(parameters) > 1:
-        assert "Args:" in text
-        for parameter in parameters:
-            assert re.search(rf"^ +\*{{0,2}}{parameter}(?:, \w+)*:", text, re.MULTILINE), parameter
-
-
 @pytest.mark.parametrize("name", CLASSES)
 def test_every_class_documents_its_attributes(name):
     kind = getattr(ir, name)
