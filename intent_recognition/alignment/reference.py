@@ -46,12 +46,9 @@ def even_trajectory(
     for signal in signals:
         part = signal.between(start_ns, end_ns)
         if end_ns <= start_ns or not part.stamps_ns.size:
-            raise ArgumentError.about(
-                ", ".join(signal.names),
-                f"samples between {start_ns} and {end_ns} ns",
-                "none",
-                "Leave the demonstration out.",
-            )
+            expected = f"samples between {start_ns} and {end_ns} ns"
+            cure = "Leave the demonstration out."
+            raise ArgumentError.about(", ".join(signal.names), expected, "none", cure)
         recorded = (part.stamps_ns - np.int64(start_ns)) / float(end_ns - start_ns)
         columns += [np.interp(phase, recorded, column) for column in part.values.T]
     return np.stack(columns, axis=1)
@@ -75,20 +72,15 @@ def resample(
     shapes = [values.shape for values in arrays]
     good = shapes and all(len(s) == 2 and s[0] >= MIN_SAMPLES and s[1] >= 1 for s in shapes)
     if not good or len({s[1] for s in shapes}) > 1:
-        raise ShapeError.about(
-            "trajectories",
-            f"arrays (T, D) of at least {MIN_SAMPLES} samples and the same DOFs",
-            ", ".join(map(str, dict.fromkeys(shapes))) or "none",
-            "Resample each demonstration over its phase.",
-        )
+        expected = f"arrays (T, D) of at least {MIN_SAMPLES} samples and the same DOFs"
+        got = ", ".join(map(str, dict.fromkeys(shapes))) or "none"
+        cure = "Resample each demonstration over its phase."
+        raise ShapeError.about("trajectories", expected, got, cure)
     for number, values in enumerate(arrays):
         if not np.all(np.isfinite(values)):
-            raise ArgumentError.about(
-                f"trajectories[{number}]",
-                "finite numbers",
-                "NaN or infinity",
-                "Bridge its gaps, or leave the demonstration out.",
-            )
+            expected = "finite numbers"
+            cure = "Bridge its gaps, or leave the demonstration out."
+            raise ArgumentError.about(f"trajectories[{number}]", expected, "NaN or infinity", cure)
     return np.stack([_smoother(len(values), n_grid, smoothing) @ values for values in arrays])
 
 
@@ -147,22 +139,17 @@ def choose_reference(
     """
     if isinstance(reference, str):
         if reference not in ("mean", "medoid"):
-            raise ArgumentError.about(
-                "reference", "'mean' or 'medoid'", repr(reference), "Use 'mean'."
-            )
+            cure = "Use 'mean'."
+            raise ArgumentError.about("reference", "'mean' or 'medoid'", repr(reference), cure)
         reference = medoid(samples)
     if isinstance(reference, (int, np.integer)):
         if not 0 <= reference < len(samples):
-            raise ArgumentError.about(
-                "reference", f"0 to {len(samples) - 1}", reference, "Pick one of them."
-            )
+            cure = "Pick one of them."
+            raise ArgumentError.about("reference", f"0 to {len(samples) - 1}", reference, cure)
         return samples[reference], int(reference)
     values = resample([reference], samples.shape[1], smoothing)[0]
     if values.shape != samples.shape[1:]:
-        raise ShapeError.about(
-            "reference",
-            f"shape (T, {samples.shape[2]})",
-            np.shape(reference),
-            "Give it the DOFs of the trajectories.",
-        )
+        expected = f"shape (T, {samples.shape[2]})"
+        cure = "Give it the DOFs of the trajectories."
+        raise ShapeError.about("reference", expected, np.shape(reference), cure)
     return values, None

@@ -75,15 +75,13 @@ class AlignmentSettings:
         for name in ("rate_std", "rate_correlation", "end_std", "n_independent", "smoothing"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
-                raise ArgumentError.about(
-                    name, "a positive number", value, "Start from the default."
-                )
+                cure = "Start from the default."
+                raise ArgumentError.about(name, "a positive number", value, cure)
         for name, least in (("n_basis", 3), ("n_grid", 33), ("n_iterations", 1), ("n_means", 1)):
             value = getattr(self, name)
             if value < least:
-                raise ArgumentError.about(
-                    name, f"at least {least}", value, "Start from the default."
-                )
+                cure = "Start from the default."
+                raise ArgumentError.about(name, f"at least {least}", value, cure)
 
     @property
     def basis(self) -> NDArray[np.float64]:
@@ -175,12 +173,9 @@ def align_to(
     settings = settings or AlignmentSettings()
     samples = resample(trajectories, settings.n_grid, settings.smoothing)
     if template.values.shape != samples.shape[1:]:
-        raise ShapeError.about(
-            "template.values",
-            f"shape {samples.shape[1:]}",
-            template.values.shape,
-            "Use the settings and DOFs it was made with.",
-        )
+        expected = f"shape {samples.shape[1:]}"
+        cure = "Use the settings and DOFs it was made with."
+        raise ShapeError.about("template.values", expected, template.values.shape, cure)
     return _warps(_fit(samples, template, settings, settings.n_iterations), settings)
 
 

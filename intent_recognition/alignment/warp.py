@@ -60,12 +60,10 @@ class Warp:
     def __post_init__(self) -> None:
         log_rate = np.array(self.log_rate, dtype=np.float64)
         if not (np.isfinite(self.shift) and np.all(np.abs(log_rate) <= MAX_LOG_RATE)):
-            raise ArgumentError.about(
-                "shift, log_rate",
-                f"finite numbers, log rates within +-{MAX_LOG_RATE:g}",
-                f"{self.shift}, {np.min(log_rate)} to {np.max(log_rate)}",
-                "Align with a smaller rate_std.",
-            )
+            expected = f"finite numbers, log rates within +-{MAX_LOG_RATE:g}"
+            got = f"{self.shift}, {np.min(log_rate)} to {np.max(log_rate)}"
+            cure = "Align with a smaller rate_std."
+            raise ArgumentError.about("shift, log_rate", expected, got, cure)
         log_rate.setflags(write=False)
         steps = np.cumsum(np.exp(log_rate)) / log_rate.size
         recorded = float(self.shift) + np.concatenate([[0.0], steps])

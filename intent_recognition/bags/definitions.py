@@ -97,9 +97,8 @@ def serialize(type_name: str, message: object) -> bytes:
     try:
         return bytes(jazzy_types().serialize_cdr(message, type_name))
     except Exception as error:  # rosbags' generated code raises what struct and numpy raise
-        raise MessageError.about(
-            "message", f"a {type_name}", error, "Give every field its declared type."
-        ) from error
+        cure = "Give every field its declared type."
+        raise MessageError.about("message", f"a {type_name}", error, cure) from error
 
 
 def _build(type_name: str, fields: Any, place: str) -> object:
@@ -115,9 +114,8 @@ def _build(type_name: str, fields: Any, place: str) -> object:
         raise MessageError.about(place, f"a mapping for {type_name}", fields, "Name the fields.")
     if unknown := sorted(set(fields) - {name for name, _ in declared}):
         has = ", ".join(name for name, _ in declared)
-        raise MessageError.about(
-            place, f"fields among {has}", ", ".join(unknown), "Correct the name."
-        )
+        cure = "Correct the name."
+        raise MessageError.about(place, f"fields among {has}", ", ".join(unknown), cure)
     values: dict[str, Any] = {
         name: _value(field, fields.get(name), f"{place}.{name}") for name, field in declared
     }
@@ -147,9 +145,8 @@ def _value(kind: tuple, value: Any, place: str) -> object:
             raise ValueError(f"{array.shape} values instead of {size}")
         return array
     except (TypeError, ValueError, OverflowError) as error:
-        raise MessageError.about(
-            place, "a value of the declared type", error, "Correct the value."
-        ) from error
+        cure = "Correct the value."
+        raise MessageError.about(place, "a value of the declared type", error, cure) from error
 
 
 def _base(kind: str, value: Any) -> object:
@@ -208,9 +205,6 @@ def _share_file(type_name: str, suffix: str) -> Path:
         path = Path(prefix, "share", package, kind, name + suffix)
         if kind and path.is_file():
             return path
-    raise MessageError.about(
-        "type",
-        "a message type of Jazzy or of an installed package",
-        type_name,
-        "Install the package, or source its workspace.",
-    )
+    expected = "a message type of Jazzy or of an installed package"
+    cure = "Install the package, or source its workspace."
+    raise MessageError.about("type", expected, type_name, cure)

@@ -64,9 +64,8 @@ def recover(source: str | Path, output: str | Path) -> RecoveryReport:
     first = next(messages, None)
     if first is None:
         why = reader.damage[0].reason if reader.damage else "the bag is empty"
-        raise BagError.about(
-            str(source), "a message that can be read", f"none: {why}", "Record it again."
-        )
+        cure = "Record it again."
+        raise BagError.about(str(source), "a message that can be read", f"none: {why}", cure)
     counts: Counter[str] = Counter()
     last_ns = first.log_time_ns
     with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:

@@ -247,9 +247,8 @@ class BagWriter:
             cure = "Choose another output; existing recordings are never overwritten."
             there = isinstance(error, FileExistsError)
             got = f"{error.filename}, which is there" if there else error
-            raise ResourceBusyError.about(
-                "output", "a directory that can be made", got, cure
-            ) from error
+            expected = "a directory that can be made"
+            raise ResourceBusyError.about("output", expected, got, cure) from error
         try:
             free = self._disk_usage(self.path).free
             if free < self._min_free_bytes:
@@ -309,9 +308,8 @@ class BagWriter:
             self.closed = True
             self._stream.close()
             lost = f"{one_line(error)}; the last {self._pending} messages did not fit"
-            raise DiskFullError.about(
-                str(self.path), "room on the disk", lost, "Free space, record again."
-            ) from error
+            cure = "Free space, record again."
+            raise DiskFullError.about(str(self.path), "room on the disk", lost, cure) from error
 
     def _disk_full(self, free: int) -> DiskFullError:
         need = f"at least {self._min_free_bytes / 2**20:.0f} MiB free"

@@ -127,9 +127,8 @@ def _follow(args: argparse.Namespace, observer: "PouringObserver", watch: NodeWa
     watch.until(lambda: bool(observer.active or observer.refused), 60.0, "the pour")
     if not observer.active:
         cure = "See the log of warped_primitive."
-        raise IntentError.about(
-            "pour", "a pour that the learned constraints allow", observer.refused, cure
-        )
+        expected = "a pour that the learned constraints allow"
+        raise IntentError.about("pour", expected, observer.refused, cure)
     watch.until(lambda: not observer.active, 600.0, "the pour's end")
     watch.for_seconds(1.0 / args.rate)
 

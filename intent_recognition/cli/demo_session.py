@@ -216,9 +216,8 @@ def _follow(
 def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, NodeCall]:
     """The nodes to start, by name."""
     if args.record and args.record.exists():
-        raise ResourceBusyError.about(
-            "--record", "a folder that does not exist", args.record, "Name another."
-        )
+        cure = "Name another."
+        raise ResourceBusyError.about("--record", "a folder that does not exist", args.record, cure)
     given = {
         **shared_arguments(args, model),
         **scene.arguments,
@@ -279,7 +278,6 @@ def _domain() -> int:
     if chosen is None:
         return DOMAINS[0] + os.getpid() % (DOMAINS[1] - DOMAINS[0] + 1)
     if not chosen.isdigit() or int(chosen) > DOMAINS[1]:
-        raise IntentError.about(
-            "ROS_DOMAIN_ID", "a number from 0 to 101", chosen, "Set it, or unset it."
-        )
+        cure = "Set it, or unset it."
+        raise IntentError.about("ROS_DOMAIN_ID", "a number from 0 to 101", chosen, cure)
     return int(chosen)

@@ -149,9 +149,8 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
     if args.test is None:
         return Path(folder) if protocol == "holdout" and folder else None
     if args.protocol is not None:
-        raise ArgumentError.about(
-            "--test", "no --protocol with it", args.protocol, "Leave one of them out."
-        )
+        cure = "Leave one of them out."
+        raise ArgumentError.about("--test", "no --protocol with it", args.protocol, cure)
     return args.test
 
 
@@ -164,12 +163,9 @@ def _title(bags: list[Path], test: Path | None) -> str:
 def _train_and_test(n_train: int, n: int) -> list[Fold]:
     """One fold: the first n_train recordings to train on, the others to test on."""
     if not 0 < n_train < n:
-        raise ArgumentError.about(
-            "--protocol",
-            "labelled recordings to train and to test on",
-            f"{n_train} and {n - n_train}",
-            "Check labels and folder.",
-        )
+        expected = "labelled recordings to train and to test on"
+        cure = "Check labels and folder."
+        raise ArgumentError.about("--protocol", expected, f"{n_train} and {n - n_train}", cure)
     return [(list(range(n_train)), list(range(n_train, n)))]
 
 

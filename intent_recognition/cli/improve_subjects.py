@@ -155,9 +155,8 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
     present = path / LIBRARY_MODEL
     if not present.exists() and args.model is None:
         cure = "Name the folder with --library, or a model to begin one with --model."
-        raise ModelError.about(
-            str(path), "a folder of tasks with a model", f"no {LIBRARY_MODEL} in it", cure
-        )
+        expected = "a folder of tasks with a model"
+        raise ModelError.about(str(path), expected, f"no {LIBRARY_MODEL} in it", cure)
     refuse_other_model(path, args.model, args.dofs)
     model = present if present.exists() else args.model
     loaded, _ = load_trained(model)  # without statistics it is refused before anything is made
@@ -199,9 +198,8 @@ def _skill(args: argparse.Namespace) -> "PouringSkill":
     if args.start is not None and args.start.is_file():
         if args.short:
             cure = "Give a folder of demonstrations to --start, or leave --short out."
-            raise ArgumentError.about(
-                "--start", "a folder of demonstrations with --short", args.start, cure
-            )
+            expected = "a folder of demonstrations with --short"
+            raise ArgumentError.about("--start", expected, args.start, cure)
         return load_pouring_skill(args.start)
     bags = args.start or share_path("bags/pouring/train")
     if args.short:

@@ -50,9 +50,8 @@ def check_outputs(args: argparse.Namespace, *options: str) -> None:
     check_output("--json", path)
     for option, other in others.items():
         if other is not None and other.resolve() == path.resolve():
-            raise ArgumentError.about(
-                f"--json {path}", f"another file than {option}", "the same", "Rename one."
-            )
+            expected = f"another file than {option}"
+            raise ArgumentError.about(f"--json {path}", expected, "the same", "Rename one.")
     if path.is_file() and path.suffix != ".json":
         cure = "Write `--json` last, or choose another OUT."
         expected = "a new file, or one that ends in .json"
@@ -74,9 +73,8 @@ def check_output(option: str, path: Path | None) -> None:
     elif not os.access(folder, os.W_OK):
         problem = f"{folder}, which is write-protected"
     if problem:
-        raise ResourceBusyError.about(
-            f"{option} {path}", "a file that can be written", problem, "Choose another."
-        )
+        expected = "a file that can be written"
+        raise ResourceBusyError.about(f"{option} {path}", expected, problem, "Choose another.")
 
 
 def write_json(path: Path | None, content: object, indent: int | None = 2) -> None:

@@ -52,9 +52,8 @@ class Heartbeats:
         for name in names:
             if self._silent_s.get(name, 0.0) > HUNG_S:
                 got = f"none for {HUNG_S:.0f} s"
-                raise IntentError.about(
-                    f"node {name}", "reports on /diagnostics", got, "It hangs; see its log."
-                )
+                cure = "It hangs; see its log."
+                raise IntentError.about(f"node {name}", "reports on /diagnostics", got, cure)
 
 
 class NodeWatch:
@@ -91,9 +90,8 @@ class NodeWatch:
         end_s = time.monotonic() + deadline_s
         while not condition():
             if time.monotonic() > end_s:
-                raise IntentError.about(
-                    what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs."
-                )
+                cure = "See the nodes' logs."
+                raise IntentError.about(what, f"within {deadline_s:.0f} s", "nothing", cure)
             self._step()
 
     def until_or(self, condition: Callable[[], bool], longest_s: float) -> None:

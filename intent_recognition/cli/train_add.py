@@ -61,9 +61,8 @@ def add_to_model(
     accumulated = found.accumulated
     if not accumulated.n_used:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in accumulated.rejected[:3])
-        raise TrainingError.about(
-            "BAG", "a demonstration that can be added", reasons, "Check the labels."
-        )
+        cure = "Check the labels."
+        raise TrainingError.about("BAG", "a demonstration that can be added", reasons, cure)
     _print_known(console, trained, accumulated)
     with busy(console, "adding"):
         more = add_statistics(trained, accumulated.tasks, accumulated.used)
@@ -104,6 +103,5 @@ def _check_settings(path: Path, given: TrainingSettings, kept: TrainingSettings)
     for option, name in (("--basis", "n_basis"), ("--segment", "segmentation")):
         value, ours = getattr(given, name), getattr(kept, name)
         if value not in (ours, getattr(DEFAULTS, name)):
-            raise ArgumentError.about(
-                option, f"{ours}, as in {path}", value, "Leave it out, or train anew."
-            )
+            cure = "Leave it out, or train anew."
+            raise ArgumentError.about(option, f"{ours}, as in {path}", value, cure)

@@ -42,12 +42,10 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
     counts = count_transitions([sequence.tasks for sequence in sequences], library.labels)
     if not counts.sum():
         seen = sorted({task for sequence in sequences for task in sequence.tasks})
-        raise BagError.about(
-            "--sessions",
-            f"recordings in which {', '.join(library.labels)} follow one another",
-            f"labels {', '.join(seen)}" if seen else f"{len(rejections)} bags without labels",
-            "Give session bags with `demonstration` or `intent/active_task` labels.",
-        )
+        expected = f"recordings in which {', '.join(library.labels)} follow one another"
+        got = f"labels {', '.join(seen)}" if seen else f"{len(rejections)} bags without labels"
+        cure = "Give session bags with `demonstration` or `intent/active_task` labels."
+        raise BagError.about("--sessions", expected, got, cure)
     names = [Path(sequence.source).name for sequence in sequences]
     provenance = {
         **library.provenance,

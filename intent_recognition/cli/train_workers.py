@@ -68,9 +68,8 @@ def _processes(jobs: int) -> Iterator[Run]:
     try:
         yield partial(_in_order, submit, AHEAD * jobs)
     except BrokenProcessPool as error:
-        raise IntentError.about(
-            "--jobs", "processes that run to their end", error, "Try fewer of them."
-        ) from error
+        cure = "Try fewer of them."
+        raise IntentError.about("--jobs", "processes that run to their end", error, cure) from error
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -83,30 +82,22 @@ def _dask(scheduler: str) -> Iterator[Run]:
     try:
         client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise ResourceBusyError.about(
-            f"--scheduler {scheduler}",
-            "the address of a running dask scheduler, as tcp://127.0.0.1:8786",
-            error,
-            "Start one with `dask scheduler`, or use --jobs.",
-        ) from error
+        expected = "the address of a running dask scheduler, as tcp://127.0.0.1:8786"
+        cure = "Start one with `dask scheduler`, or use --jobs."
+        raise ResourceBusyError.about(f"--scheduler {scheduler}", expected, error, cure) from error
     with client:
         n_workers = len(client.scheduler_info(n_workers=-1)["workers"])
         if not n_workers:
-            raise ResourceBusyError.about(
-                f"--scheduler {scheduler}",
-                "at least one worker",
-                "none",
-                f"Start some with `dask worker {scheduler}`.",
-            )
+            expected = "at least one worker"
+            cure = f"Start some with `dask worker {scheduler}`."
+            raise ResourceBusyError.about(f"--scheduler {scheduler}", expected, "none", cure)
         try:
             yield partial(_in_order, partial(client.submit, pure=False), AHEAD * n_workers)
         except (distributed.KilledWorker, CommClosedError, CancelledError) as error:
-            raise IntentError.about(
-                f"--scheduler {scheduler}",
-                "scheduler and workers that run to the end",
-                f"{type(error).__name__}: {error}",
-                "Look at their logs, or use --jobs.",
-            ) from error
+            expected = "scheduler and workers that run to the end"
+            got = f"{type(error).__name__}: {error}"
+            cure = "Look at their logs, or use --jobs."
+            raise IntentError.about(f"--scheduler {scheduler}", expected, got, cure) from error
 
 
 def _in_order(submit: Callable, ahead: int, function: Callable, items: Iterable) -> Iterator:

@@ -50,9 +50,8 @@ def n_components(args: argparse.Namespace) -> int | None:
     if text != "auto" and not (text.isdecimal() and len(text) < 10 and int(text) > 0):
         raise ArgumentError.about("--components", "`auto` or a number", text, "Try auto.")
     if text != "auto" and not args.unlabelled:
-        raise ArgumentError.about(
-            "--components", "--unlabelled with it", "none", "Add --unlabelled."
-        )
+        cure = "Add --unlabelled."
+        raise ArgumentError.about("--components", "--unlabelled with it", "none", cure)
     return None if text == "auto" else int(text)
 
 
@@ -61,12 +60,9 @@ def check_alone(args: argparse.Namespace) -> None:
     clashes = {"--add": args.add, "--scheduler": args.scheduler, "--jobs": args.jobs > 1}
     for option, given in clashes.items():
         if given:
-            raise ArgumentError.about(
-                option,
-                "labelled recordings",
-                "--unlabelled, which reads all recordings at once",
-                f"Leave {option} out, or label the recordings.",
-            )
+            got = "--unlabelled, which reads all recordings at once"
+            cure = f"Leave {option} out, or label the recordings."
+            raise ArgumentError.about(option, "labelled recordings", got, cure)
 
 
 def train_unlabelled(

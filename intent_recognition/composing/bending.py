@@ -161,9 +161,8 @@ def _tasks(library: TaskLibrary, point: ViaPoint) -> list[int]:
         return list(range(library.n_tasks))
     if point.task not in library.labels:
         expected = f"a task of {', '.join(library.labels)}"
-        raise ArgumentError.about(
-            f"via point {point.name}", expected, point.task, "Teach it, or name another."
-        )
+        cure = "Teach it, or name another."
+        raise ArgumentError.about(f"via point {point.name}", expected, point.task, cure)
     return [library.labels.index(point.task)]
 
 
@@ -213,6 +212,5 @@ def _check_limits(label: str, names: Sequence[str], values: Floats, arm: Arm | N
         k = known.index(name)
         if not limits.lower[k] <= value <= limits.upper[k]:
             expected = f"{name} from {limits.lower[k]:.3f} to {limits.upper[k]:.3f}"
-            raise ArgumentError.about(
-                label, expected, f"{value:.3f}", "Stay within the joint's limits."
-            )
+            cure = "Stay within the joint's limits."
+            raise ArgumentError.about(label, expected, f"{value:.3f}", cure)

@@ -181,12 +181,9 @@ def new_token(environment: Mapping[str, str] = os.environ) -> str:
     """
     token = environment.get(TOKEN_VARIABLE) or secrets.token_urlsafe(TOKEN_BYTES)
     if not TOKEN_FORM.fullmatch(token):
-        raise ArgumentError.about(
-            TOKEN_VARIABLE,
-            "16 to 128 letters, digits, - and _",
-            f"{len(token)} characters",
-            "Unset it: a token is made at each start.",
-        )
+        expected = "16 to 128 letters, digits, - and _"
+        cure = "Unset it: a token is made at each start."
+        raise ArgumentError.about(TOKEN_VARIABLE, expected, f"{len(token)} characters", cure)
     return token
 
 

@@ -99,9 +99,8 @@ def serve_page(
     if not guard.in_place:
         server.stop()
         cure = "Install the viser that requirements.txt names."
-        raise ResourceBusyError.about(
-            "viser", "a server that can be guarded", viser.__version__, cure
-        )
+        expected = "a server that can be guarded"
+        raise ResourceBusyError.about("viser", expected, viser.__version__, cure)
     server._websock_server.get_message_buffer().max_window_size = WINDOW
     guard.page = server
     return server

@@ -253,9 +253,8 @@ def _read_joints(entry: DofEntry, message: Any) -> _Reading:
     try:
         names, column = tuple(message.name), getattr(message, entry.quantity)
     except AttributeError as error:
-        raise MessageError.about(
-            entry.topic, entry.type, error, "Correct the type in the DOF file."
-        ) from error
+        cure = "Correct the type in the DOF file."
+        raise MessageError.about(entry.topic, entry.type, error, cure) from error
     values, n_missing, missing = np.full(len(entry.joints), np.nan), 0, None
     for row, index in enumerate(joint_indices(entry.joints, names)):
         if index is not None and index < len(column):

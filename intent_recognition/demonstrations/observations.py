@@ -126,12 +126,9 @@ class ObservationReader:
             MessageError: the entry asks for more than the pose.
         """
         if self.pose_columns is None:
-            raise MessageError.about(
-                self.entry.topic,
-                f"fields among {', '.join(POSE_FIELDS)}",
-                ", ".join(self.entry.fields),
-                "A tracked pose has no others; correct the DOF file.",
-            )
+            expected = f"fields among {', '.join(POSE_FIELDS)}"
+            cure = "A tracked pose has no others; correct the DOF file."
+            raise MessageError.about(self.entry.topic, expected, ", ".join(self.entry.fields), cure)
         values = dofs_of(self.entry, pose[self.pose_columns])
         return self._observation(stamp_ns, values, self._noise(None, covariance, values))
 

@@ -55,9 +55,8 @@ def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
 
 def _by_index(n: int, k: int) -> list[Fold]:
     if n < 2 or k > n:
-        raise ArgumentError.about(
-            "protocol", f"at least {max(k, 2)} recordings", n, "Record more, or lower K."
-        )
+        cure = "Record more, or lower K."
+        raise ArgumentError.about("protocol", f"at least {max(k, 2)} recordings", n, cure)
     return [_fold(n, range(f, n, k)) for f in range(k)]
 
 
@@ -67,20 +66,15 @@ def _by_group(recordings: Sequence[Demonstration], key: str) -> list[Fold]:
     for index, recorded in enumerate(recordings):
         if key not in recorded.metadata:
             has = ", ".join(sorted(recorded.metadata)) or "none"
-            raise ArgumentError.about(
-                f"protocol logo:{key}",
-                f"the key {key!r} in custom_data of every recording",
-                f"the keys {has} in {recorded.name}",
-                "Choose a key that all have, or add it to metadata.yaml.",
-            )
+            expected = f"the key {key!r} in custom_data of every recording"
+            got = f"the keys {has} in {recorded.name}"
+            cure = "Choose a key that all have, or add it to metadata.yaml."
+            raise ArgumentError.about(f"protocol logo:{key}", expected, got, cure)
         groups[recorded.metadata[key]].append(index)
     if len(groups) < 2:
-        raise ArgumentError.about(
-            f"protocol logo:{key}",
-            "at least two groups",
-            ", ".join(groups) or "no recording",
-            "Choose a key that tells recordings apart.",
-        )
+        got = ", ".join(groups) or "no recording"
+        cure = "Choose a key that tells recordings apart."
+        raise ArgumentError.about(f"protocol logo:{key}", "at least two groups", got, cure)
     return [_fold(len(recordings), groups[value]) for value in sorted(groups)]
 
 
@@ -94,9 +88,8 @@ def _by_name(recordings: Sequence[Demonstration], share: float) -> Fold:
         if len(own) > 1:
             test += own[min(max(round(share * len(own)), 1), len(own) - 1) :]
     if not test:
-        raise ArgumentError.about(
-            "protocol", "two recordings of a task", len(recordings), "Record more."
-        )
+        cure = "Record more."
+        raise ArgumentError.about("protocol", "two recordings of a task", len(recordings), cure)
     return _fold(len(recordings), sorted(test))
 
 

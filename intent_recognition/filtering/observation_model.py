@@ -113,6 +113,5 @@ def check_observation(
         cure = "Pass one value and one row and column of noise per entry of dofs."
         raise ShapeError.about("values, noise_covariance", expected, got, cure)
     if not isfinite(np.add.reduce(values)):
-        raise ArgumentError.about(
-            "values", "finite numbers", values, "Leave out what was not measured."
-        )
+        cure = "Leave out what was not measured."
+        raise ArgumentError.about("values", "finite numbers", values, cure)

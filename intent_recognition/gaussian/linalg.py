@@ -31,16 +31,12 @@ def cholesky(matrix: NDArray[np.float64], *, name: str = "covariance") -> NDArra
         factor = np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
         eigenvalues = np.linalg.eigvalsh(symmetrize(np.nan_to_num(matrix)))
-        raise ArgumentError.about(
-            name,
-            "a positive definite matrix",
-            f"smallest eigenvalue {np.min(eigenvalues):.3g}, largest {np.max(eigenvalues):.3g}",
-            "Regularise it, or raise the noise variance.",
-        ) from None
+        got = f"smallest eigenvalue {np.min(eigenvalues):.3g}, largest {np.max(eigenvalues):.3g}"
+        cure = "Regularise it, or raise the noise variance."
+        raise ArgumentError.about(name, "a positive definite matrix", got, cure) from None
     if not isfinite(np.add.reduce(factor, axis=None)):  # LAPACK lets NaN and infinity pass
-        raise ArgumentError.about(
-            name, "finite numbers", "NaN or infinity", "Leave such measurements out."
-        )
+        cure = "Leave such measurements out."
+        raise ArgumentError.about(name, "finite numbers", "NaN or infinity", cure)
     return np.asarray(factor, dtype=np.float64)
 
 

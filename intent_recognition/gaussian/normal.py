@@ -107,12 +107,10 @@ def condition(
         or np.shape(noise_covariance) != (m, m)
         or d != prior.mean.size
     ):
-        raise ShapeError.about(
-            "observation",
-            f"y ({m},), R ({m}, {m}) and {prior.mean.size} columns in H",
-            f"y {np.shape(observation)}, R {np.shape(noise_covariance)}, H ({m}, {d})",
-            "Give H one row per observed value and one column per weight.",
-        )
+        expected = f"y ({m},), R ({m}, {m}) and {prior.mean.size} columns in H"
+        got = f"y {np.shape(observation)}, R {np.shape(noise_covariance)}, H ({m}, {d})"
+        cure = "Give H one row per observed value and one column per weight."
+        raise ShapeError.about("observation", expected, got, cure)
     cross = observation_matrix @ prior.covariance
     cross, innovation, log_evidence = whiten_innovation(
         symmetrize(cross @ observation_matrix.T) + noise_covariance,

@@ -168,12 +168,9 @@ class Arm:
         """
         found = self.nearest(target, seed, rest)
         if found.error > REACHED:
-            raise KinematicsError.about(
-                "target",
-                f"a pose that {self.tip} can reach within the joint limits",
-                f"one of which {found.distance_m:.4f} m and {found.angle_rad:.4f} rad are left",
-                "Bring it nearer, or turn it.",
-            )
+            expected = f"a pose that {self.tip} can reach within the joint limits"
+            got = f"one of which {found.distance_m:.4f} m and {found.angle_rad:.4f} rad are left"
+            raise KinematicsError.about("target", expected, got, "Bring it nearer, or turn it.")
         return found.q
 
     def nearest(

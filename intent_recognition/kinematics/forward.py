@@ -19,9 +19,8 @@ def joint_vector(q: ArrayLike, argument: str = "q") -> Floats:
     """Return q as float64 of shape (..., 7), or raise ShapeError."""
     array = np.asarray(q, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != N_JOINTS:
-        raise ShapeError.about(
-            argument, "shape (..., 7)", array.shape, "Give seven joint angles in rad."
-        )
+        cure = "Give seven joint angles in rad."
+        raise ShapeError.about(argument, "shape (..., 7)", array.shape, cure)
     return array
 
 

@@ -116,12 +116,10 @@ def inverse_kinematics(
         if distance < best:
             best, nearest = distance, q
     if nearest is None:
-        raise KinematicsError.about(
-            "pose",
-            "a pose with a solution inside the joint limits",
-            f"none at {target[:3, 3].round(3).tolist()} m",
-            "Turn the hand or bring it nearer to the middle of the workspace.",
-        )
+        expected = "a pose with a solution inside the joint limits"
+        got = f"none at {target[:3, 3].round(3).tolist()} m"
+        cure = "Turn the hand or bring it nearer to the middle of the workspace."
+        raise KinematicsError.about("pose", expected, got, cure)
     return nearest
 
 
@@ -155,12 +153,10 @@ def reach_position(position_m: ArrayLike, seed: ArrayLike) -> Floats:
     target = checked_target(position_m, "position_m")
     found = _SEARCH.descend(target, joint_vector(seed, "seed"))
     if found.distance_m > REACHED:
-        raise KinematicsError.about(
-            "position_m",
-            "a position within reach and joint limits",
-            f"one still {found.distance_m:.4f} m away",
-            "Start from a nearer seed or bring the position nearer.",
-        )
+        expected = "a position within reach and joint limits"
+        got = f"one still {found.distance_m:.4f} m away"
+        cure = "Start from a nearer seed or bring the position nearer."
+        raise KinematicsError.about("position_m", expected, got, cure)
     return found.q
 
 
@@ -299,12 +295,10 @@ def _elbow_angle(wrist: Floats) -> float:
     cosine = (distance**2 - UPPER_ARM_M**2 - FOREARM_M**2) / (2.0 * UPPER_ARM_M * FOREARM_M)
     if not -1.0 <= cosine <= 1.0 + 1e-9:
         nearest = abs(UPPER_ARM_M - FOREARM_M)
-        raise KinematicsError.about(
-            "pose",
-            f"a wrist {nearest:.3f} to {_REACH_M:.3f} m from the shoulder",
-            f"{distance:.4f} m, {max(distance - _REACH_M, nearest - distance):.4f} m too much",
-            "Bring the hand back into the workspace.",
-        )
+        expected = f"a wrist {nearest:.3f} to {_REACH_M:.3f} m from the shoulder"
+        got = f"{distance:.4f} m, {max(distance - _REACH_M, nearest - distance):.4f} m too much"
+        cure = "Bring the hand back into the workspace."
+        raise KinematicsError.about("pose", expected, got, cure)
     return float(np.arccos(min(cosine, 1.0)))
 
 

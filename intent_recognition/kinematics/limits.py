@@ -39,23 +39,19 @@ class JointLimits:
         for name in ("lower", "upper", "velocity", "acceleration", "torque"):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.ndim != 1 or array.shape != np.shape(self.lower):
-                raise ShapeError.about(
-                    name, f"shape {np.shape(self.lower)}", array.shape, "Give one value per joint."
-                )
+                cure = "Give one value per joint."
+                raise ShapeError.about(name, f"shape {np.shape(self.lower)}", array.shape, cure)
             if not np.all(np.isfinite(array)):
-                raise ArgumentError.about(
-                    name, "finite values", array, "Use a large number for no limit."
-                )
+                cure = "Use a large number for no limit."
+                raise ArgumentError.about(name, "finite values", array, cure)
             if name not in ("lower", "upper") and np.any(array <= 0.0):
-                raise ArgumentError.about(
-                    name, "positive values", array, "Limits are symmetric magnitudes."
-                )
+                cure = "Limits are symmetric magnitudes."
+                raise ArgumentError.about(name, "positive values", array, cure)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if np.any(self.lower >= self.upper):
-            raise ArgumentError.about(
-                "lower", f"values below upper {self.upper}", self.lower, "Swap them."
-            )
+            cure = "Swap them."
+            raise ArgumentError.about("lower", f"values below upper {self.upper}", self.lower, cure)
 
     @property
     def n_joints(self) -> int:
@@ -90,9 +86,6 @@ def check_position(
     index = np.unravel_index(np.argmax(excess), excess.shape)
     joint = int(index[-1])
     name = names[joint] if names is not None else f"joint {joint}"
-    raise KinematicsError.about(
-        argument,
-        f"{name} in [{limits.lower[joint]:.4f}, {limits.upper[joint]:.4f}] rad",
-        f"{np.asarray(q)[index]:.4f} rad",
-        "Clamp the position or choose another solution.",
-    )
+    expected = f"{name} in [{limits.lower[joint]:.4f}, {limits.upper[joint]:.4f}] rad"
+    cure = "Clamp the position or choose another solution."
+    raise KinematicsError.about(argument, expected, f"{np.asarray(q)[index]:.4f} rad", cure)

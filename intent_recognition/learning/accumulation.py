@@ -96,12 +96,9 @@ def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
     """
     ours, theirs = first.preprocessing, second.preprocessing
     if ours and theirs and replace(ours, source="") != replace(theirs, source=""):
-        raise TrainingError.about(
-            "statistics",
-            "the same settings, DOFs and onset thresholds in both parts",
-            f"{ours} and {theirs}",
-            "Accumulate all parts with one preprocessing.",
-        )
+        expected = "the same settings, DOFs and onset thresholds in both parts"
+        cure = "Accumulate all parts with one preprocessing."
+        raise TrainingError.about("statistics", expected, f"{ours} and {theirs}", cure)
     return Accumulated(
         ours or theirs,
         merge_tasks(first.tasks, second.tasks),

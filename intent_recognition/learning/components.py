@@ -107,9 +107,8 @@ def try_components(
     """
     n = len(features.coordinates)
     if not 1 <= n_components <= n:
-        raise ArgumentError.about(
-            "n_components", f"between 1 and {n}, the demonstrations", n_components, "Lower it."
-        )
+        expected = f"between 1 and {n}, the demonstrations"
+        raise ArgumentError.about("n_components", expected, n_components, "Lower it.")
     found = cluster(features, n_components, rng)
     if n < 2 or not features.loadings.size:  # nothing to leave out, or nothing to predict
         return ComponentTrial(n_components, found.labels, np.zeros(n), np.zeros(n))

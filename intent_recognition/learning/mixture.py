@@ -94,12 +94,9 @@ def mixture_features(
         TrainingError: no demonstrations, or too many.
     """
     if not 0 < len(weights) <= MAX_DEMONSTRATIONS:
-        raise TrainingError.about(
-            "demonstrations",
-            f"1 to {MAX_DEMONSTRATIONS} to find components in",
-            len(weights),
-            "Use a part of them and label the rest with the resulting model.",
-        )
+        expected = f"1 to {MAX_DEMONSTRATIONS} to find components in"
+        cure = "Use a part of them and label the rest with the resulting model."
+        raise TrainingError.about("demonstrations", expected, len(weights), cure)
     trajectories = weights @ basis.design_matrix(np.linspace(0.0, 1.0, SAMPLED_PHASES)).T
     deviations = trajectories - trajectories.mean(axis=0)
     std = np.sqrt(np.mean(deviations**2, axis=(0, 2)))

@@ -48,14 +48,12 @@ class TrainingSettings:
         if not self.ridge > 0:
             raise ArgumentError.about("ridge", "a positive number", self.ridge, "Try 3e-3.")
         if self.segmentation not in SEGMENTATIONS:
-            raise ArgumentError.about(
-                "segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one."
-            )
+            expected = f"one of {SEGMENTATIONS}"
+            raise ArgumentError.about("segmentation", expected, self.segmentation, "Choose one.")
         if self.duration_evidence is not None and not 0 < self.duration_evidence <= 1:
             raise ArgumentError.about(
                 "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.2."
             )
         if not 0 < self.none_prior < 1:
-            raise ArgumentError.about(
-                "none_prior", "a probability between 0 and 1", self.none_prior, "Try 0.11."
-            )
+            expected = "a probability between 0 and 1"
+            raise ArgumentError.about("none_prior", expected, self.none_prior, "Try 0.11.")

@@ -73,9 +73,8 @@ def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
         ShapeError: no example.
     """
     if not examples:
-        raise ShapeError.about(
-            "examples", "one or more demonstrations", "none", "Leave the task out."
-        )
+        cure = "Leave the task out."
+        raise ShapeError.about("examples", "one or more demonstrations", "none", cure)
     weights = np.array([example.weights for example in examples])
     mean = weights.mean(axis=0)
     flat = (weights - mean).reshape(len(weights), -1)

@@ -280,10 +280,8 @@ def _check_enough(accumulated: Accumulated) -> Preprocessing:
             "Check the DOFs and the labels; without labels, use learn_mixture or --unlabelled.",
         )
     if accumulated.n_used == len(accumulated.tasks):
-        raise TrainingError.about(
-            "demonstrations",
-            "at least two demonstrations of a task",
-            f"one of {', '.join(accumulated.tasks)}",
-            "Record more: 5 to 20 of each task are usual.",
-        )
+        expected = "at least two demonstrations of a task"
+        got = f"one of {', '.join(accumulated.tasks)}"
+        cure = "Record more: 5 to 20 of each task are usual."
+        raise TrainingError.about("demonstrations", expected, got, cure)
     return accumulated.preprocessing

@@ -147,9 +147,8 @@ def phase_deviation(
         if not isinstance(follows, bool):
             raise TypeError(f"controlled_follows {follows!r}")
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ModelError.about(
-            f"{path}: phase_deviation", "a complete header", error, RETRAIN
-        ) from error
+        expected = "a complete header"
+        raise ModelError.about(f"{path}: phase_deviation", expected, error, RETRAIN) from error
     std = content[DEVIATION_STD]
     sound = 0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and abs(exponent) <= MAX_EXPONENT
     expected = "correlation > 0, evidence in (0, 1], exponent within +-10, no std below zero"

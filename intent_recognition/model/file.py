@@ -134,9 +134,8 @@ def save_model(
     try:
         write_arrays(Path(path), {"header": np.array(json.dumps(header)), **arrays})
     except OSError as error:
-        raise ModelError.about(
-            str(path), "a file that can be written", error, "Choose another --output."
-        ) from error
+        cure = "Choose another --output."
+        raise ModelError.about(str(path), "a file that can be written", error, cure) from error
 
 
 def load_model(path: str | Path) -> Model:
@@ -197,9 +196,8 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
     content = _read(path, ARRAYS)
     header = _header(path, content)
     if "statistics" not in header:
-        raise ModelError.about(
-            str(path), "statistics to add demonstrations to", "a model without them", RETRAIN
-        )
+        expected = "statistics to add demonstrations to"
+        raise ModelError.about(str(path), expected, "a model without them", RETRAIN)
     return model, unpack_statistics(str(path), model.library, header["statistics"], content)
 
 
@@ -223,12 +221,9 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
     ours, theirs = model.dofs.to_dict(), found.to_dict()
     for side in ("observed", "controlled"):
         if ours[side] != theirs[side]:
-            raise DofError.about(
-                f"{source}: {side}",
-                f"the DOFs of the model, {json.dumps(ours[side])}",
-                json.dumps(theirs[side]),
-                "Use the DOF file the model was trained with, or train again.",
-            )
+            expected = f"the DOFs of the model, {json.dumps(ours[side])}"
+            cure = "Use the DOF file the model was trained with, or train again."
+            raise DofError.about(f"{source}: {side}", expected, json.dumps(theirs[side]), cure)
     return found
 
 
@@ -261,18 +256,16 @@ def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
         if isinstance(error, FileNotFoundError):
             cure = "Check the path, or write one with `intent train`."
             raise ModelError.about(str(path), "a model file", "nothing there", cure) from error
-        raise ModelError.about(
-            str(path), "a model file written by `intent train`", found, RETRAIN
-        ) from error
+        expected = "a model file written by `intent train`"
+        raise ModelError.about(str(path), expected, found, RETRAIN) from error
 
 
 def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> NDArray[Any]:
     try:
         return file[name]
     except Exception as error:  # pickled objects, bad checksums, headers that are none
-        raise ModelError.about(
-            f"{path}: {name}", "an array of numbers or text", error, RETRAIN
-        ) from error
+        expected = "an array of numbers or text"
+        raise ModelError.about(f"{path}: {name}", expected, error, RETRAIN) from error
 
 
 def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
@@ -280,14 +273,9 @@ def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
         header = load_json(str(content["header"]))
         version = header["format_version"]
     except (KeyError, TypeError, ValueError) as error:
-        raise ModelError.about(
-            f"{path}: header", "JSON with a format_version", error, RETRAIN
-        ) from error
+        expected = "JSON with a format_version"
+        raise ModelError.about(f"{path}: header", expected, error, RETRAIN) from error
     if version != FORMAT_VERSION:
-        raise ModelError.about(
-            f"{path}: format_version",
-            str(FORMAT_VERSION),
-            version,
-            "Install the package version that wrote it, or train again.",
-        )
+        cure = "Install the package version that wrote it, or train again."
+        raise ModelError.about(f"{path}: format_version", str(FORMAT_VERSION), version, cure)
     return header

@@ -48,9 +48,6 @@ def check_usable(found: FromBags, bag: Path) -> None:
     if found.accumulated.n_used:
         return
     reasons = [str(r) for r in found.rejections] + [r for _, r in found.accumulated.rejected]
-    raise TrainingError.about(
-        bag.name,
-        "a recording of one movement, at rest before and after",
-        "; ".join(reasons[:3]) or "nothing",
-        "Record it again; this one is kept in `undone`.",
-    )
+    expected = "a recording of one movement, at rest before and after"
+    cure = "Record it again; this one is kept in `undone`."
+    raise TrainingError.about(bag.name, expected, "; ".join(reasons[:3]) or "nothing", cure)

@@ -101,9 +101,8 @@ def unpack_statistics(
         labels, names = tuple(header["labels"]), tuple(header["examples"])
         groups = tuple(header.get("groups", [""] * len(names)))
     except (KeyError, TypeError, AttributeError, ArgumentError) as error:
-        raise ModelError.about(
-            f"{path}: statistics", "a complete header", error, RETRAIN
-        ) from error
+        expected = "a complete header"
+        raise ModelError.about(f"{path}: statistics", expected, error, RETRAIN) from error
     place, same = f"{path}: statistics", preprocessing.basis_of(chosen.aligned) == library.basis
     require(same, place, f"hyperparameters of {library.basis}", chosen)
     require(labels == library.labels, place, f"the tasks {library.labels}", labels)

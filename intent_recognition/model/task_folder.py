@@ -107,9 +107,8 @@ class TaskFolder:
                 (self.path / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             cure = "Choose another folder."
-            raise ResourceBusyError.about(
-                str(self.path), "a folder that can be made", error, cure
-            ) from error
+            expected = "a folder that can be made"
+            raise ResourceBusyError.about(str(self.path), expected, error, cure) from error
         with self._locked():
             pass
         if self.model_path.exists():
@@ -143,9 +142,8 @@ class TaskFolder:
         with self._locked():
             if self.model_path.exists():
                 cure = "Choose a new folder, or leave the model out."
-                raise ResourceBusyError.about(
-                    "model", "a folder without a model", self.model_path, cure
-                )
+                expected = "a folder without a model"
+                raise ResourceBusyError.about("model", expected, self.model_path, cure)
             loaded, trained = load_trained(model)
             self.dofs = check_dofs(loaded, self.dofs, "the DOFs asked for")
             self._keep(START, "", "", trained)

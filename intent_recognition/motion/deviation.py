@@ -106,12 +106,9 @@ def calibrate_detector(
     rank = int(false_alarm_rate * (len(held_out) + 1))
     if rank < 1 or not fitted:
         needed = 2 * int(np.ceil(1.0 / max(false_alarm_rate, 1e-9)) - 1)
-        raise ArgumentError.about(
-            "executions",
-            f"{needed} or more for a rate of {false_alarm_rate:g}",
-            len(executions),
-            "Record more of them, or allow more false alarms.",
-        )
+        expected = f"{needed} or more for a rate of {false_alarm_rate:g}"
+        cure = "Record more of them, or allow more false alarms."
+        raise ArgumentError.about("executions", expected, len(executions), cure)
     n_joints = fitted[0].error.shape[1]
     coefficients, std = np.zeros((3, n_joints)), np.zeros(n_joints)
     for joint in range(n_joints):

@@ -267,7 +267,6 @@ def _read_model(path: str, names: tuple[str, ...]) -> "Model":
     model = load_model(path)
     of_model = model.dofs.controlled_message_names
     if names and names != of_model and not is_hand(of_model):
-        raise ArgumentError.about(
-            "joint_names", f"those of the model {path}: {of_model}", names, "Leave one away."
-        )
+        expected = f"those of the model {path}: {of_model}"
+        raise ArgumentError.about("joint_names", expected, names, "Leave one away.")
     return model

@@ -279,9 +279,8 @@ def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
         return data[:4] + layout.pack(*divmod(stamp_ns, 1_000_000_000)) + data[12:]
     except (struct.error, IndexError) as error:
         cure = "Play it without restamp."
-        raise BagError.about(
-            "header.stamp", "a stamp between 1901 and 2038, after the shift too", error, cure
-        ) from error
+        expected = "a stamp between 1901 and 2038, after the shift too"
+        raise BagError.about("header.stamp", expected, error, cure) from error
 
 
 def _open(bag: str) -> BagReader:

@@ -131,15 +131,13 @@ def joint_values(
     """
     values = getattr(message, field)
     if len(values) != len(message.name):
-        raise MessageError.about(
-            field, f"{len(message.name)} values, one a name", len(values), "Fill it."
-        )
+        expected = f"{len(message.name)} values, one a name"
+        raise MessageError.about(field, expected, len(values), "Fill it.")
     index = {name: i for i, name in enumerate(message.name)}
     missing = [joint for joint in joints if joint not in index]
     if missing:
-        raise MessageError.about(
-            "joint_states", f"joints {missing}", list(message.name), "Check the joint names."
-        )
+        cure = "Check the joint names."
+        raise MessageError.about("joint_states", f"joints {missing}", list(message.name), cure)
     return np.array([values[index[joint]] for joint in joints], dtype=np.float64)
 
 
@@ -235,9 +233,8 @@ def _stack(message: JointTrajectory, field: str) -> NDArray[np.float64]:
     lengths = {len(getattr(point, field)) for point in message.points}
     width = len(message.joint_names)
     if not lengths <= {width, 0} or len(lengths) > 1 or (field == "positions" and 0 in lengths):
-        raise MessageError.about(
-            field, f"{width} values at every point", sorted(lengths), "Fill all points alike."
-        )
+        cure = "Fill all points alike."
+        raise MessageError.about(field, f"{width} values at every point", sorted(lengths), cure)
     rows = [getattr(point, field) for point in message.points]
     return np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows and lengths != {0} else 0)
 

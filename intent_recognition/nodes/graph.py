@@ -264,9 +264,8 @@ def arguments_of(graph: str, given: Mapping[str, object]) -> dict[str, object]:
     known = {argument.name: argument for argument in spec.arguments()}
     unknown = sorted(set(given) - set(known))
     if unknown:
-        raise ArgumentError.about(
-            f"argument of {graph}", f"one of {', '.join(known)}", unknown[0], "Name one."
-        )
+        expected = f"one of {', '.join(known)}"
+        raise ArgumentError.about(f"argument of {graph}", expected, unknown[0], "Name one.")
     read = {name: known[name].read(value) for name, value in given.items()}
     values = dict(spec.defaults) | {k: v for k, v in read.items() if v is not None}
     for name, argument in known.items():

@@ -189,12 +189,8 @@ class IntentEstimatorNode(ManagedNode):
     def _load(self) -> Model:
         path = self.get_parameter("model").value
         if not path:
-            raise ArgumentError.about(
-                "parameter model",
-                "a model file",
-                "nothing",
-                "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz.",
-            )
+            cure = "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz."
+            raise ArgumentError.about("parameter model", "a model file", "nothing", cure)
         model = load_model(path)
         if dofs := self._values["dofs"]:
             self._own_dofs = check_dofs(model, load_dofs(dofs), dofs)

@@ -36,9 +36,8 @@ def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> 
         name, assigned, _ = word.partition(":=")
         if assigned and name not in known:
             cure = nearest(name, known, "Leave it away.")
-            raise ArgumentError.about(
-                f"argument of {file}", f"one of {', '.join(known)}", name, cure
-            )
+            expected = f"one of {', '.join(known)}"
+            raise ArgumentError.about(f"argument of {file}", expected, name, cure)
 
 
 def check_package(package: str, what: str) -> None:

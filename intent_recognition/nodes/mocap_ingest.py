@@ -232,9 +232,8 @@ class MocapIngest(Node):
 def _check_bodies(bodies: Sequence[str]) -> list[str]:
     names = [body for body in bodies if body]
     if not names or len(set(names)) != len(names):
-        raise ArgumentError.about(
-            "parameter bodies", "different names", list(bodies), "Use e.g. [wrist]."
-        )
+        cure = "Use e.g. [wrist]."
+        raise ArgumentError.about("parameter bodies", "different names", list(bodies), cure)
     return names
 
 

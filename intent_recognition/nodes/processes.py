@@ -137,12 +137,9 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
             if code is None or (name in may_end and code == 0):
                 continue
             lines = self.log_file(name).read_text(encoding="utf-8", errors="replace").splitlines()
-            raise IntentError.about(
-                f"node {name}",
-                "a process that runs until the end",
-                f"exit code {code}: {' | '.join(lines[-5:]) or 'no output'}",
-                f"See {self.log_file(name)}.",
-            )
+            got = f"exit code {code}: {' | '.join(lines[-5:]) or 'no output'}"
+            cure = f"See {self.log_file(name)}."
+            raise IntentError.about(f"node {name}", "a process that runs until the end", got, cure)
 
     def stop(self) -> None:
         """Interrupt all nodes, wait, and kill what is left."""

@@ -61,9 +61,8 @@ def _read(
     try:
         layout = layouts.layout_of(data)
     except ValueError as error:
-        raise MessageError.about(
-            "message", "a whole one", error, "Check who publishes it."
-        ) from error
+        cure = "Check who publishes it."
+        raise MessageError.about("message", "a whole one", error, cure) from error
     (frame_id,) = layout.texts["header.frame_id"]
     matrix = layout.values(data, covariance).reshape(6, 6) if covariance else None
     return PoseNumbers(header_stamp_ns(data), frame_id, layout.values(data, pose), matrix)

@@ -30,12 +30,9 @@ class NormalizedRBFBasis:
     def __post_init__(self) -> None:
         whole = isinstance(self.n_basis, int | np.integer)
         if not whole or self.n_basis < 3 or not self.width > 0:
-            raise ArgumentError.about(
-                "n_basis, width",
-                "3 basis functions or more, a whole number, of positive width",
-                f"{self.n_basis} of width {self.width}",
-                "Try 20 of width 1.5.",
-            )
+            expected = "3 basis functions or more, a whole number, of positive width"
+            got = f"{self.n_basis} of width {self.width}"
+            raise ArgumentError.about("n_basis, width", expected, got, "Try 20 of width 1.5.")
 
     @cached_property
     def centers(self) -> Floats:

@@ -47,12 +47,9 @@ def fit_weights(
     if not ridge > 0:
         raise ArgumentError.about("ridge", "a positive number", ridge, "Try 1e-4.")
     if len(phase) < MIN_SAMPLES:
-        raise TrainingError.about(
-            "demonstration",
-            f"at least {MIN_SAMPLES} samples of every DOF",
-            len(phase),
-            "Record it again, or leave it out.",
-        )
+        expected = f"at least {MIN_SAMPLES} samples of every DOF"
+        cure = "Record it again, or leave it out."
+        raise TrainingError.about("demonstration", expected, len(phase), cure)
     design = basis.design_matrix(phase)
     curvature = np.diff(np.eye(basis.n_basis), 2, axis=0)
     penalty = ridge * len(phase) / basis.n_basis

@@ -38,22 +38,15 @@ def as_observation(
         ArgumentError: there is no such signal, no such DOF, or the stamp is not in seconds.
     """
     if not 0 <= signal < len(sizes):
-        raise ArgumentError.about(
-            "signal",
-            f"0 to {len(sizes) - 1}",
-            signal,
-            "The library's observed_groups lists its signals.",
-        )
+        cure = "The library's observed_groups lists its signals."
+        raise ArgumentError.about("signal", f"0 to {len(sizes) - 1}", signal, cure)
     n_dofs = sizes[signal]
     if dofs is not None and not (
         dofs and len(set(dofs)) == len(dofs) and all(k in range(n_dofs) for k in dofs)
     ):
-        raise ArgumentError.about(
-            "dofs",
-            f"different numbers from 0 to {n_dofs - 1}",
-            list(dofs),
-            "Leave out the DOFs that were not measured.",
-        )
+        expected = f"different numbers from 0 to {n_dofs - 1}"
+        cure = "Leave out the DOFs that were not measured."
+        raise ArgumentError.about("dofs", expected, list(dofs), cure)
     return Observation(
         as_stamp_ns("stamp_s", stamp_s),
         signal,

@@ -44,9 +44,8 @@ class OnsetSettings:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value > 0):
-                raise ArgumentError.about(
-                    name, "a positive number", value, "See OnsetSettings for defaults."
-                )
+                cure = "See OnsetSettings for defaults."
+                raise ArgumentError.about(name, "a positive number", value, cure)
 
 
 def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Floats:

@@ -56,16 +56,12 @@ class Signal:
             )
         if stamps.size > 1 and np.min(np.diff(stamps)) <= 0:
             at = int(np.argmin(np.diff(stamps)))
-            raise ArgumentError.about(
-                "stamps_ns",
-                "strictly increasing stamps",
-                f"{stamps[at]} then {stamps[at + 1]}",
-                "Sort the samples and drop duplicates.",
-            )
+            got = f"{stamps[at]} then {stamps[at + 1]}"
+            cure = "Sort the samples and drop duplicates."
+            raise ArgumentError.about("stamps_ns", "strictly increasing stamps", got, cure)
         if not np.all(np.isfinite(values)):
-            raise ArgumentError.about(
-                "values", "finite numbers", "NaN or infinity", "Leave such samples out."
-            )
+            cure = "Leave such samples out."
+            raise ArgumentError.about("values", "finite numbers", "NaN or infinity", cure)
         stamps.setflags(write=False)
         values.setflags(write=False)
         object.__setattr__(self, "stamps_ns", stamps)

@@ -34,12 +34,9 @@ def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Ex
         frame, *numbers = fields
         pose = _pose(numbers)
         if pose is None or frame_name(frame) in known:
-            raise ArgumentError.about(
-                f"{argument}[{index}]",
-                "one 'frame x y z qx qy qz qw' for each tracker frame",
-                repr(entry),
-                "Give each frame once, metres and a quaternion.",
-            )
+            expected = "one 'frame x y z qx qy qz qw' for each tracker frame"
+            cure = "Give each frame once, metres and a quaternion."
+            raise ArgumentError.about(f"{argument}[{index}]", expected, repr(entry), cure)
         known.add(frame_name(frame))
         extrinsics[frame] = pose
     return extrinsics

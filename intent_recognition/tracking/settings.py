@@ -62,17 +62,15 @@ class IngestSettings:
         ):
             value = np.asarray(getattr(self, name), dtype=np.float64)
             if not (np.all(np.isfinite(value)) and np.all(value > 0.0)):
-                raise ArgumentError.about(
-                    name, "a finite number above zero", value.tolist(), "Correct it."
-                )
+                cure = "Correct it."
+                raise ArgumentError.about(name, "a finite number above zero", value.tolist(), cure)
         for name in ("reanchor_after", "clock_reset_after"):
             if getattr(self, name) < 1:
                 raise ArgumentError.about(name, "at least 1", getattr(self, name), "Raise it.")
         std_m = np.asarray(self.position_std_m, dtype=np.float64)
         if std_m.shape not in ((), (3,)):
-            raise ArgumentError.about(
-                "position_std_m", "one number or three", std_m.shape, "Give one per axis."
-            )
+            cure = "Give one per axis."
+            raise ArgumentError.about("position_std_m", "one number or three", std_m.shape, cure)
         _ = self.frames  # raises for an extrinsic that is not a rigid transform
 
     @cached_property

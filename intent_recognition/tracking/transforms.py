@@ -58,18 +58,15 @@ class RigidTransform:
         quaternion = np.array(self.quaternion, dtype=np.float64)
         for name, array, size in (("translation", translation, 3), ("quaternion", quaternion, 4)):
             if array.shape != (size,):
-                raise ShapeError.about(
-                    name, f"{size} numbers", array.shape, "Give x y z and qx qy qz qw."
-                )
+                cure = "Give x y z and qx qy qz qw."
+                raise ShapeError.about(name, f"{size} numbers", array.shape, cure)
             if not np.all(np.isfinite(array)):
-                raise ArgumentError.about(
-                    name, "finite numbers", array.tolist(), "Correct the extrinsics."
-                )
+                cure = "Correct the extrinsics."
+                raise ArgumentError.about(name, "finite numbers", array.tolist(), cure)
         unit = normalise_quaternion(quaternion)
         if unit is None:
-            raise ArgumentError.about(
-                "quaternion", "a rotation", "all zeros", "Use 0 0 0 1 for none."
-            )
+            cure = "Use 0 0 0 1 for none."
+            raise ArgumentError.about("quaternion", "a rotation", "all zeros", cure)
         for array in (translation, unit):
             array.setflags(write=False)
         object.__setattr__(self, "translation", translation)

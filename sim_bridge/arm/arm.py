@@ -192,9 +192,8 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
             com_m: its centre of mass in the hand frame (3,).
         """
         if not (np.isfinite(mass_kg) and mass_kg >= 0.0 and np.all(np.isfinite(com_m))):
-            raise ArgumentError.about(
-                "mass_kg, com_m", "finite, mass >= 0", (mass_kg, com_m), "Check them."
-            )
+            cure = "Check them."
+            raise ArgumentError.about("mass_kg, com_m", "finite, mass >= 0", (mass_kg, com_m), cure)
         self._payload_mass_kg = float(mass_kg)
         x, y, z = com_m
         self._payload_com_m = float(x), float(y), float(z)

@@ -52,9 +52,8 @@ class ControllerGains:
     def scaled(self, stiffness_scale: float) -> "ControllerGains":
         """Return gains with the stiffness times a factor and the damping ratio kept."""
         if not (np.isfinite(stiffness_scale) and stiffness_scale > 0.0):
-            raise ArgumentError.about(
-                "stiffness_scale", "a positive number", stiffness_scale, "1 is normal."
-            )
+            cure = "1 is normal."
+            raise ArgumentError.about("stiffness_scale", "a positive number", stiffness_scale, cure)
         return replace(
             self,
             stiffness=self.stiffness * stiffness_scale,

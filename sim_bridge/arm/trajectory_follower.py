@@ -112,9 +112,8 @@ class TrajectoryFollower:
         """Forget all commands and rest at position (n_joints,) [rad], without a blend."""
         q = np.array(position, dtype=np.float64)
         if q.shape != (self._limits.n_joints,):
-            raise ShapeError.about(
-                "position", f"shape ({self._limits.n_joints},)", q.shape, "One each."
-            )
+            cure = "One each."
+            raise ShapeError.about("position", f"shape ({self._limits.n_joints},)", q.shape, cure)
         rest = ArmReference(q, np.zeros_like(q), np.zeros_like(q))
         self._entries = [_Entry(-np.inf, rest, None, 0.0)]
 

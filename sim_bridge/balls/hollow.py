@@ -37,19 +37,15 @@ class Hollow:
         rings, heights = self.rings_m, self.heights_m
         good = rings.ndim == 3 and rings.shape[1] >= 3 and rings.shape[2] == 2
         if not good or heights.shape != rings.shape[:1] or len(heights) < 2:
-            raise ShapeError.about(
-                "rings_m, heights_m",
-                "shapes (S, K, 2) and (S,), S >= 2, K >= 3",
-                (rings.shape, heights.shape),
-                "Give one ring of corners per height.",
-            )
+            expected = "shapes (S, K, 2) and (S,), S >= 2, K >= 3"
+            got = (rings.shape, heights.shape)
+            cure = "Give one ring of corners per height."
+            raise ShapeError.about("rings_m, heights_m", expected, got, cure)
         if np.any(np.diff(heights) <= 0.0) or not np.all(_areas(rings) > 0.0):
-            raise ShapeError.about(
-                "rings_m, heights_m",
-                "ascending heights and counter-clockwise rings",
-                (heights.tolist(), _areas(rings).tolist()),
-                "Order the rings from the floor up.",
-            )
+            expected = "ascending heights and counter-clockwise rings"
+            got = (heights.tolist(), _areas(rings).tolist())
+            cure = "Order the rings from the floor up."
+            raise ShapeError.about("rings_m, heights_m", expected, got, cure)
 
     @property
     def rim_height_m(self) -> float:

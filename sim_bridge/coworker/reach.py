@@ -233,9 +233,8 @@ def draw_reach(
         ArgumentError: the task is unknown.
     """
     if task not in STYLES:
-        raise ArgumentError.about(
-            "task", f"one of {sorted(STYLES)}", repr(task), "Correct the label."
-        )
+        cure = "Correct the label."
+        raise ArgumentError.about("task", f"one of {sorted(STYLES)}", repr(task), cure)
     style = STYLES[task]
     goal = style.goal_centre_m + style.goal_half_width_m * _draw_place(rng, side)
     bow = style.bow_m + style.bow_std_m * rng.standard_normal(3)

@@ -107,9 +107,8 @@ def plan_session(
         ArgumentError: an unknown label, or no task at all.
     """
     if not tasks:
-        raise ArgumentError.about(
-            "tasks", "at least one label", "none", f"Name some of {sorted(STYLES)}."
-        )
+        cure = f"Name some of {sorted(STYLES)}."
+        raise ArgumentError.about("tasks", "at least one label", "none", cure)
     timing = timing or SessionTiming()
     rng = np.random.default_rng([seed, 2])
     place, now = draw_rest(rng, side), timing.first_idle_s

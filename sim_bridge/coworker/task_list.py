@@ -105,9 +105,8 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
         ArgumentError: an unknown label, an empty list, or a file that is neither.
     """
     if interactions < 0:
-        raise ArgumentError.about(
-            "interactions", "0 or more", interactions, "Give the number of reaches."
-        )
+        cure = "Give the number of reaches."
+        raise ArgumentError.about("interactions", "0 or more", interactions, cure)
     text = task_list.strip()
     if text == "habit":
         return habitual_tasks(seed, interactions or 40)
@@ -119,9 +118,8 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
     labels = _labels_of(text)
     if not labels:
         expected = "labels, a file of them, 'random' or 'habit'"
-        raise ArgumentError.about(
-            "task_list", expected, repr(task_list), f"Name some of {sorted(STYLES)}."
-        )
+        cure = f"Name some of {sorted(STYLES)}."
+        raise ArgumentError.about("task_list", expected, repr(task_list), cure)
     for label in labels:
         read_intention(label)
     if not interactions:
@@ -135,9 +133,8 @@ def _labels_of(text: str) -> tuple[str, ...]:
         try:
             content = load_yaml(read_text(Path(text)))
         except (OSError, UntrustedError) as error:
-            raise ArgumentError.about(
-                "task_list", "a text or YAML file", text, f"Repair it: {error}."
-            ) from error
+            cure = f"Repair it: {error}."
+            raise ArgumentError.about("task_list", "a text or YAML file", text, cure) from error
         if isinstance(content, dict):
             content = content.get("task_list", content.get("tasks", []))
         if isinstance(content, list):
