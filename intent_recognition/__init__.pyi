@@ -3,13 +3,7 @@ from .activation import Activation, ActivationSettings
 from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
 from .bags import BagReader, BagWriter, recover
 from .composing import ViaPoint, read_sequences, read_via_points
-from .demonstrations import (
-    DofEntry,
-    DofSpec,
-    load_dofs,
-    read_demonstrations,
-    settle_orientations,
-)
+from .demonstrations import DofEntry, DofSpec, load_dofs, read_demonstrations, settle_orientations
 from .errors import (
     ArgumentError,
     BagError,
@@ -54,14 +48,7 @@ from .recognition import (
     predict_controlled,
     recognize_task,
 )
-from .signals import (
-    Demonstration,
-    Observation,
-    Signal,
-    from_tangent,
-    mean_orientation,
-    to_tangent,
-)
+from .signals import Demonstration, Observation, Signal, from_tangent, mean_orientation, to_tangent
 from .warping import (
     AnnotatedObject,
     Grasp,

@@ -8,12 +8,7 @@ import numpy as np
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import Common
-from intent_recognition.activation.states import (
-    Command,
-    PlannedWay,
-    PredictedInteraction,
-    TaskPath,
-)
+from intent_recognition.activation.states import Command, PlannedWay, PredictedInteraction, TaskPath
 from intent_recognition.activation.things import Things
 from intent_recognition.array_types import Floats
 from intent_recognition.motion import (
@@ -115,11 +110,7 @@ class Motions:
         return self._send_way(now_ns, start_ns, way)
 
     def _planner(
-        self,
-        path: JointPath,
-        timing: NominalTiming,
-        start: JointReference,
-        progress: PhaseState,
+        self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
     ) -> _Planner:
         """Plans along a path from a reference on, under ceilings of the phase rate.
 

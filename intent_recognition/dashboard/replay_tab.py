@@ -34,11 +34,7 @@ class ReplayTab:
     """
 
     def __init__(
-        self,
-        page: PageAccess,
-        bags: Sequence[Path],
-        play: Play,
-        stop: Callable[[BagPlayer], None],
+        self, page: PageAccess, bags: Sequence[Path], play: Play, stop: Callable[[BagPlayer], None]
     ):
         self._bags = names_of(bags)
         self._play, self._stop, self._commands = play, stop, page.commands

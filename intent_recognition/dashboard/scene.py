@@ -66,11 +66,7 @@ class PageScene:
         return self._robot
 
     def update(
-        self,
-        state: CellState,
-        colours: Mapping[str, str],
-        people: Mapping[str, str],
-        now_s: float,
+        self, state: CellState, colours: Mapping[str, str], people: Mapping[str, str], now_s: float
     ) -> str:
         """Draw the newest, in the colours of tasks and people.
 
@@ -87,11 +83,7 @@ class PageScene:
         return self._problem
 
     def _update_people(
-        self,
-        state: CellState,
-        colours: Mapping[str, str],
-        people: Mapping[str, str],
-        now_s: float,
+        self, state: CellState, colours: Mapping[str, str], people: Mapping[str, str], now_s: float
     ) -> None:
         for name in self._people.keys() - state.people.keys():
             self._people.pop(name).remove()

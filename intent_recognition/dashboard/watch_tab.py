@@ -51,11 +51,7 @@ class WatchTab:
         page.on_change(self._guide, lambda: commands.gravity_compensation(self._guide.value))
 
     def update(
-        self,
-        state: CellState,
-        colours: Mapping[str, str],
-        people: Mapping[str, str],
-        now_s: float,
+        self, state: CellState, colours: Mapping[str, str], people: Mapping[str, str], now_s: float
     ) -> None:
         """Show the newest, in the colours of tasks and people."""
         self._empty.visible = not state.joints and not state.believes

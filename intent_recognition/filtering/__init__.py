@@ -10,10 +10,6 @@ from intent_recognition.filtering.grid import (
     fixed_prior_grid,
     make_prior_grid,
 )
-from intent_recognition.filtering.posterior import (
-    TaskPosterior,
-    answered,
-    task_posterior,
-)
+from intent_recognition.filtering.posterior import TaskPosterior, answered, task_posterior
 from intent_recognition.filtering.prediction import deviations_at
 from intent_recognition.filtering.table import Deviations

@@ -167,10 +167,7 @@ class Births:
         return left
 
     def observe(
-        self,
-        measurement: Measurement,
-        onset: HypothesisTable,
-        log_evidence: NDArray[np.float64],
+        self, measurement: Measurement, onset: HypothesisTable, log_evidence: NDArray[np.float64]
     ) -> None:
         """Condition on a measurement; prune what is hopeless, and give birth to new hypotheses.
 

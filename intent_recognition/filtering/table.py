@@ -124,11 +124,7 @@ class HypothesisTable:
             self._columns[name][new] = values
         return new
 
-    def condition(
-        self,
-        measurement: Measurement,
-        index: NDArray[np.int64] | None = None,
-    ) -> None:
+    def condition(self, measurement: Measurement, index: NDArray[np.int64] | None = None) -> None:
         """Condition rows on a measurement: those of an index, ascending, or all."""
         where = slice(self.n) if index is None else index
         rows, deviation = self._columns[where], self.deviation[: self.n]

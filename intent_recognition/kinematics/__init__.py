@@ -24,11 +24,7 @@ from intent_recognition.kinematics.limits import (
     check_position,
     position_violation,
 )
-from intent_recognition.kinematics.lwr import (
-    DEFAULT_ACCELERATION_RAD_S2,
-    JOINT_NAMES,
-    LWR_LIMITS,
-)
+from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2, JOINT_NAMES, LWR_LIMITS
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.urdf import read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (

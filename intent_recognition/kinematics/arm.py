@@ -15,12 +15,7 @@ from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
 from intent_recognition.kinematics.links import Links
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
-from intent_recognition.kinematics.pose_search import (
-    REACHED,
-    PoseSearch,
-    Solution,
-    checked_target,
-)
+from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, checked_target
 from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
 from intent_recognition.kinematics.urdf_tree import LINK

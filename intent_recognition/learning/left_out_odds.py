@@ -15,11 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import (
-    NEGLIGIBLE,
-    MovementFilter,
-    make_prior_grid,
-)
+from intent_recognition.filtering import NEGLIGIBLE, MovementFilter, make_prior_grid
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import paired_examples
 from intent_recognition.learning.left_out import LeavingOut

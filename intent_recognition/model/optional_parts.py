@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.model.arrays import (
-    check_arrays,
-    check_covariances,
-    check_positive,
-    require,
-)
+from intent_recognition.model.arrays import check_arrays, check_covariances, check_positive, require
 from intent_recognition.promp import CONTEXT_STRENGTH, ContextModel, ResidualCoupling
 
 CONTEXT = ("context_mean", "context_covariance", "context_gain")

@@ -177,12 +177,7 @@ def run(
 
 
 def _next_rate(
-    limits: SpeedLimits,
-    s: float,
-    v: float,
-    t: float,
-    nominal: NominalTiming | None,
-    step_s: float,
+    limits: SpeedLimits, s: float, v: float, t: float, nominal: NominalTiming | None, step_s: float
 ) -> float:
     """The phase rate one step later."""
     low, high = _phase_acceleration(limits, s, v, step_s)

@@ -77,11 +77,7 @@ class Diagnostics:
     """
 
     def __init__(
-        self,
-        node: Node,
-        *,
-        period_s: float = PERIOD_S,
-        clock: Callable[[], float] = time.monotonic,
+        self, node: Node, *, period_s: float = PERIOD_S, clock: Callable[[], float] = time.monotonic
     ):
         self._node = node
         self._clock = clock

@@ -88,17 +88,9 @@ def _warper(name: str, **toward: str) -> NodeSpec:
 
 _SEEN = ("cloud", "grasp", "labelled_cloud", "parameters", "pose")
 NODES = {
-    "lwr_sim": NodeSpec(
-        _SIMULATED,
-        remappings=_ARM,
-        clock="publish_clock",
-        unless="arm",
-    ),
+    "lwr_sim": NodeSpec(_SIMULATED, remappings=_ARM, clock="publish_clock", unless="arm"),
     "arm_sim": NodeSpec(
-        _SIMULATED | {"robot": "arm"},
-        remappings=_ARM,
-        clock="publish_clock",
-        when="arm",
+        _SIMULATED | {"robot": "arm"}, remappings=_ARM, clock="publish_clock", when="arm"
     ),
     "mocap_ingest": NodeSpec(_from("bodies"), frames=True),
     "intent_estimator": NodeSpec(
@@ -136,14 +128,10 @@ NODES = {
         respawns=False,
     ),
     "task_teacher": NodeSpec(
-        _from("model", "library", "dofs", "hand_link"),
-        remappings=_ARM,
-        when="dashboard",
+        _from("model", "library", "dofs", "hand_link"), remappings=_ARM, when="dashboard"
     ),
     "dashboard": NodeSpec(
-        _from("port", "models", "hand_link", "scene", "light"),
-        remappings=_ARM,
-        when="dashboard",
+        _from("port", "models", "hand_link", "scene", "light"), remappings=_ARM, when="dashboard"
     ),
     "robot_state_publisher": NodeSpec(
         remappings=_STATES, frames=True, when="rviz", package="robot_state_publisher"
@@ -192,18 +180,12 @@ GRAPHS = {
         {"use_sim_time": True, "publish_clock": True, "arm_scene": "pouring"},
         without=("model", "pretrigger_threshold", "hand_link", "arm"),
     ),
-    "sim": GraphSpec(
-        (*ARMS, "coworker_sim", "robot_state_publisher", "rviz2"),
-        {"coworker": True},
-    ),
+    "sim": GraphSpec((*ARMS, "coworker_sim", "robot_state_publisher", "rviz2"), {"coworker": True}),
     "intent": GraphSpec((*RECOGNITION, *PAGE, "rviz2"), _TASKS),
     "real": GraphSpec(
         (*RECOGNITION, "bag_recorder", *PAGE, "rviz2"),
         _TASKS
-        | {
-            "command_topic": "joint_trajectory_controller/joint_trajectory",
-            "activate": False,
-        },
+        | {"command_topic": "joint_trajectory_controller/joint_trajectory", "activate": False},
         params="config/real_arm.yaml",
     ),
     "replay": GraphSpec(

@@ -158,12 +158,7 @@ class PrimitiveActivation(ManagedNode):
         evidence = np.array(message.effort, dtype=np.float64) if message.effort else None
         try:
             activation.take_tasks(
-                now_ns(self),
-                stamp_ns(message),
-                list(message.name),
-                probabilities,
-                evidence,
-                person,
+                now_ns(self), stamp_ns(message), list(message.name), probabilities, evidence, person
             )
         except IntentError as error:
             self.diagnostics.reject("bad_tasks", str(error))

@@ -71,9 +71,7 @@ class TopicRecorder(Node):
         self.diagnostics = Diagnostics(self)
         self.diagnostics.status(Level.OK, "idle")
         self._listener = BagListener(
-            self,
-            self._on_message,
-            lambda error: self.diagnostics.reject("unexpected", repr(error)),
+            self, self._on_message, lambda error: self.diagnostics.reject("unexpected", repr(error))
         )
 
     def listen(self, topics: Sequence[str]) -> None:

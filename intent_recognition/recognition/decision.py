@@ -34,14 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.promp import (
-    NONE,
-    USUAL_END_STD,
-    Risk,
-    TaskLibrary,
-    end_std_limits,
-    risk_of,
-)
+from intent_recognition.promp import NONE, USUAL_END_STD, Risk, TaskLibrary, end_std_limits, risk_of
 
 EVEN = 1e-6
 """Log Bayes factor that counts as zero. Convention: rounding, and what the margin leaves of it.
@@ -151,9 +144,7 @@ def learned_risk(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Risk | N
 
 
 def possible_tasks(
-    settings: DecisionSettings,
-    labels: Sequence[str],
-    probabilities: NDArray[np.float64],
+    settings: DecisionSettings, labels: Sequence[str], probabilities: NDArray[np.float64]
 ) -> tuple[str, ...]:
     """The tasks that a movement may be, the most probable first: a conformal set.
 

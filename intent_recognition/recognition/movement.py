@@ -47,10 +47,7 @@ class Movements:
         self._leads_ns = [round(lead * usual_s * 1e9) for lead in STOP_LEADS]
 
     def begin(
-        self,
-        onset_ns: int,
-        task_weight: NDArray[np.float64] | None,
-        past: Iterable[Observation],
+        self, onset_ns: int, task_weight: NDArray[np.float64] | None, past: Iterable[Observation]
     ) -> MovementFilter:
         """Filter a movement from its onset; the arguments are those of `MovementFilter.restart`."""
         self._filter.restart(onset_ns, task_weight, past)

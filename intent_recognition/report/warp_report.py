@@ -21,12 +21,7 @@ from intent_recognition.report.drawing import (
     to_png,
     to_svg,
 )
-from intent_recognition.warping import (
-    ObjectModel,
-    Part,
-    PouringParameters,
-    WarpedObject,
-)
+from intent_recognition.warping import ObjectModel, Part, PouringParameters, WarpedObject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -25,13 +25,7 @@ from intent_recognition.kinematics import (
 )
 from intent_recognition.share import share_path
 from sim_bridge.arm.controllers import ControllerGains
-from sim_bridge.arm.urdf import (
-    add_rotors,
-    add_world,
-    find_meshes,
-    hold_others,
-    written,
-)
+from sim_bridge.arm.urdf import add_rotors, add_world, find_meshes, hold_others, written
 
 LARGEST_TORQUE_NM = 100.0
 """Torque limit from which on stiffness and rotors do not grow [Nm]: URDFs often exaggerate it.

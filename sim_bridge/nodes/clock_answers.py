@@ -25,11 +25,7 @@ class ClockAnswers:
     """
 
     def __init__(
-        self,
-        node: Node,
-        answering: Sequence[str],
-        diagnostics: Diagnostics,
-        takes: Collection[str],
+        self, node: Node, answering: Sequence[str], diagnostics: Diagnostics, takes: Collection[str]
     ) -> None:
         self._node, self._answering, self._diagnostics = node, answering, diagnostics
         self._lock_step = LockStep(answering, takes)
