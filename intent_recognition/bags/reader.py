@@ -167,9 +167,6 @@ class BagReader:
 
         The values are those of `messages`, bit for bit, in the same order.
 
-        Args:
-            topics: names, with or without leading slash.
-
         Returns:
             By topic name without leading slash: `PoseColumns`, `JointColumns`, or None where the
             topic must be read with `messages`. That is so for other types and definitions, big

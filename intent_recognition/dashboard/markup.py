@@ -45,15 +45,7 @@ MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
 def bars(
     person: PersonState, active: str, colours: Mapping[str, str], fresh: bool, head: str = ""
 ) -> str:
-    """The task posterior as bars, with the phase of each task; grey where it is old.
-
-    Args:
-        person: whose.
-        active: the task that the robot executes for that person.
-        colours: of tasks.
-        fresh: whether it is recent.
-        head: chip with the name of the person, who is one of several.
-    """
+    """The task posterior as bars, with the phase of each task; grey where it is old."""
     posterior = person.posterior
     if posterior is None:
         return ""
@@ -86,13 +78,7 @@ def bars(
 
 
 def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, str]) -> str:
-    """What the robot does or did not finish, for whom and why; what the simulated coworker does.
-
-    Args:
-        state: of the cell.
-        colours: of tasks.
-        people: colours of people with names.
-    """
+    """What the robot does or did not finish, for whom and why; what the simulated coworker does."""
     task_chip = lambda task: chip(readable(task), colours.get(task, STALE))  # noqa: E731
     parts = [f"robot: {task_chip(state.active) if state.active else 'waits'}"]
     if state.helped:

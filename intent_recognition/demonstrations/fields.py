@@ -65,10 +65,6 @@ def pose_message(header: object, position: ArrayLike, orientation: ArrayLike) ->
 def extract(entry: DofEntry, message: Any) -> Floats:
     """Values (d,) of the entry's DOFs in one decoded message.
 
-    Args:
-        entry: what to read.
-        message: of rclpy or of a bag.
-
     Raises:
         MessageError: a joint, a field or an element of an array is missing, or is not a number. A
             JointState without the quantity asked for (an empty `velocity`, say) counts as a missing

@@ -10,10 +10,6 @@ from intent_recognition.signals import LABEL, LONGEST_LABEL, Rejection, can_name
 def check_label(label: str, cure: str = "Give one such as give_cup.") -> None:
     """Make sure that a text can name a task.
 
-    Args:
-        label: the text.
-        cure: what helps where it cannot.
-
     Raises:
         BagError: it is empty, too long, means no task, or holds what a folder or a terminal
             cannot show.

@@ -94,10 +94,6 @@ def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
 
     Of the controlled agent only the topics that the recording has are read, of the context none.
 
-    Args:
-        path: of one bag.
-        dofs: topics and fields to read.
-
     Raises:
         BagError: it is not one bag, is damaged, or a topic of the observed agent cannot be read.
     """

@@ -114,11 +114,7 @@ def log_durations(library: TaskLibrary) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Durations of a task, in standard deviations of their logarithm, and log probabilities, (S,).
-
-    Args:
-        n_scales: S.
-    """
+    """Durations of a task, in standard deviations of their logarithm; log probabilities (S,)."""
     offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
     log_weight = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
     return offsets, log_weight - np.logaddexp.reduce(log_weight)

@@ -142,10 +142,6 @@ def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
 
     An answer names the right task with probability `ANSWER_TRUST`, and any other thing as often as
     any.
-
-    Args:
-        posterior: before the answer.
-        task: number of the task that was named.
     """
     log_likelihood = np.full(
         len(posterior.probabilities),

@@ -103,12 +103,7 @@ class LeavingOut:
         return self._left_out(covariance, departed, without=number)
 
     def unseen(self, number: int, example: TrainingExample) -> LeftOut | None:
-        """Without the person who showed a demonstration, or without it alone; None: neither is.
-
-        Args:
-            number: of its task.
-            example: the demonstration.
-        """
+        """Without the person who showed a demonstration, or without it alone; None: neither is."""
         found = self.group(example.group)
         something_is_left = self.statistics[number].n > 1 and self._pooled.freedom > 1
         if found is None and something_is_left:

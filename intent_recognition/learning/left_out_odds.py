@@ -58,13 +58,7 @@ def learn_left_out_odds(
 
 
 def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
-    """Highest log odds of the other tasks against the true one along a movement.
-
-    Args:
-        library: one that does not know the movement.
-        task: number of the true one.
-        recorded: the movement.
-    """
+    """Highest log odds of the other tasks against the true one along a movement."""
     followed = follow(library, recorded)
     beliefs = [run.births.belief(run.log_evidence) for run in followed if run.births]
     total = np.array([one.log_joint[:-1] for one in beliefs])
@@ -117,12 +111,7 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
 
 
 def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[MovementFilter]:
-    """The filter after each sample of a movement.
-
-    Args:
-        library: one that does not know the movement.
-        recorded: the movement.
-    """
+    """The filter after each sample of a movement."""
     grid = make_prior_grid(library, n_scales=N_FOLLOWED_SCALES)
     run = MovementFilter(library, grid, 0, switching=True)
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)

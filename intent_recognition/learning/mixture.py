@@ -137,11 +137,6 @@ def cluster(features: Features, n_components: int, rng: np.random.Generator) -> 
     likelihood favours components that hold a single outlier. In many dimensions a demonstration
     also stays in a component because it shaped it. Each is therefore reassigned by the mixture
     fitted without it, and EM restarted from there, as long as the likelihood rises.
-
-    Args:
-        features: the demonstrations.
-        n_components: K.
-        rng: for the starts.
     """
     points, prior = features.coordinates, features.prior
     n_starts = N_STARTS if n_components > 1 else 1

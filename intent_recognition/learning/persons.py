@@ -152,9 +152,6 @@ def log_duration_variance_of_strangers(
     """Variance of an unknown person's log durations about the means of their tasks.
 
     As `covariance_of_strangers`; None without people to compare.
-
-    Args:
-        examples: of each task.
     """
     grouped = group_scatter(examples, lambda one: np.log([one.duration_s]))
     if grouped is None:

@@ -14,13 +14,7 @@ def other_units_of(
     usual: Mapping[str, TaskStatistics],
     preprocessing: Preprocessing,
 ) -> list[StreamFinding]:
-    """Demonstrations with a signal in another unit than in most others, each with the likely unit.
-
-    Args:
-        tasks: statistics of the demonstrations that are judged.
-        usual: of those that they are compared with.
-        preprocessing: of both.
-    """
+    """Demonstrations with a signal in another unit than most others, each with the likely unit."""
     known = [_sizes(example, preprocessing) for task in usual.values() for example in task.examples]
     if not known:
         return []

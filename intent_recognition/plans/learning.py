@@ -90,11 +90,7 @@ def learn_plan(
 
 
 def _occurrences(tasks: Sequence[Sequence[str]]) -> list[list[Occurrence | None]]:
-    """Which step each movement does; None where it does none.
-
-    Args:
-        tasks: of each assembly, in order.
-    """
+    """Which step each movement does; None where it does none."""
     counts = [Counter(one) for one in tasks]
     n = len(tasks)
     often = {

@@ -98,11 +98,6 @@ def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) 
 
     Largest standard deviation over the controlled DOFs of each unit when the observed weights are
     known exactly.
-
-    Args:
-        library: the learned tasks.
-        task: number of the task.
-        start_known: whether the controlled agent's start is known exactly, too.
     """
     n, size = library.n_controlled, library.n_observed_weights
     known = Gaussian(np.zeros(size), np.zeros((size, size)))

@@ -99,13 +99,7 @@ class DecisionSettings:
             _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
 
     def is_sure(self, labels: Sequence[str], p: NDArray[np.float64], task: int) -> bool:
-        """Whether a task is probable enough to act on.
-
-        Args:
-            labels: of the tasks and none.
-            p: their probabilities.
-            task: place of its label.
-        """
+        """Whether a task is probable enough to act on."""
         if self.risk is None:
             return bool(p[task] >= self.threshold)
         none = p[list(labels).index(NONE)]

@@ -129,11 +129,6 @@ class OnsetPosture:
         """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
 
         Third, the whole turns by which the arm is away from where the task was learned, (Q,) [rad].
-
-        Args:
-            library: the learned tasks.
-            task: number of the task.
-            onset_ns: stamp of the movement's onset.
         """
         if onset_ns != self._onset_ns:
             self._forget_onset(onset_ns)

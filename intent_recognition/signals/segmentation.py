@@ -115,14 +115,6 @@ def movement_span(
 
     It starts at the observed agent's onset, as the online detector would find it, and ends when
     the last of both agents has come to rest. A recording without a detected onset is kept whole.
-
-    Args:
-        observed: signals of the human.
-        controlled: signals of the robot.
-        observed_settings: what counts as moving, for each observed signal.
-        controlled_settings: the same for each controlled one.
-        start_ns: first stamp of the recording.
-        end_ns: its last stamp.
     """
     onset_s = earliest_onset(observed_settings, observed, start_ns)
     if onset_s is None:

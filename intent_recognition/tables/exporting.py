@@ -58,12 +58,7 @@ def export_columns(demonstrations: Sequence[Demonstration]) -> Columns:
 
 
 def export_map(dofs: DofSpec, columns: Mapping[str, object]) -> dict[str, object]:
-    """The map with which `intent import` makes bags of an exported table again.
-
-    Args:
-        dofs: of the demonstrations.
-        columns: of the table.
-    """
+    """The map with which `intent import` makes bags of an exported table again."""
     content: dict[str, object] = {}
     observed = (*dofs.observed, *dofs.context)
     for side, entries in (("observed", observed), ("controlled", dofs.controlled)):

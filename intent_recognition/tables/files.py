@@ -32,12 +32,7 @@ SUFFIXES: dict[str, Callable[[Path], Table]] = {
 
 
 def open_table(path: Path, skip_rows: int = 0) -> Table:
-    """The table in a file, or in the folder of a LeRobot data set or of OpenPose's frames.
-
-    Args:
-        path: of the file.
-        skip_rows: lines of a text before its header.
-    """
+    """The table in a file, or in the folder of a LeRobot data set or of OpenPose's frames."""
     if is_lerobot(path):
         return open_lerobot(path)
     if path.is_dir():

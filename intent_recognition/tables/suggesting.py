@@ -68,9 +68,6 @@ def suggest_map(source: Path) -> str:
 
     Recordings of several files, in a folder for each kind, get an entry for each kind.
 
-    Args:
-        source: file, folder or data set.
-
     Raises:
         BagError: nothing can be read.
     """

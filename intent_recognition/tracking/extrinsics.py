@@ -17,10 +17,6 @@ Extrinsics = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Extrinsics:
     """Read entries 'frame x y z qx qy qz qw' [m, quaternion]; empty ones are ignored.
 
-    Args:
-        entries: one for each tracker frame.
-        argument: what messages call the list.
-
     Raises:
         ArgumentError: an entry does not have eight fields, a field is not a finite number, the
             quaternion is zero, or a frame occurs twice.

@@ -134,12 +134,6 @@ def free_joints(
 ) -> tuple[list[int], int, list[Joint]]:
     """Free joints of PyBullet's motors and damping.
 
-    Args:
-        client: the world.
-        body: the arm.
-        names: joints to free.
-        tip: a link.
-
     Returns:
         Their indices, the link's, and all joints that move in PyBullet's order.
     """

@@ -80,14 +80,7 @@ def toolbox_places(plan: SessionPlan) -> NDArray[np.float64]:
 def score_session(
     log: SessionLog, plan: SessionPlan, first_ns: int, scoring: Scoring
 ) -> tuple[list[InteractionRecord], list[Trace]]:
-    """One record and one trace (arrays for the report's figures) per interaction.
-
-    Args:
-        log: what was on the topics.
-        plan: the ground truth.
-        first_ns: stamp of the session's first sample.
-        scoring: what the arm is measured by.
-    """
+    """One record and one trace (arrays for the report's figures) per interaction."""
     onsets = [first_ns + round(i.onset_s * 1e9) for i in plan.interactions]
     limits = [onset - round(EARLIEST_DECISION_S * 1e9) for onset in onsets[1:]]
     limits.append(np.iinfo(np.int64).max)
