@@ -84,15 +84,3 @@ def test_a_library_learned_from_many_covers_held_out_demonstrations(learned_from
     )
     assert 0.93 < np.mean(np.abs(z) < 2.0) < 0.97
     assert np.mean(z**2) == pytest.approx(1.0, abs=0.25)
-
-
-@pytest.mark.slow
-def test_noise_denser_than_the_correlation_time_widens_rather_than_narrows():
-    """Ten times the samples of independent noise: the model counts them as one piece of evidence
-    per correlation time, so it is cautious and never overconfident."""
-    truth, rng, errors = truth_library(1), np.random.default_rng(3), []
-    cautious = truth_library(1, correlation_time_s=2.0 / 30)
-    for i in range(60):
-        recording = simulate(truth, i % 2, rng, rate_hz=300.0)
-        errors.append(standardised_errors(cautious, recording, 0.5, True, n_times=6))
-    assert np.mean(np.abs(np.array(errors)) < 2.0) > 0.93

@@ -187,19 +187,6 @@ def test_deviations_to_come_drift_back_to_the_prior(rng):
         np.testing.assert_allclose(found[s, 1], moved, atol=1e-12)
 
 
-def test_covariances_stay_positive_definite_over_many_steps(rng):
-    run = start(library_with(rng, LEADING), 1.5, 2.0, 2.5)
-    before = np.trace(bank_of(run).covariance, axis1=1, axis2=2)
-    for time in np.linspace(0.0, 4.0, 800):
-        run.observe(seen(time, rng.normal(size=3) * 0.01, variance=1e-6))
-    bank = bank_of(run)
-    assert np.array_equal(bank.covariance, np.swapaxes(bank.covariance, 1, 2))
-    assert np.linalg.eigvalsh(bank.covariance).min() > 0.0
-    assert np.all(np.trace(bank.covariance, axis1=1, axis2=2) < before)
-    deviations = run.prediction(0).deviations_at(np.linspace(0, 5, 30))
-    np.testing.assert_allclose(deviations.sum(axis=2), 1.0)
-
-
 @pytest.mark.parametrize("freedom", [np.inf, 4.0])
 @pytest.mark.parametrize("far", [1.0, 1e3, 1e6])
 def test_measurements_far_off_leave_finite_probabilities(rng, far, freedom):

@@ -70,14 +70,6 @@ def test_stamps_that_jitter_by_a_microsecond_lose_no_observation(model):
     assert all(model.measurement(seen(stamp)) is not None for stamp in stamps)
 
 
-def test_noise_grows_as_samples_get_denser(library, model):
-    learned = library.noise_variance[:2]
-    for elapsed_s, crowding in ((0.0, 1.0), (0.05, 2.0), (0.13, 1.25), (0.4, 1.0)):
-        found = model.measurement(seen(elapsed_s))
-        np.testing.assert_allclose(found.noise_covariance, np.diag(learned * crowding))
-        assert found.elapsed_s == pytest.approx(elapsed_s)
-
-
 def test_a_part_of_a_signal_is_thinned_for_itself_its_noise_counts_each_dof(library, model):
     """One that is seen for the first time beside one just seen is as crowded as that one."""
     assert model.measurement(seen(0.0, dofs=(0,))) is not None
@@ -86,16 +78,6 @@ def test_a_part_of_a_signal_is_thinned_for_itself_its_noise_counts_each_dof(libr
     np.testing.assert_allclose(other.noise_covariance, [[library.noise_variance[1]]])
     both = model.measurement(seen(0.04))
     np.testing.assert_allclose(both.noise_covariance, np.diag(library.noise_variance[:2] * 5.0))
-
-
-def test_the_sender_s_covariance_is_not_scaled(library, model):
-    covariance = np.array([[2e-3, 1e-3], [1e-3, 3e-3]])
-    model.measurement(seen(0.0))
-    found = model.measurement(seen(0.05, covariance=covariance))
-    expected = covariance + np.diag(2.0 * library.noise_variance[:2])
-    np.testing.assert_allclose(found.noise_covariance, expected)
-    velocity = model.measurement(seen(0.05, covariance=covariance, derivative=True))
-    np.testing.assert_array_equal(velocity.noise_covariance, covariance)
 
 
 def test_intervals_run_between_used_measurements_of_any_signal(model):

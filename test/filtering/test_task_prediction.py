@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import mixture_at, run_bank
-from simulation import START_NS, make_library, minimum_jerk, nearly_known, simulate
+from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
@@ -19,7 +19,7 @@ from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import rollout
-from intent_recognition.signals.observation import Observation, merge
+from intent_recognition.signals.observation import merge
 
 BRIDGE = np.sqrt(4.0 * np.linspace(0, 1, 51) * np.linspace(1, 0, 51))
 LEADING = PhaseDeviation(0.06 * BRIDGE, 0.4, 0.5)
@@ -252,44 +252,6 @@ def test_the_controlled_agent_may_keep_steady_progress(rng, follows):
         positions = run.controlled(41).positions
         np.testing.assert_allclose(positions, wanted.positions, atol=1e-5)
     np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-def hesitation(recorded: np.ndarray) -> np.ndarray:
-    """Reference phase of a person who stands still from 0.35 to 0.55 and makes up for it."""
-    return np.interp(recorded, [0.0, 0.35, 0.55, 1.0], [0.0, 0.42, 0.42, 1.0])
-
-
-def swinging(phase_deviation: PhaseDeviation) -> TaskLibrary:
-    """Human and robot reach and swing together, nearly the same in every demonstration."""
-    phase = np.linspace(0.0, 1.0, 400)
-    shape = [minimum_jerk(phase), 0.4 * np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase)]
-    return nearly_known(np.stack(shape, axis=1), 0.01, phase_deviation)
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_who_hesitates_is_predicted_better_with_phase_deviations(seed):
-    """The robot, just after the pause: with less error, and its errors are covered."""
-    errors, covered = [], []
-    for phase_deviation in (LEADING, STEADY):
-        rng = np.random.default_rng(seed)
-        library = swinging(phase_deviation)
-        weights = rng.multivariate_normal(library.weight_mean[0], library.weight_covariance[0])
-        run = MovementFilter(library, fixed_prior_grid(library, 2.0), START_NS)
-
-        def truth(times, weights=weights, basis=library.basis):
-            row = basis.design_matrix(hesitation(times / 2.0))
-            return row @ weights.reshape(3, -1).T
-
-        for time in np.arange(1, 18) / 30 * 2.0:
-            values = truth(np.array([time]))[0, :2] + 0.01 * rng.normal(size=2)
-            run.observe(Observation(START_NS + round(time * 1e9), 0, values))
-        ahead = np.linspace(0.6, 1.3, 15)
-        mean, square = run.prediction(0).mixture_at(ahead)
-        error = mean[:, 0] - truth(ahead)[:, 2]
-        errors.append(np.sqrt(np.mean(error**2)))
-        covered.append(np.mean(np.abs(error) < 2 * np.sqrt(square - mean**2)[:, 0]))
-    assert errors[0] < 0.5 * errors[1]
-    assert covered[0] > max(covered[1], 0.6)
 
 
 def test_coupled_residuals_are_added_and_take_their_share_of_the_variance(rng):
