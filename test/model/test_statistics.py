@@ -23,11 +23,15 @@ DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 
 
-@pytest.fixture(scope="module", params=["shared", "aligned"])
-def trained(request):
+@pytest.fixture(scope="module")
+def learned():
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
-    trained = learn_with_report(recordings, TrainingSettings(n_basis=6, n_aligned_basis=9)).trained
-    chosen = trained.chosen._replace(pace=request.param)
+    return learn_with_report(recordings, TrainingSettings(n_basis=6, n_aligned_basis=9)).trained
+
+
+@pytest.fixture(scope="module", params=["shared", "aligned"])
+def trained(learned, request):
+    trained, chosen = learned, learned.chosen._replace(pace=request.param)
     library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
     return replace(trained, library=library, chosen=chosen)
 
