@@ -22,7 +22,7 @@ from intent_recognition.demonstrations import (
     read_demonstrations,
 )
 from intent_recognition.errors import DofError, ModelError
-from intent_recognition.evaluation import evaluate
+from intent_recognition.evaluation import evaluate, make_folds
 from intent_recognition.evaluation.online import run_online
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.learning import add_demonstration
@@ -155,7 +155,8 @@ def test_evaluation_knows_the_context():
     recorded = [hand_over(task, k) for k in range(6) for task in ("give", "take")]
     ends = []
     for demonstrations in (recorded, [replace(one, context=()) for one in recorded]):
-        found = evaluate(demonstrations, "kfold:3", SETTINGS)
+        folds = make_folds(demonstrations, "kfold:3")[:1]
+        found = evaluate(demonstrations, folds, SETTINGS, unknown_tasks=False)
         ends.append(found["prediction"]["unknown_phase"]["0.25"]["end_rmse"])
     assert ends[0] < 0.4 * ends[1]
 

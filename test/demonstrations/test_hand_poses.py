@@ -38,16 +38,6 @@ def entry(**changes):
     return content
 
 
-def test_the_hand_is_the_forward_kinematics_of_the_recorded_joints(repository):
-    """Against the Denavit-Hartenberg chain, on a shipped recording."""
-    path = repository / "bags/toolbox/test/plate_handover_00"
-    hand, recorded = read_one(path), read_one(path, load_dofs())
-    assert hand.names == tuple(f"hand/pose.pose.position.{axis}" for axis in "xyz")
-    assert hand.unit == "m"
-    np.testing.assert_array_equal(hand.stamps_ns, recorded.stamps_ns)
-    np.testing.assert_allclose(hand.values, hand_position(recorded.values), atol=1e-9)
-
-
 @pytest.mark.parametrize("link", ["lwr_a7_link", "lwr_a6_link"])
 def test_the_whole_pose_of_a_named_link_is_computed_from_joints(repository, link):
     """Against the Denavit-Hartenberg chain, whose frames stand where the next joint does."""

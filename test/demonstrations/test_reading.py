@@ -101,17 +101,6 @@ def test_a_topic_that_is_left_empty_has_its_own_counts(tmp_path):
     assert rejection.reason == "empty: 0 usable samples (30 not_finite)"  # not two clocks
 
 
-def test_extrinsics_put_poses_into_the_world(tmp_path):
-    bag = write(tmp_path / "demo", [pose(i, frame_id="tracker") for i in range(20)])
-    turned = {"tracker": (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 0.0]))}
-    (moved,), _ = read(bag, DOFS, extrinsics=turned)
-    (plain,), _ = read(bag, DOFS)
-    expected = plain.observed[0].values * [-1, -1, 1] + [1, 0, 0]
-    np.testing.assert_allclose(moved.observed[0].values, expected, atol=1e-12)
-    none, (rejection,) = read(bag, DOFS, extrinsics={})
-    assert not none and "unknown_frame" in rejection.reason
-
-
 def test_folder_with_broken_bags_uses_the_rest(tmp_path):
     for name in ("a", "c", "e", "g"):
         write_bag(tmp_path / name, task=name)
