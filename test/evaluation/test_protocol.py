@@ -25,7 +25,7 @@ from intent_recognition.promp import STEADY, TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
-SETTINGS = TrainingSettings(n_basis=8, segmentation="recording")
+SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
 PREDICTION_KEYS = {
     "rmse", "rmse_inferred_task", "rmse_future", "rmse_mean_of_task", "rmse_nearest_neighbour",
     "end_rmse", "coverage_2_sigma", "nll",
@@ -135,7 +135,7 @@ def test_several_units_give_one_number_each_in_their_own_unit():
 
     rng = np.random.default_rng(0)
     noisy = [exact(f"d{i}", "a", 0.3 + 0.05 * rng.normal()) for i in range(5)]
-    result = evaluate([with_hand(r, 10.0) for r in noisy], make_folds(some(5), "loo"), SETTINGS)
+    result = evaluate([with_hand(r, 10.0) for r in noisy], make_folds(some(5), "loo")[:2], SETTINGS)
     assert result["unit"] == ["rad", "m"]
     for phase in ("known_phase", "unknown_phase"):
         row = result["prediction"][phase]["0.5"]
@@ -170,7 +170,8 @@ def test_scores_by_hand():
 def test_baselines_of_a_shifted_demonstration():
     """Three alike and one off by 0.4: the mean of the others is what it must be."""
     four = [exact(f"d{i}", "a", 0.3) for i in range(3)] + [exact("d3", "a", 0.3, shift=0.4)]
-    row = evaluate(four, make_folds(some(4), "loo"), SETTINGS)["prediction"]["known_phase"]["0.5"]
+    found = evaluate(four, make_folds(some(4), "loo"), SETTINGS, unknown_tasks=False)
+    row = found["prediction"]["known_phase"]["0.5"]
     # Three are predicted from two alike and the shifted one (error 0.4 / 3), one from three alike.
     assert row["rmse_mean_of_task"] == pytest.approx((3 * 0.4 / 3 + 0.4) / 4, rel=1e-9)
     assert row["rmse_nearest_neighbour"] == pytest.approx(0.4 / 4, rel=1e-9)
@@ -231,9 +232,10 @@ def test_start_posture_moves_trajectories_and_never_the_recognition(rng):
         moved = Signal(robot.names, robot.stamps_ns, robot.values + 0.2 * rng.normal(), "rad")
         recordings.append(replace(one, controlled=(moved,)))
     folds = make_folds(some(12), "kfold:3")[:1]
-    off = evaluate(recordings, folds, SETTINGS)
-    on = evaluate(recordings, folds, SETTINGS, start_posture=True)
-    both = evaluate(recordings, folds, SETTINGS, both_starts=True)
+    off, on, both = (
+        evaluate(recordings, folds, SETTINGS, unknown_tasks=False, **options)
+        for options in ({}, {"start_posture": True}, {"both_starts": True})
+    )
     assert off["recognition"] == on["recognition"] == both["recognition"]
     assert both["prediction"] == off["prediction"]
     assert both["prediction_with_start_posture"] == on["prediction"]
@@ -294,7 +296,8 @@ def test_scores_against_a_loop_written_out(rng, monkeypatch):
 @pytest.mark.slow
 def test_a_recording_under_a_wrong_label_is_named():
     wrong = replace(IDENTICAL[0], name="wrong", task="b")
-    result = evaluate([*IDENTICAL, wrong], "loo", SETTINGS)
+    folds = [([*range(6)], [6])]
+    result = evaluate([*IDENTICAL, wrong], folds, SETTINGS, unknown_tasks=False)
     (one,) = (one for one in result["mistaken"] if one["recording"] == "wrong")
     assert one == {"recording": "wrong", "true": "b", "recognised": "a"}
 
@@ -322,7 +325,8 @@ def test_a_movement_unlike_any_task_is_scored_without_none():
 @pytest.mark.slow
 def test_progress_counts_every_demonstration():
     seen = []
-    evaluate(IDENTICAL, make_folds(some(6), "kfold:2"), SETTINGS, progress=seen.append)
+    folds = make_folds(some(6), "kfold:2")
+    evaluate(IDENTICAL, folds, SETTINGS, unknown_tasks=False, progress=seen.append)
     assert seen == [1, 2, 3, 4, 5, 6]
 
 
@@ -360,6 +364,8 @@ def test_no_truth_is_extrapolated():
     cut = replace(IDENTICAL[0], name="cut", controlled=(robot,))
     short = replace(IDENTICAL[0], name="cut", end_ns=last_ns)
     folds = [(list(range(1, 6)), [0])]
-    assert evaluate([cut, *IDENTICAL[1:]], folds, SETTINGS) == evaluate(
-        [short, *IDENTICAL[1:]], folds, SETTINGS
+    ours, theirs = (
+        evaluate([one, *IDENTICAL[1:]], folds, SETTINGS, unknown_tasks=False)
+        for one in (cut, short)
     )
+    assert ours == theirs
