@@ -53,10 +53,6 @@ def near(library, task, phase, dof=1, stds=2.0):
     return float(at.mean[dof] + stds * np.sqrt(at.covariance[dof, dof]))
 
 
-def whole(library, task):
-    return library.primitive(task).predict_controlled(101)
-
-
 def test_it_is_the_via_point_of_the_primitive_and_leaves_the_person_to_the_bit(rng):
     library = make_library(rng, n_controlled=2, n_basis=6)
     point = joint(value=near(library, 0, 0.6), std=0.01)

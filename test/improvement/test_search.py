@@ -119,7 +119,7 @@ def test_the_optimum_of_a_quadratic_cost_is_found_inside_the_bound(away):
         return float(np.sum((inverse @ (weights - mean) - goal) ** 2))
 
     search = CovarianceSearch(space.n_axes, seed=2)
-    points, costs = run(search, space, cost, 160)
+    points, costs = run(search, space, cost, 110)
     settled = settled_point(search, space, points, costs, allow)
     assert np.allclose(settled, min(away, 2.0) * direction, atol=0.1)
 

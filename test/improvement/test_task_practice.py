@@ -12,7 +12,13 @@ from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.improvement import CovarianceSearch, TaskPractice, attempt, load_cost
 from intent_recognition.improvement.task_practice import NEAR_M, arrival_s, warping_matrix
 from intent_recognition.kinematics import hand_position
-from intent_recognition.learning import RuleChange, change_rule, inferred_weights, learn_with_report
+from intent_recognition.learning import (
+    RuleChange,
+    TrainingSettings,
+    change_rule,
+    inferred_weights,
+    learn_with_report,
+)
 from intent_recognition.model import (
     Model,
     PractisedTask,
@@ -30,7 +36,8 @@ RNG = np.random.default_rng(3)
 
 @pytest.fixture(scope="module")
 def trained():
-    return learn_with_report([perform(TRUTH, k % 2, k) for k in range(12)]).trained
+    settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
+    return learn_with_report([perform(TRUTH, k % 2, k) for k in range(12)], settings).trained
 
 
 @pytest.fixture

@@ -202,7 +202,7 @@ def test_a_path_is_followed_from_another_branch_where_that_of_the_seed_ends(name
     arm = arm_of(name)
     rng = np.random.default_rng(3)
     lower, upper = np.maximum(arm.limits.lower, -3), np.minimum(arm.limits.upper, 3)
-    for _ in range(12):
+    for _ in range(6):
         start, aim = lower + (upper - lower) * rng.uniform(0.1, 0.9, (2, arm.n_joints))
         poses = arm.forward_kinematics(np.linspace(start, 0.5 * (start + aim), 25))
         path = arm.follow(poses)

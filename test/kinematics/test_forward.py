@@ -46,14 +46,6 @@ def test_matches_rotation_form(q):
     assert np.allclose(pose[:3, :3], rotation, atol=1e-12)
 
 
-@settings(deadline=None)
-@given(angles)
-def test_rotations_are_orthonormal(q):
-    R = frame_poses(q)[:, :3, :3]
-    assert np.allclose(R @ np.swapaxes(R, -1, -2), np.eye(3), atol=1e-12)
-    assert np.allclose(np.linalg.det(R), 1.0)
-
-
 def test_batch_equals_single():
     rng = np.random.default_rng(1)
     q = rng.uniform(-2.0, 2.0, (4, 3, 7))
