@@ -238,18 +238,20 @@ def harness():
 def ros_interfaces(tmp_path_factory):
     """Function that lets this and other processes import a package of `test/interfaces`.
 
-    Once compiled it serves all processes of a run; an installed one is used as it is.
+    Once compiled it serves all processes of a run; an installed one is used as it is. Each has a
+    folder of its own: who asks for one does not find another one half made.
     """
     own = tmp_path_factory.getbasetemp()
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "interfaces"
-    folder.mkdir(exist_ok=True)
+    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "interfaces"
 
     def provide(package: str) -> None:
         if shutil.which("g++") is None:
             pytest.skip(f"no compiler for {package}")
         from ros_interfaces import build
 
-        with (folder / f"{package}.lock").open("w") as lock:
+        folder = shared / package
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not (folder / package / "__init__.py").is_file():
                 build(package, folder)
