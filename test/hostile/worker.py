@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs commands, each in a process with 1 GB and 20 s of computing; a line of JSON for each.
 
-Forked, because a new interpreter for each of 500 files would take five minutes.
+Forked, because a new interpreter for each of some 400 files would take five minutes.
 """
 
 import gc
