@@ -52,10 +52,6 @@ def test_durations_are_seconds():
     assert duration_s(Duration(sec=-2, nanosec=250_000_000)) == pytest.approx(-1.75)
 
 
-def test_types_are_found_by_name():
-    assert message_class("geometry_msgs/msg/PoseStamped") is PoseStamped
-
-
 @pytest.mark.parametrize("name", ["no_such_package/msg/Thing", "std_msgs/msg/Thing", "nonsense"])
 def test_unknown_type_is_named(name):
     with pytest.raises(MessageError, match=f"installed message type, got {name}"):

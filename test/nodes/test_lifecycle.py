@@ -37,15 +37,6 @@ def change(harness, transition):
     return harness.call(ChangeState, "managed/change_state", request).success
 
 
-def test_managed_node_starts_active(harness):
-    node = harness.add(Managed())
-    assert node.active
-    assert node.seen == ["configure", "activate"]
-    assert change(harness, Transition.TRANSITION_DEACTIVATE)
-    assert not node.active
-    assert node.seen[-1] == "deactivate"
-
-
 @pytest.mark.parametrize("transition", [Transition.TRANSITION_ACTIVATE, 77])
 def test_managed_node_refuses_a_transition_that_does_not_begin_here(harness, transition):
     node = harness.add(Managed())

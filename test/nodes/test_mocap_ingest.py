@@ -96,13 +96,6 @@ def test_bad_input_is_counted_and_harms_nothing(harness):
     harness.spin_until(lambda: counts() == expected, what="all five reasons counted")
 
 
-def test_bodies_are_independent(harness):
-    start(harness, bodies=["wrist", "elbow"])
-    exchange(harness, [pose(0, (0.0, 0.0, 0.0))], 1)
-    far = exchange(harness, [pose(0, (5.0, 0.0, 0.0))], 1, body="elbow")
-    assert far[0].child_frame_id == "elbow_world_aligned"
-
-
 def test_when_the_clock_goes_back_the_first_pose_counts(harness):
     node = start(harness, use_sim_time=True)
     clock = harness.publisher(Clock, "/clock", 10)
