@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import optional
 
 if TYPE_CHECKING:
@@ -21,11 +22,7 @@ WIDTH_STD = 2.0
 
 
 def draw_bands(
-    axes: Axes,
-    times_s: NDArray[np.float64],
-    mean: NDArray[np.float64],
-    std: NDArray[np.float64],
-    names: Sequence[str],
+    axes: Axes, times_s: Floats, mean: Floats, std: Floats, names: Sequence[str]
 ) -> None:
     """Draw the mean of d DOFs over time, each in a band of two standard deviations.
 
@@ -49,7 +46,7 @@ def name_lines(axes: Axes) -> None:
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
-def draw_shares(axes: Axes, labels: Sequence[str], shares: NDArray[np.float64]) -> None:
+def draw_shares(axes: Axes, labels: Sequence[str], shares: Floats) -> None:
     """Draw probabilities as bars, the first label on top."""
     bars = axes.barh(range(len(labels)), shares)
     axes.bar_label(bars, fmt="%.2f", padding=3)

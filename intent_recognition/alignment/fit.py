@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.alignment.warp import MAX_LOG_RATE
+from intent_recognition.array_types import Flags, Floats
 
 ROUNDING = 0.3
 """Rounding of |x|: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale. Convention."""
@@ -33,10 +34,10 @@ class Curves(NamedTuple):
         coefficients: of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1.
     """
 
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
 
     @classmethod
-    def through(cls, samples: NDArray[np.float64]) -> "Curves":
+    def through(cls, samples: Floats) -> "Curves":
         """Hermite cubics through samples (n, T, D) with central differences as slopes."""
         slope = np.gradient(samples, axis=1)
         y0, m0, m1 = samples[:, :-1], slope[:, :-1], slope[:, 1:]
@@ -47,7 +48,7 @@ class Curves(NamedTuple):
         """Those of some demonstrations."""
         return Curves(self.coefficients.take(which, axis=1))
 
-    def at(self, phase: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, phase: Floats) -> tuple[Floats, Floats]:
         """Values and d value / d phase at phases (n, T'), each (n, T', D); held outside [0, 1]."""
         _, n, intervals, n_dofs = self.coefficients.shape
         position = np.clip(phase, 0.0, 1.0) * intervals
@@ -76,9 +77,9 @@ class WarpProblem(NamedTuple):
     """
 
     curves: Curves
-    reference: NDArray[np.float64]
-    basis: NDArray[np.float64]
-    prior_precision: NDArray[np.float64]
+    reference: Floats
+    basis: Floats
+    prior_precision: Floats
     end_std: float
     n_independent: float
 
@@ -86,14 +87,12 @@ class WarpProblem(NamedTuple):
 class LocalCost(NamedTuple):
     """The cost around some parameters: (n,), (n, K + 1) and (n, K + 1, K + 1)."""
 
-    cost: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    curvature: NDArray[np.float64]
+    cost: Floats
+    gradient: Floats
+    curvature: Floats
 
 
-def recorded_phase(
-    basis: NDArray[np.float64], parameters: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def recorded_phase(basis: Floats, parameters: Floats) -> tuple[Floats, Floats]:
     """h at the reference phases, (n, T), and the rate between them, (n, T - 1) (Eq. 15).
 
     Args:
@@ -110,7 +109,7 @@ def recorded_phase(
     return phase, rate
 
 
-def local_cost(problem: WarpProblem, parameters: NDArray[np.float64]) -> LocalCost:
+def local_cost(problem: WarpProblem, parameters: Floats) -> LocalCost:
     """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors).
 
     Args:
@@ -149,15 +148,13 @@ def local_cost(problem: WarpProblem, parameters: NDArray[np.float64]) -> LocalCo
     return LocalCost(_cost(problem, parameters, phase, distance), gradient, curvature)
 
 
-def total_cost(problem: WarpProblem, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def total_cost(problem: WarpProblem, parameters: Floats) -> Floats:
     """The cost alone, (n,); arguments as of `local_cost`."""
     phase, _ = recorded_phase(problem.basis, parameters)
     return _cost(problem, parameters, phase, _deviations(problem, phase)[2])
 
 
-def _deviations(
-    problem: WarpProblem, phase: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _deviations(problem: WarpProblem, phase: Floats) -> tuple[Floats, Floats, Floats]:
     """d value / d phase, deviation less its mean, and its rounded absolute value, (n, T, D)."""
     values, slope = problem.curves.at(phase)
     values -= problem.reference
@@ -165,12 +162,7 @@ def _deviations(
     return slope, values, np.sqrt(values**2 + ROUNDING**2)
 
 
-def _cost(
-    problem: WarpProblem,
-    parameters: NDArray[np.float64],
-    phase: NDArray[np.float64],
-    distance: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _cost(problem: WarpProblem, parameters: Floats, phase: Floats, distance: Floats) -> Floats:
     """Deviations and priors added up, (n,)."""
     weights = parameters[:, 1:]
     ends = parameters[:, 0] ** 2 + (phase[:, -1] - 1.0) ** 2
@@ -180,9 +172,7 @@ def _cost(
     return deviations + 0.5 * (rates + ends / problem.end_std**2)
 
 
-def descend(
-    problem: WarpProblem, start: NDArray[np.float64], n_iterations: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def descend(problem: WarpProblem, start: Floats, n_iterations: int) -> tuple[Floats, Floats]:
     """Parameters (n, K + 1) and costs (n,) after damped Gauss-Newton steps; no cost ever rises.
 
     Args:
@@ -217,15 +207,13 @@ def descend(
     return parameters, cost
 
 
-def _step(local: LocalCost, damping: NDArray[np.float64]) -> NDArray[np.float64]:
+def _step(local: LocalCost, damping: Floats) -> Floats:
     """Levenberg-Marquardt steps, (n, K + 1)."""
     diagonal = np.einsum("nkk->nk", local.curvature)
     damped = local.curvature + np.eye(diagonal.shape[1]) * (damping[:, None] * diagonal)[:, None]
     return -np.linalg.solve(damped, local.gradient[..., None])[..., 0]
 
 
-def _merge(
-    better: NDArray[np.bool_], new: NDArray[np.float64], old: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _merge(better: Flags, new: Floats, old: Floats) -> Floats:
     """Rows of `new` where `better`, else of `old`."""
     return np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)

@@ -6,8 +6,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals import Signal
 
@@ -26,13 +26,13 @@ class Template(NamedTuple):
             infinite for a DOF that never moves, which tells nothing.
     """
 
-    values: NDArray[np.float64]
-    scale: NDArray[np.float64]
+    values: Floats
+    scale: Floats
 
 
 def even_trajectory(
     signals: Sequence[Signal], start_ns: int, end_ns: int, n_samples: int = 200
-) -> NDArray[np.float64]:
+) -> Floats:
     """All DOFs of a recording at even phases from its start to its end, (n_samples, D).
 
     Gaps are bridged and ends held, for the comparison only: weights are learned from the samples
@@ -54,9 +54,7 @@ def even_trajectory(
     return np.stack(columns, axis=1)
 
 
-def resample(
-    trajectories: Sequence[NDArray[np.float64]] | NDArray[np.float64], n_grid: int, smoothing: float
-) -> NDArray[np.float64]:
+def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: float) -> Floats:
     """Checked, smoothed and at even phases, (n, n_grid, D).
 
     Args:
@@ -85,7 +83,7 @@ def resample(
 
 
 @lru_cache(maxsize=64)
-def _smoother(n_samples: int, n_grid: int, width: float) -> NDArray[np.float64]:
+def _smoother(n_samples: int, n_grid: int, width: float) -> Floats:
     """Local linear regression with a Gaussian kernel, (n_grid, n_samples): exact on lines."""
     at = np.linspace(0.0, 1.0, n_grid)[:, None]
     offset = np.linspace(0.0, 1.0, n_samples) - at
@@ -94,9 +92,7 @@ def _smoother(n_samples: int, n_grid: int, width: float) -> NDArray[np.float64]:
     return kernel * (s2 - s1 * offset) / (s0 * s2 - s1**2)
 
 
-def typical_deviation(
-    samples: NDArray[np.float64], deviations: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def typical_deviation(samples: Floats, deviations: Floats) -> Floats:
     """Scale of each DOF, (D,): median over demonstrations of their mean absolute deviations.
 
     Deviations count from their mean in each demonstration, as in the cost of a warp.
@@ -114,7 +110,7 @@ def typical_deviation(
     return np.where(moving & (scale >= np.finfo(np.float64).tiny), scale, np.inf)
 
 
-def medoid(samples: NDArray[np.float64]) -> int:
+def medoid(samples: Floats) -> int:
     """Which demonstration of (n, G, D) has the least L1 distance to all others, DOFs scaled."""
     extent = np.ptp(samples, axis=(0, 1))
     scaled = samples / np.where(extent > 0, extent, 1.0)
@@ -123,8 +119,8 @@ def medoid(samples: NDArray[np.float64]) -> int:
 
 
 def choose_reference(
-    samples: NDArray[np.float64], reference: str | int | NDArray[np.float64], smoothing: float
-) -> tuple[NDArray[np.float64], int | None]:
+    samples: Floats, reference: str | int | Floats, smoothing: float
+) -> tuple[Floats, int | None]:
     """Values (G, D) of the reference asked for, and which demonstration it is.
 
     Args:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.alignment.fit import WarpProblem
 from intent_recognition.alignment.warp import midpoints
+from intent_recognition.array_types import Floats
 
 STEPS = 32
 """Reference intervals of the lattice. Convention: bounds the time of the search."""
@@ -24,7 +25,7 @@ ABSOLUTE_PER_ROOT = 0.8
 L1 norm over DOFs from the L2 norm."""
 
 
-def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> NDArray[np.float64]:
+def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Floats:
     """Parameters (n, K + 1) of smooth warps near the best coarse paths.
 
     Args:
@@ -49,7 +50,7 @@ def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> ND
 
 
 def _best_paths(
-    distance: NDArray[np.float64], rate_std: float, rate_correlation: float, end_std: float
+    distance: Floats, rate_std: float, rate_correlation: float, end_std: float
 ) -> NDArray[np.intp]:
     """Recorded index at each reference step, (n, STEPS + 1), of least total cost.
 
@@ -85,7 +86,7 @@ def _best_paths(
     return path
 
 
-def _smoothed(problem: WarpProblem, paths: NDArray[np.float64]) -> NDArray[np.float64]:
+def _smoothed(problem: WarpProblem, paths: Floats) -> Floats:
     """Parameters of smooth warps along coarse paths (n, STEPS + 1).
 
     The log rates of the path, regressed on the basis with the prior's shape as ridge.

@@ -14,7 +14,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.alignment.fit import (
     Curves,
@@ -31,6 +30,7 @@ from intent_recognition.alignment.reference import (
 )
 from intent_recognition.alignment.search import search
 from intent_recognition.alignment.warp import MAX_LOG_RATE, Warp, slope_basis
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 
 ROUGH_ITERATIONS = 4
@@ -84,7 +84,7 @@ class AlignmentSettings:
                 raise ArgumentError.about(name, f"at least {least}", value, cure)
 
     @property
-    def basis(self) -> NDArray[np.float64]:
+    def basis(self) -> Floats:
         """Basis functions of the log rate between grid points, (G - 1, K)."""
         return slope_basis(self.n_basis, self.n_grid)
 
@@ -102,11 +102,9 @@ class Alignment(NamedTuple):
     warps: tuple[Warp, ...]
     template: Template
     reference_index: int | None
-    aligned: NDArray[np.float64]
+    aligned: Floats
 
-    def reference_phase(
-        self, demonstration: int, recorded: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def reference_phase(self, demonstration: int, recorded: Floats) -> Floats:
         """Phases to learn a demonstration's samples at, same shape as its recorded phases.
 
         What was recorded before the reference begins or after it ends lies outside [0, 1].
@@ -115,8 +113,8 @@ class Alignment(NamedTuple):
 
 
 def align(
-    trajectories: Sequence[NDArray[np.float64]] | NDArray[np.float64],
-    reference: str | int | NDArray[np.float64] = "mean",
+    trajectories: Sequence[Floats] | Floats,
+    reference: str | int | Floats = "mean",
     settings: AlignmentSettings | None = None,
 ) -> Alignment:
     """Bring the demonstrations of one task onto a common timing.
@@ -153,7 +151,7 @@ def align(
 
 def align_to(
     template: Template,
-    trajectories: Sequence[NDArray[np.float64]] | NDArray[np.float64],
+    trajectories: Sequence[Floats] | Floats,
     settings: AlignmentSettings | None = None,
 ) -> tuple[Warp, ...]:
     """Warps that bring demonstrations onto a known template.
@@ -180,8 +178,8 @@ def align_to(
 
 
 def _fit(
-    samples: NDArray[np.float64], template: Template, settings: AlignmentSettings, n_iterations: int
-) -> NDArray[np.float64]:
+    samples: Floats, template: Template, settings: AlignmentSettings, n_iterations: int
+) -> Floats:
     """Parameters of the warps, (n, K + 1), none of higher cost than the identity."""
     problem = _problem(samples, template, settings)
     start = search(problem, settings.rate_std, settings.rate_correlation)
@@ -190,9 +188,7 @@ def _fit(
     return np.where((cost < total_cost(problem, identity))[:, None], parameters, identity)
 
 
-def _mean_template(
-    samples: NDArray[np.float64], template: Template, settings: AlignmentSettings
-) -> Template:
+def _mean_template(samples: Floats, template: Template, settings: AlignmentSettings) -> Template:
     """Mean and scales of the aligned demonstrations, from a first template on.
 
     After each round the mean is moved to the demonstrations' average timing, so that it neither
@@ -210,9 +206,7 @@ def _mean_template(
     return template
 
 
-def _problem(
-    samples: NDArray[np.float64], template: Template, settings: AlignmentSettings
-) -> WarpProblem:
+def _problem(samples: Floats, template: Template, settings: AlignmentSettings) -> WarpProblem:
     """What warps onto a template are fitted to."""
     return WarpProblem(
         Curves.through(samples / template.scale),
@@ -224,21 +218,19 @@ def _problem(
     )
 
 
-def _warps(parameters: NDArray[np.float64], settings: AlignmentSettings) -> tuple[Warp, ...]:
+def _warps(parameters: Floats, settings: AlignmentSettings) -> tuple[Warp, ...]:
     """Warps of parameters (n, K + 1)."""
     rates = np.clip(parameters[:, 1:] @ settings.basis.T, -MAX_LOG_RATE, MAX_LOG_RATE)
     return tuple(Warp(row[0], rate) for row, rate in zip(parameters, rates, strict=True))
 
 
-def _warped(
-    samples: NDArray[np.float64], parameters: NDArray[np.float64], settings: AlignmentSettings
-) -> NDArray[np.float64]:
+def _warped(samples: Floats, parameters: Floats, settings: AlignmentSettings) -> Floats:
     """Demonstrations (n, G, D) at even reference phases."""
     return Curves.through(samples).at(recorded_phase(settings.basis, parameters)[0])[0]
 
 
 @lru_cache(maxsize=16)
-def _rate_precision(settings: AlignmentSettings) -> NDArray[np.float64]:
+def _rate_precision(settings: AlignmentSettings) -> Floats:
     """Prior precision of the weights, (K, K): a Matern 3/2 process of the log rate."""
     centers = np.linspace(0.0, 1.0, settings.n_basis)
     lag = np.sqrt(3.0) * np.abs(centers[:, None] - centers) / settings.rate_correlation

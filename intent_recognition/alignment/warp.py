@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import NormalizedRBFBasis
 
@@ -23,13 +23,13 @@ MAX_LOG_RATE = 6.0
 """Largest absolute log rate of a warp: beyond it, double precision would no longer tell phases."""
 
 
-def midpoints(n_grid: int) -> NDArray[np.float64]:
+def midpoints(n_grid: int) -> Floats:
     """Middles of the intervals between `n_grid` even phases from 0 to 1, (n_grid - 1,)."""
     return (np.arange(n_grid - 1) + 0.5) / (n_grid - 1)
 
 
 @lru_cache(maxsize=8)
-def slope_basis(n_basis: int, n_grid: int) -> NDArray[np.float64]:
+def slope_basis(n_basis: int, n_grid: int) -> Floats:
     """Basis functions of the log rate amid `n_grid` even phases, (n_grid - 1, K), read-only."""
     design = NormalizedRBFBasis(n_basis, 1.0).design_matrix(midpoints(n_grid))
     design.setflags(write=False)
@@ -54,8 +54,8 @@ class Warp:
     """
 
     shift: float
-    log_rate: NDArray[np.float64]
-    recorded: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    log_rate: Floats
+    recorded: Floats = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         log_rate = np.array(self.log_rate, dtype=np.float64)
@@ -78,19 +78,19 @@ class Warp:
         return cls(0.0, np.zeros(n_grid - 1))
 
     @property
-    def grid(self) -> NDArray[np.float64]:
+    def grid(self) -> Floats:
         """Reference phases of the grid, (G,)."""
         return np.linspace(0.0, 1.0, self.log_rate.size + 1)
 
-    def apply(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def apply(self, phase: Floats) -> Floats:
         """Recorded phases of reference phases, same shape."""
         return _interpolate(np.asarray(phase, dtype=np.float64), self.grid, self.recorded)
 
-    def inverse(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inverse(self, phase: Floats) -> Floats:
         """Reference phases of recorded phases, same shape: what a demonstration is learned at."""
         return _interpolate(np.asarray(phase, dtype=np.float64), self.recorded, self.grid)
 
-    def rate(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rate(self, phase: Floats) -> Floats:
         """d recorded phase / d reference phase at reference phases, same shape; positive.
 
         Between the middles of the intervals its logarithm is linear.
@@ -98,9 +98,7 @@ class Warp:
         return np.exp(np.interp(phase, midpoints(self.log_rate.size + 1), self.log_rate))
 
 
-def _interpolate(
-    at: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _interpolate(at: Floats, x: Floats, y: Floats) -> Floats:
     """Piecewise linear through increasing points, going on beyond both ends."""
     left = np.minimum(at - x[0], 0.0) * ((y[1] - y[0]) / (x[1] - x[0]))
     right = np.maximum(at - x[-1], 0.0) * ((y[-1] - y[-2]) / (x[-1] - x[-2]))

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
+from intent_recognition.array_types import Floats
 from intent_recognition.cli.console import boxed_table, say
 from intent_recognition.cli.demo_session import (
     LIBRARY,
@@ -105,7 +105,7 @@ def _check(args: argparse.Namespace) -> None:
     refuse_options(args, usual, "--recordings", "Leave it out.")
 
 
-def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, NDArray[np.float64]]":
+def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, Floats]":
     """The arm, and the posture (n,) in which the tasks begin [rad]."""
     from sim_bridge.arm import find_robot
     from sim_bridge.scenarios.toolbox import ToolboxArm
@@ -125,7 +125,7 @@ def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, NDArray[n
 
 
 def _calls(
-    args: argparse.Namespace, model: Model, arm: "ToolboxArm", home: NDArray[np.float64]
+    args: argparse.Namespace, model: Model, arm: "ToolboxArm", home: Floats
 ) -> dict[str, NodeCall]:
     """The nodes to start, by name: those of the demo without its coworker."""
     robot, dofs = arm.robot, model.dofs
@@ -171,7 +171,7 @@ def _play(
     bag: Path,
     model: Model,
     arm: "ToolboxArm",
-    home: NDArray[np.float64],
+    home: Floats,
     observer: "RecordingObserver",
     watch: NodeWatch,
 ) -> Shown:
@@ -203,7 +203,7 @@ def _play(
     return Shown(bag.name, label, task, after_s, off_cm)
 
 
-def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> NDArray[np.float64]:
+def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> Floats:
     """Where the taught arm's hand was at the end of a recording (3,) [m]."""
     names = model.dofs.controlled_message_names
     values = []

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED
 from intent_recognition.nodes.graph import ARMS, RECOGNITION
@@ -213,9 +213,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
     )
 
 
-def _arm(
-    args: argparse.Namespace, home_m: NDArray[np.float64], places_m: NDArray[np.float64]
-) -> "ToolboxArm":
+def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats) -> "ToolboxArm":
     """The arm that the options name; one from a file stands where it reaches the places (n, 3)."""
     from sim_bridge.arm import NAMES, find_robot
     from sim_bridge.handover import with_fingers

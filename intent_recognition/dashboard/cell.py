@@ -10,8 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.composing import ViaPoint
 from intent_recognition.model import ARRIVED, TO_UNDO
 from intent_recognition.plans import WorkPlan
@@ -41,8 +42,8 @@ class Posterior:
     """The newest of `intent/tasks`: names (`none` last), probabilities and phases."""
 
     labels: tuple[str, ...]
-    probabilities: NDArray[np.float64]
-    phase: NDArray[np.float64]
+    probabilities: Floats
+    phase: Floats
 
     @property
     def best(self) -> str:
@@ -56,7 +57,7 @@ class PredictedMotion:
 
     task: str
     joints: tuple[str, ...]
-    positions: NDArray[np.float64]
+    positions: Floats
 
 
 @dataclass(frozen=True)
@@ -69,9 +70,9 @@ class PathMarkers:
         tube: corners of the +-2 sigma tube's triangles (C, 3) [m].
     """
 
-    observed: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-    tube: NDArray[np.float64]
+    observed: Floats
+    predicted: Floats
+    tube: Floats
 
 
 ASKED_AFTER_S = 0.5
@@ -117,7 +118,7 @@ class Past:
         if not self._rows or now_s - self._rows[-1][0] >= PLOTTED_STEP_S:
             self._rows.append((now_s, dict(zip(names, np.asarray(values), strict=True))))
 
-    def columns(self, names: Sequence[str], now_s: float) -> tuple[NDArray[np.float64], ...]:
+    def columns(self, names: Sequence[str], now_s: float) -> tuple[Floats, ...]:
         """Times (T,) [s], zero is now, and the values (T,) of each name: NaN where it had none."""
         rows = [row for row in self._rows if now_s - row[0] <= PLOTTED_S]
         times = np.array([at_s - now_s for at_s, _ in rows])
@@ -134,7 +135,7 @@ class PersonState:
     """
 
     def __init__(self) -> None:
-        self.wrist: NDArray[np.float64] | None = None
+        self.wrist: Floats | None = None
         self.posterior: Posterior | None = None
         self.predicted: PredictedMotion | None = None
         self.drawn: PathMarkers | None = None
@@ -142,7 +143,7 @@ class PersonState:
         self.past = Past()
         self._wrist_past: deque = deque(maxlen=int(WRIST_S * 100))
 
-    def take_wrist(self, position: NDArray[np.float64], now_s: float) -> None:
+    def take_wrist(self, position: Floats, now_s: float) -> None:
         """A position of the wrist (3,) [m]."""
         self.wrist, self.wrist_at_s = position, now_s
         self._wrist_past.append((now_s, position))
@@ -152,7 +153,7 @@ class PersonState:
         self.posterior, self.tasks_at_s = posterior, now_s
         self.past.take(posterior.labels, posterior.probabilities, now_s)
 
-    def wrist_path(self, now_s: float) -> NDArray[np.float64]:
+    def wrist_path(self, now_s: float) -> Floats:
         """The wrist's path of the last seconds (T, 3)."""
         recent = [position for at, position in self._wrist_past if now_s - at <= WRIST_S]
         return np.array(recent).reshape(-1, 3)

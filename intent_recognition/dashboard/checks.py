@@ -4,8 +4,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 LONGEST_NAME = 200
@@ -46,7 +47,7 @@ def checked_names(field: str, names: Sequence[str], most: int) -> tuple[str, ...
     return tuple(checked_text(field, name) for name in names)
 
 
-def checked_numbers(field: str, numbers: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def checked_numbers(field: str, numbers: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Numbers of this shape, finite and not beyond `LARGEST`.
 
     Raises:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
@@ -120,7 +120,7 @@ class CompareTab:
 
 def posterior_over(
     bag: Path, model: Path
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], tuple[str, str, str]]:
+) -> tuple[Floats, dict[str, Floats], tuple[str, str, str]]:
     """Posterior of a model over a recording: times (T,) [s], probabilities (T,) per task, summary.
 
     Raises:

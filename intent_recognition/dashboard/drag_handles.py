@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard import admission
 from intent_recognition.dashboard.scene import DARK, GREY
 
@@ -30,7 +30,7 @@ COLOURS = {WRIST: DARK, HAND: GREY}
 ANCHORS: dict[str, Literal["top-left", "top-right"]] = {WRIST: "top-left", HAND: "top-right"}
 """Where names hang: seen with the robot on the left, neither covers the other."""
 
-Moved = Callable[[NDArray[np.float64]], None]
+Moved = Callable[[Floats], None]
 
 
 class Drag:
@@ -46,7 +46,7 @@ class Drag:
         self,
         server: viser.ViserServer,
         handle: viser.TransformControlsHandle,
-        moved: Callable[[NDArray[np.float64], bool], None],
+        moved: Callable[[Floats, bool], None],
     ):
         self._server, self._moved, self._moved_s = server, moved, -np.inf
         handle.on_update(self._update)
@@ -71,7 +71,7 @@ class DragHandles:
         places: initial position (3,) [m] by body: `wrist` and `hand`.
     """
 
-    def __init__(self, server: viser.ViserServer, places: dict[str, NDArray[np.float64]]):
+    def __init__(self, server: viser.ViserServer, places: dict[str, Floats]):
         self._server = server
         self._drags: dict[tuple[str, str], Drag] = {}
         self._handles = {key: self._make(*key, places[key[1]]) for key in NAMES}
@@ -89,16 +89,14 @@ class DragHandles:
                 handle.visible = changed = of_kind == kind
         return changed
 
-    def place(self, kind: str, body: str, position: NDArray[np.float64]) -> None:
+    def place(self, kind: str, body: str, position: Floats) -> None:
         """Move a handle to a position (3,) [m], unless it is being dragged."""
         handle = self._handles[kind, body]
         away = np.linalg.norm(np.asarray(handle.position) - position)
         if not self._drags[kind, body].held and away > MOVED_M:
             handle.position = np.asarray(position, dtype=float)
 
-    def _make(
-        self, kind: str, body: str, place: NDArray[np.float64]
-    ) -> viser.TransformControlsHandle:
+    def _make(self, kind: str, body: str, place: Floats) -> viser.TransformControlsHandle:
         scene, name = self._server.scene, f"/{kind}/{body}"
         handle = scene.add_transform_controls(
             name, SIZE_M, disable_rotations=True, depth_test=False, position=place, visible=False

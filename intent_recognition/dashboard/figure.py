@@ -13,8 +13,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from intent_recognition.array_types import Floats
 
 HIP, SHOULDER, UPPER_ARM, FOREARM = 0.530, 0.818, 0.186, 0.146
 SHOULDER_HALF_WIDTH = 0.129
@@ -40,7 +41,7 @@ class Stance:
         left: whether the left wrist is the given one.
     """
 
-    ground_m: NDArray[np.float64]
+    ground_m: Floats
     faces_rad: float = 0.0
     height_m: float = 1.75
     left: bool = False
@@ -56,18 +57,18 @@ class Stance:
         return 1.0 if self.left else -1.0
 
     @cached_property
-    def arm(self) -> NDArray[np.float64]:
+    def arm(self) -> Floats:
         """From the middle between the hips to the shoulder of the upright person (3,), world."""
         across, up = self.side * SHOULDER_HALF_WIDTH, SHOULDER - HIP
         return self.rotation @ (self.height_m * np.array([0.0, across, up]))
 
     @cached_property
-    def pole(self) -> NDArray[np.float64]:
+    def pole(self) -> Floats:
         """Where the elbow points (3,), world."""
         return self.rotation @ (ELBOW_POLE * [1.0, self.side, 1.0])
 
     @cached_property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> Floats:
         """Axes of the person, forward, left and up, in the world (3, 3)."""
         return Rotation.from_euler("z", self.faces_rad).as_matrix()
 
@@ -82,15 +83,15 @@ class Posture(NamedTuple):
         shoulder, elbow, wrist: of the arm whose wrist is given.
     """
 
-    moved: NDArray[np.float64]
-    hip: NDArray[np.float64]
-    upper_body: NDArray[np.float64]
-    shoulder: NDArray[np.float64]
-    elbow: NDArray[np.float64]
-    wrist: NDArray[np.float64]
+    moved: Floats
+    hip: Floats
+    upper_body: Floats
+    shoulder: Floats
+    elbow: Floats
+    wrist: Floats
 
 
-def reach(stance: Stance, wrist: NDArray[np.float64]) -> Posture:
+def reach(stance: Stance, wrist: Floats) -> Posture:
     """The posture of a figure whose wrist is at a point.
 
     The upper body leans toward a wrist that is out of the arm's reach, by as little as is needed;
@@ -115,9 +116,7 @@ def reach(stance: Stance, wrist: NDArray[np.float64]) -> Posture:
     return Posture(moved, hip + moved, lean @ stance.rotation, shoulder, elbow, wrist)
 
 
-def lean_toward(
-    arm: NDArray[np.float64], target: NDArray[np.float64], reach_m: float
-) -> NDArray[np.float64]:
+def lean_toward(arm: Floats, target: Floats, reach_m: float) -> Floats:
     """The smallest rotation (3, 3) of a lever that brings its end within reach of a target.
 
     It is at most `MOST_LEAN_RAD`, and none where the target is within reach already.
@@ -142,13 +141,7 @@ def lean_toward(
     return Rotation.from_rotvec(angle * axis / sine).as_matrix()
 
 
-def bend(
-    root: NDArray[np.float64],
-    end: NDArray[np.float64],
-    first_m: float,
-    second_m: float,
-    pole: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def bend(root: Floats, end: Floats, first_m: float, second_m: float, pole: Floats) -> Floats:
     """The joint (3,) between two bones, in the plane of their ends and a direction.
 
     Args:
@@ -167,7 +160,7 @@ def bend(
     return root + share * along + height * out / np.linalg.norm(out)
 
 
-def bone_axes(bone: NDArray[np.float64], pole: NDArray[np.float64]) -> NDArray[np.float64]:
+def bone_axes(bone: Floats, pole: Floats) -> Floats:
     """Axes (3, 3) whose z runs along a bone (3,), and whose x is as near as it can be to a pole."""
     z = bone / np.linalg.norm(bone)
     x = pole - (pole @ z) * z

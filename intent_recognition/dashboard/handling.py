@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.scene_file import PERSON, ROBOT, Body
 
 GRASP_M = 0.06
@@ -47,10 +48,10 @@ class Rest:
     """Whether a point rests, and since when."""
 
     def __init__(self) -> None:
-        self._anchor: NDArray[np.float64] | None = None
+        self._anchor: Floats | None = None
         self._since_s = 0.0
 
-    def update(self, point: NDArray[np.float64] | None, now_s: float) -> bool:
+    def update(self, point: Floats | None, now_s: float) -> bool:
         """The newest place (3,) [m], None if it is unknown; returns whether it rests."""
         if point is None:
             self._anchor = None
@@ -76,12 +77,12 @@ class HandlingMoment:
     now_s: float
     active: str
     begun: str
-    hand: NDArray[np.float64] | None
-    wrists: Mapping[str, NDArray[np.float64] | None]
+    hand: Floats | None
+    wrists: Mapping[str, Floats | None]
     helped: str = ""
 
     @property
-    def wrist(self) -> NDArray[np.float64] | None:
+    def wrist(self) -> Floats | None:
         """Of whom the robot helps."""
         return self.wrists.get(self.helped)
 
@@ -123,7 +124,7 @@ class Handling:
         """Who holds a body."""
         return self._followed[name].holder
 
-    def pose(self, name: str) -> NDArray[np.float64]:
+    def pose(self, name: str) -> Floats:
         """Where a body is (4, 4), world."""
         return self._followed[name].pose
 
@@ -136,11 +137,11 @@ class _Followed:
         self._laid = body.pose if body.laid is None else with_position(body.pose, body.laid)
         self.holder, self.who = BodyHolder.PLACE, ""  # who: of people, the last one who held it
         self.pose = body.pose
-        self._local: NDArray[np.float64] = np.eye(4)  # in the frame of who holds it
-        self._glides_from: NDArray[np.float64] | None = None
+        self._local: Floats = np.eye(4)  # in the frame of who holds it
+        self._glides_from: Floats | None = None
         self._glides_since_s = 0.0
         self._nearest_m, self._came_m = np.inf, 0.0
-        self._taken_m: NDArray[np.float64] | None = None
+        self._taken_m: Floats | None = None
         self._was_active = self._had_begun = False
 
     @property
@@ -220,7 +221,7 @@ class _Followed:
             self.who, self._given_m, self._came_m = moment.helped, moment.wrist, 0.0
             self._local = with_position(self.pose, self.pose[:3, 3] - moment.wrist)
 
-    def _target(self, moment: HandlingMoment) -> NDArray[np.float64]:
+    def _target(self, moment: HandlingMoment) -> Floats:
         if self.holder is BodyHolder.ROBOT:
             return self.pose if moment.hand is None else moment.hand @ self._local
         if self.holder is BodyHolder.PERSON:
@@ -239,16 +240,14 @@ class _Followed:
             self.pose = between(self._glides_from, target, share)
 
 
-def with_position(pose: NDArray[np.float64], position: ArrayLike) -> NDArray[np.float64]:
+def with_position(pose: Floats, position: ArrayLike) -> Floats:
     """A pose (4, 4) turned like another, at a position (3,)."""
     moved = pose.copy()
     moved[:3, 3] = position
     return moved
 
 
-def between(
-    start: NDArray[np.float64], end: NDArray[np.float64], share: float
-) -> NDArray[np.float64]:
+def between(start: Floats, end: Floats, share: float) -> Floats:
     """A pose (4, 4) on the way between two, smooth at both ends; share 0 to 1."""
     way = share * share * (3.0 - 2.0 * share)
     turns = Rotation.from_matrix(np.stack((start[:3, :3], end[:3, :3])))

@@ -4,9 +4,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.errors import IntentError, one_line
@@ -18,7 +16,7 @@ from intent_recognition.kinematics import (
     reach_position,
 )
 
-Vector = NDArray[np.float64]
+Vector = Floats
 
 
 class MovedArm(NamedTuple):

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.things_view import Colour, rgb
 from intent_recognition.promp import NONE
@@ -34,7 +34,7 @@ class Lines:
         self._scene, self._root = server.scene, root
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
 
-    def draw(self, name: str, path: NDArray[np.float64], colour: Colour, width_m: float) -> None:
+    def draw(self, name: str, path: Floats, colour: Colour, width_m: float) -> None:
         """Draw a path (T, 3), or hide it where it has fewer than two points."""
         handle = self._lines.get(name)
         if len(path) < 2:
@@ -101,7 +101,7 @@ class PersonMarks:
         if self._frame is not None:
             self._frame.remove()
 
-    def _draw_tube(self, corners: NDArray[np.float64], colour: Colour) -> None:
+    def _draw_tube(self, corners: Floats, colour: Colour) -> None:
         if len(corners) < 3:
             if self._tube is not None:
                 self._tube.visible = False

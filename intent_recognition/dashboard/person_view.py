@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import trimesh
 import viser
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.figure import Stance, bone_axes, reach
 from intent_recognition.dashboard.things_view import Colour, quaternions
 
@@ -89,7 +89,7 @@ class PersonView:
         self._wrist = np.full(3, np.nan)
         self._build()
 
-    def update(self, wrist: NDArray[np.float64]) -> None:
+    def update(self, wrist: Floats) -> None:
         """Let the figure's wrist be at a point (3,) [m], if it is not there already."""
         if np.abs(wrist - self._wrist).max() <= MOVED_M:
             return
@@ -147,7 +147,7 @@ def mirrored(ball: Ball, side: float) -> Ball:
     return x, side * y, z, radius
 
 
-def around(balls: NDArray[np.float64]) -> trimesh.Trimesh:
+def around(balls: Floats) -> trimesh.Trimesh:
     """The convex hull of balls (n, 4): middles and radii."""
     sphere = trimesh.creation.icosphere(subdivisions=2).vertices
     points = balls[:, None, :3] + balls[:, None, 3:] * sphere

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import viser
 import yourdfpy
-from numpy.typing import NDArray
 from viser.extras import ViserUrdf
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.checks import LARGEST
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Chain, joint_poses, tip_pose, tip_positions
@@ -49,8 +49,8 @@ class RobotView:
         self._joints = tuple(self._view.get_actuated_joint_names())
         self._chain = chain_to(self._urdf, hand_link)
         self._poses = chain_of(self._chain)
-        self._shown: NDArray[np.float64] | None = None
-        self._hand: NDArray[np.float64] | None = None
+        self._shown: Floats | None = None
+        self._hand: Floats | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -64,16 +64,14 @@ class RobotView:
             self._view.move(self._joints, q)
             self._shown, self._hand = q, None
 
-    def hand_pose(self) -> NDArray[np.float64] | None:
+    def hand_pose(self) -> Floats | None:
         """Where the hand is (4, 4), as the arm is shown; None before it was moved."""
         if self._hand is None and self._shown is not None:
             values = joint_values(self._chain, self._joints, self._shown[None])[0]
             self._hand = tip_pose(self._poses, values)
         return self._hand
 
-    def hand_path(
-        self, joints: Sequence[str], positions: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def hand_path(self, joints: Sequence[str], positions: Floats) -> Floats:
         """Positions of the hand (T', 3) [m] along a trajectory (T, d) of joints [rad] or of it."""
         chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
         if is_hand(joints):
@@ -116,7 +114,7 @@ class _MovingUrdf(ViserUrdf):
         self._local = chain_of(self._all)
         self.update_cfg(np.zeros(len(urdf.actuated_joint_names)))  # fixed joints, once
 
-    def move(self, names: Sequence[str], positions: NDArray[np.float64]) -> None:
+    def move(self, names: Sequence[str], positions: Floats) -> None:
         """Turn and shift the joints of these names (d,), [rad or m]."""
         values = joint_values(self._all, names, positions[None])[0]
         wxyz, position = joint_poses(self._local, values)
@@ -128,8 +126,8 @@ class _MovingUrdf(ViserUrdf):
 
 
 def joint_values(
-    chain: Sequence[yourdfpy.Joint], names: Sequence[str], positions: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    chain: Sequence[yourdfpy.Joint], names: Sequence[str], positions: Floats
+) -> Floats:
     """Values of a chain's joints (T, n), from those of named joints (T, d); zero where unnamed."""
     values = np.zeros((len(positions), len(chain)))
     for k, joint in enumerate(chain):

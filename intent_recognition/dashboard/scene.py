@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.handling import HandlingMoment
 from intent_recognition.dashboard.person_marks import (
@@ -46,7 +46,7 @@ class PageScene:
         self._robot: RobotView | None = None
         self._description = self._problem = self._helped = ""
         self._hand_path_at_s = -np.inf
-        self.hand_path: tuple[str, NDArray[np.float64]] | None = None
+        self.hand_path: tuple[str, Floats] | None = None
         self._prepare()
         self.set_shadows(shadows)
         self._things = ThingsView(server, cell)
@@ -170,7 +170,7 @@ class PageScene:
         self._lines.draw("hand_path", path, colour, PATH_WIDTH_M)
 
 
-def _skeleton(joints: Mapping[str, float]) -> NDArray[np.float64]:
+def _skeleton(joints: Mapping[str, float]) -> Floats:
     """The points (8, 3) [m] where the axes of an LWR without description meet; none for others."""
     if not all(name in joints for name in JOINT_NAMES):
         return NOTHING

@@ -13,9 +13,9 @@ from typing import Annotated, Literal, TypeVar
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.figure import Stance
 from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.share import share_path
@@ -43,7 +43,7 @@ class Placed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict
     rpy: Vector = (0.0, 0.0, 0.0)
 
     @cached_property
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Floats:
         """As in a URDF (4, 4)."""
         pose = np.eye(4)
         pose[:3, 3] = self.xyz

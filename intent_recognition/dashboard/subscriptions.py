@@ -10,7 +10,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
@@ -18,6 +17,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.composing import HAND, read_via_points
 from intent_recognition.dashboard.cell import (
     FORCES,
@@ -268,7 +268,7 @@ def _told(status: DiagnosticStatus) -> tuple[str, dict[str, str]]:
     }
 
 
-def _points(marker: Marker) -> NDArray[np.float64]:
+def _points(marker: Marker) -> Floats:
     """Points of a marker (T, 3)."""
     check("points", f"at most {MOST_POINTS}", len(marker.points) <= MOST_POINTS, "more")
     points = np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3)

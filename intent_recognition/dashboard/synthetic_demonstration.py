@@ -8,8 +8,8 @@ later, as a helper does.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import Offset
 from intent_recognition.promp import minimum_jerk
@@ -39,9 +39,9 @@ class SyntheticDemonstration:
         rest_s: both rest before it, and after the arm has arrived.
     """
 
-    start_m: NDArray[np.float64]
-    goal_m: NDArray[np.float64]
-    bow_m: NDArray[np.float64]
+    start_m: Floats
+    goal_m: Floats
+    bow_m: Floats
     duration_s: float
     rest_s: float = REST_S
 
@@ -60,7 +60,7 @@ class SyntheticDemonstration:
         """From the first rest to the end of the last."""
         return self.arm_start_s + self.arm_duration_s + self.rest_s
 
-    def wrist(self, time_s: float) -> NDArray[np.float64]:
+    def wrist(self, time_s: float) -> Floats:
         """Where the wrist is (3,) [m]."""
         share = minimum_jerk((time_s - self.rest_s) / self.duration_s)
         straight = self.start_m + share * (self.goal_m - self.start_m)
@@ -68,12 +68,8 @@ class SyntheticDemonstration:
 
 
 def sample_demonstration(
-    rng: np.random.Generator,
-    start_m: NDArray[np.float64],
-    goal_m: NDArray[np.float64],
-    duration_s: float,
-    variation_m: float,
-) -> tuple[SyntheticDemonstration, NDArray[np.float64]]:
+    rng: np.random.Generator, start_m: Floats, goal_m: Floats, duration_s: float, variation_m: float
+) -> tuple[SyntheticDemonstration, Floats]:
     """A demonstration toward about this goal, and the shift (3,) [m] the arm's goal makes with it.
 
     Args:
@@ -92,7 +88,7 @@ def sample_demonstration(
     return SyntheticDemonstration(start_m, goal_m + shift, bow, duration), shift
 
 
-def shortest_s(way_rad: NDArray[np.float64], limits: JointLimits) -> float:
+def shortest_s(way_rad: Floats, limits: JointLimits) -> float:
     """Shortest duration [s] of a motion from rest to rest by way_rad (d,) within the limits."""
     way = np.abs(way_rad)
     by_speed = PEAK_SPEED * way / limits.velocity
@@ -101,8 +97,8 @@ def shortest_s(way_rad: NDArray[np.float64], limits: JointLimits) -> float:
 
 
 def arm_motion(
-    start_rad: NDArray[np.float64], goal_rad: NDArray[np.float64], duration_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    start_rad: Floats, goal_rad: Floats, duration_s: float
+) -> tuple[Floats, Floats, Floats]:
     """Times (T,) [s], positions and velocities (T, d) of a motion from rest to rest."""
     times = np.linspace(0.0, duration_s, max(int(np.ceil(duration_s / ARM_STEP_S)), 2) + 1)
     still = np.zeros_like(start_rad)

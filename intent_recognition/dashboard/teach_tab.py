@@ -5,8 +5,8 @@ from functools import partial
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import TEACHER
@@ -160,7 +160,7 @@ class TeachTab:
     def _join(self, body: str, field: viser.GuiVector3Handle) -> None:
         """Let a goal's handle and its field of numbers follow one another."""
 
-        def dragged(position: NDArray[np.float64]) -> None:
+        def dragged(position: Floats) -> None:
             x, y, z = (round(float(value), 3) for value in position)
             set_value(field, (x, y, z))
 

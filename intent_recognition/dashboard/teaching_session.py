@@ -4,8 +4,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.commands import TEACHER, Commands
 from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
@@ -32,12 +32,7 @@ class TeachingSession:
         self.recorded = 0
 
     def show(
-        self,
-        task: str,
-        wrist_goal: NDArray[np.float64],
-        hand_goal: NDArray[np.float64],
-        length_s: float,
-        vary: float,
+        self, task: str, wrist_goal: Floats, hand_goal: Floats, length_s: float, vary: float
     ) -> None:
         """Record one demonstration of a task: wrist to its goal, hand of the arm to its own.
 
@@ -99,7 +94,7 @@ class TeachingSession:
         """Take the last demonstration that was learned back."""
         self._commands.trigger(f"{TEACHER}/undo")
 
-    def reach(self, goal: NDArray[np.float64], length_s: float) -> None:
+    def reach(self, goal: Floats, length_s: float) -> None:
         """Move the wrist alone: what will the robot do?"""
         if not self._is_free() or not self._holds_wrist():
             return
@@ -154,7 +149,7 @@ class TeachingSession:
 
         self._commands.trigger(f"{TEACHER}/stop", stopped)
 
-    def _go_back(self, start: NDArray[np.float64], home: NDArray[np.float64] | None) -> None:
+    def _go_back(self, start: Floats, home: Floats | None) -> None:
         """Wrist and arm return to where they were; nothing of it is recorded."""
         way = SyntheticDemonstration(
             self._teleoperation.position, start, np.zeros(3), RETURN_S, 0.3

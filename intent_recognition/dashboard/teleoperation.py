@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.timer import Timer
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.moved_arm import ArmFinder, MovedArm
 from intent_recognition.dashboard.synthetic_demonstration import (
@@ -54,12 +54,12 @@ class Teleoperation:
         self._target = np.zeros(3)
         self._playing: SyntheticDemonstration | None = None
         self._began_s = self._length_s = 0.0
-        self._arm_goal: NDArray[np.float64] | None = None
+        self._arm_goal: Floats | None = None
         self._shown_arm: MovedArm | None = None
         self._done: Callable[[], None] = lambda: None
         self._last_ns = 0
         self._arm_sent_s = -np.inf
-        self._hand: NDArray[np.float64] | None = None
+        self._hand: Floats | None = None
 
     @property
     def holds_wrist(self) -> bool:
@@ -67,7 +67,7 @@ class Teleoperation:
         return self._timer is not None
 
     @property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> Floats:
         """Where the wrist is (3,) [m]."""
         return self._position.copy()
 
@@ -76,7 +76,7 @@ class Teleoperation:
         publishers = self._node.count_publishers(f"mocap/{self._body}/pose")
         return publishers - (self._pose is not None) > 0
 
-    def take_wrist(self, position: NDArray[np.float64]) -> None:
+    def take_wrist(self, position: Floats) -> None:
         """Begin to publish the wrist, at rest at a position (3,) [m], unless it is held already."""
         if self.holds_wrist:
             return
@@ -94,7 +94,7 @@ class Teleoperation:
             self._node.destroy_publisher(self._pose)
             self._timer = self._pose = self._playing = None
 
-    def drag_wrist(self, target: NDArray[np.float64]) -> None:
+    def drag_wrist(self, target: Floats) -> None:
         """Let the wrist follow a target (3,) [m]."""
         self._target = np.array(target, dtype=float)
 
@@ -108,7 +108,7 @@ class Teleoperation:
         arm = self._finder.find(self._state)
         return self._finder.problem or ("" if arm is None or self._speaks(arm) else SILENT_ARM)
 
-    def drag_hand(self, position: NDArray[np.float64]) -> None:
+    def drag_hand(self, position: Floats) -> None:
         """Let the arm bring its hand to a position (3,) [m], soon.
 
         Raises:
@@ -119,7 +119,7 @@ class Teleoperation:
         if self._timer is None:
             self.step_arm()
 
-    def measured(self) -> NDArray[np.float64]:
+    def measured(self) -> Floats:
         """The arm's joint angles (n,) [rad].
 
         Raises:
@@ -127,7 +127,7 @@ class Teleoperation:
         """
         return np.array([self._state.joints[name] for name in self._found().joint_names])
 
-    def hand(self) -> NDArray[np.float64]:
+    def hand(self) -> Floats:
         """Where the arm's hand is (3,) [m].
 
         Raises:
@@ -135,7 +135,7 @@ class Teleoperation:
         """
         return self._found().hand(self.measured())
 
-    def posture_at(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def posture_at(self, position: Floats) -> Floats:
         """Joint angles (n,) [rad] near the present ones that have the hand there.
 
         Raises:
@@ -143,7 +143,7 @@ class Teleoperation:
         """
         return self._found().posture_at(np.asarray(position, dtype=float), self.measured())
 
-    def send_arm(self, goal: NDArray[np.float64], duration_s: float) -> float:
+    def send_arm(self, goal: Floats, duration_s: float) -> float:
         """Send the arm to a posture (n,), from rest to rest.
 
         Returns:
@@ -174,7 +174,7 @@ class Teleoperation:
     def play(
         self,
         demonstration: SyntheticDemonstration,
-        arm_goal: NDArray[np.float64] | None,
+        arm_goal: Floats | None,
         done: Callable[[], None],
     ) -> None:
         """Show a demonstration; the arm of now goes along if it has a goal (n,) [rad]."""

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.handling import Handling, HandlingMoment
 from intent_recognition.dashboard.scene_file import GREY, Body, CellScene, ScenePart, Thing
 from intent_recognition.report import NONE_COLOUR
@@ -48,7 +48,7 @@ class _ShownBody:
             handle for handle, part in zip(parts, body.parts, strict=True) if not part.colour
         ]
 
-    def update(self, pose: NDArray[np.float64], colour: Colour) -> None:
+    def update(self, pose: Floats, colour: Colour) -> None:
         """Show it at a pose (4, 4)."""
         if pose is not self._pose:
             self._pose = pose
@@ -84,7 +84,7 @@ def _add_part(scene: viser.SceneApi, name: str, part: ScenePart, colour: Colour)
     return scene.add_cylinder(name, *part.cylinder, colour, wxyz=wxyz, position=position)
 
 
-def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+def quaternions(rotations: Floats) -> Floats:
     """Quaternions wxyz (..., 4) of rotation matrices (..., 3, 3)."""
     return np.roll(Rotation.from_matrix(rotations).as_quat(), 1, axis=-1)
 

@@ -3,8 +3,8 @@
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.composing import HAND, ViaPoint, write_via_points
 from intent_recognition.dashboard.commands import ESTIMATOR
 from intent_recognition.dashboard.drag_handles import BALL_M, MOVED_M, SIZE_M, Drag
@@ -23,7 +23,7 @@ class ViaPointControls:
     def __init__(self, page: PageAccess):
         server, gui, self._page = page.server, page.server.gui, page
         self._points: tuple[ViaPoint, ...] = ()
-        self._path: tuple[str, NDArray[np.float64]] | None = None
+        self._path: tuple[str, Floats] | None = None
         with gui.add_folder("Via points"):
             self._drag = gui.add_checkbox(
                 "Drag the robot's path", False, hint="the hand's, as it was predicted last"
@@ -41,9 +41,7 @@ class ViaPointControls:
         self._dragged = Drag(server, self._handle, self._on_moved)
         page.on_click(self._remove, self.remove)
 
-    def update(
-        self, points: tuple[ViaPoint, ...], path: tuple[str, NDArray[np.float64]] | None
-    ) -> None:
+    def update(self, points: tuple[ViaPoint, ...], path: tuple[str, Floats] | None) -> None:
         """Show what is in force, and the handle on the path.
 
         Args:
@@ -61,7 +59,7 @@ class ViaPointControls:
             self._points = points
             self._show()
 
-    def drop(self, place: NDArray[np.float64]) -> None:
+    def drop(self, place: Floats) -> None:
         """Have the hand pass through a place (3,) [m], at the phase chosen."""
         if self._path is None:
             return
@@ -81,11 +79,11 @@ class ViaPointControls:
     def _send(self, points: tuple[ViaPoint, ...]) -> None:
         self._page.commands.set_parameter(ESTIMATOR, "via_points", write_via_points(points))
 
-    def _on_moved(self, place: NDArray[np.float64], left: bool) -> None:
+    def _on_moved(self, place: Floats, left: bool) -> None:
         if left:
             self._page.do(lambda: self.drop(place))
 
-    def _place(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _place(self, path: Floats) -> Floats:
         at = slider_value(self._phase) * (len(path) - 1)
         low = min(int(at), len(path) - 2)
         return path[low] + (at - low) * (path[low + 1] - path[low])

@@ -6,9 +6,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 from viser import uplot
 
+from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import PLOTTED_S
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.promp import NONE
@@ -96,10 +96,7 @@ class TimePlot:
         return True
 
     def draw(
-        self,
-        columns: tuple[NDArray[np.float64], ...],
-        names: Sequence[str],
-        colours: Mapping[str, str],
+        self, columns: tuple[Floats, ...], names: Sequence[str], colours: Mapping[str, str]
     ) -> None:
         """Show times (T,) [s] and the curves (T,) of these names."""
         if len(columns[0]) < 2:
@@ -118,7 +115,7 @@ class TimePlot:
 
 def time_plot(
     gui: viser.GuiApi,
-    columns: tuple[NDArray[np.float64], ...],
+    columns: tuple[Floats, ...],
     names: Sequence[str],
     colours: Mapping[str, str],
     top: float | None = 1.0,

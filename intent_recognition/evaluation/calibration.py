@@ -7,8 +7,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.promp import NONE
 
 N_BINS = 10
@@ -38,7 +38,7 @@ class RecognitionRecords:
         fraction: float,
         truth: str,
         labels: Sequence[str],
-        probabilities: NDArray[np.float64],
+        probabilities: Floats,
         none: bool,
         name: str = "",
     ) -> None:
@@ -109,9 +109,9 @@ class NormalisedErrors:
     """Errors of predictions in predicted standard deviations, by phase knowledge."""
 
     def __init__(self) -> None:
-        self._inside: dict[str, list[NDArray[np.float64]]] = defaultdict(list)
+        self._inside: dict[str, list[Floats]] = defaultdict(list)
 
-    def add(self, phase: str, normalised_error: NDArray[np.float64]) -> None:
+    def add(self, phase: str, normalised_error: Floats) -> None:
         """Add one prediction: errors over their standard deviations, any shape."""
         size = np.abs(normalised_error).ravel()
         self._inside[phase].append(np.mean(size[:, None] < np.array(QUANTILES), axis=0))
@@ -125,8 +125,8 @@ class NormalisedErrors:
 
 
 def reliability_bins(
-    probabilities: NDArray[np.float64], truth: NDArray[np.float64], n_bins: int = N_BINS
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    probabilities: Floats, truth: Floats, n_bins: int = N_BINS
+) -> tuple[Floats, Floats, Integers]:
     """Mean probability, share true and count per bin of probability, each (B,).
 
     Args:
@@ -142,5 +142,5 @@ def reliability_bins(
     return mean, np.bincount(bins, truth, n_bins) / divisor, counts
 
 
-def _or_none(values: NDArray[np.float64]) -> list[float | None]:
+def _or_none(values: Floats) -> list[float | None]:
     return [None if np.isnan(value) else float(value) for value in values]

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import Sample, Source
 from intent_recognition.evaluation.replaying import Decided, decisions, follow, samples_of
@@ -57,8 +57,8 @@ class Explanation(NamedTuple):
     onset_ns: int
     after_s: float
     labels: tuple[str, ...]
-    times_s: NDArray[np.float64]
-    probabilities: NDArray[np.float64]
+    times_s: Floats
+    probabilities: Floats
     evidence: Evidence
     without: Mapping[str, Without]
 

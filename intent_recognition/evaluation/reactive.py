@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from intent_recognition.array_types import Floats
 from intent_recognition.evaluation.baselines import sample
 from intent_recognition.evaluation.scores import ScoreTable, per_unit
 from intent_recognition.filtering import MovementFilter
@@ -46,22 +46,20 @@ class NearestWindows:
         self._scale = _scale(stacked, training[0].observed)
         self._tree, self._poses = cKDTree(stacked / self._scale), np.concatenate(poses)
 
-    def predict(self, seen: Demonstration, elapsed_s: float) -> NDArray[np.float64]:
+    def predict(self, seen: Demonstration, elapsed_s: float) -> Floats:
         """Poses at `HORIZONS_S` after a moment, (H, Q), from what was seen until then."""
         window = self._windows(seen.observed, seen.start_ns, np.array([elapsed_s])) / self._scale
         _, nearest = self._tree.query(window[0], min(N_NEAREST, len(self._poses)))
         return self._poses[np.atleast_1d(nearest)].mean(axis=0)
 
-    def _windows(
-        self, signals: Sequence[Signal], start_ns: int, times_s: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _windows(self, signals: Sequence[Signal], start_ns: int, times_s: Floats) -> Floats:
         """Windows that end at times after a stamp, (T, WINDOW P)."""
         back_s = self._interval_s * np.arange(WINDOW - 1, -1, -1)
         values = sample(signals, start_ns, (times_s[:, None] - back_s).ravel())
         return values.reshape(len(times_s), -1)
 
 
-def _scale(windows: NDArray[np.float64], signals: Sequence[Signal]) -> NDArray[np.float64]:
+def _scale(windows: Floats, signals: Sequence[Signal]) -> Floats:
     """By what each value of a window is divided, so that DOFs in several units can be compared."""
     units = np.array([signal.unit for signal in signals for _ in signal.names])
     scale = np.ones(len(units))
@@ -91,11 +89,7 @@ class ReactiveCase(NamedTuple):
     start: StartPosture
 
     def score(
-        self,
-        scores: ScoreTable,
-        run: MovementFilter,
-        task_weights: NDArray[np.float64],
-        elapsed_s: float,
+        self, scores: ScoreTable, run: MovementFilter, task_weights: Floats, elapsed_s: float
     ) -> None:
         """Add the squared errors at one moment.
 

@@ -10,9 +10,9 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation.online import actions, follow_online
 from intent_recognition.promp import NONE, TaskLibrary
@@ -47,11 +47,11 @@ class Rehearsed(NamedTuple):
     activated: tuple[str, ...]
     decided_s: float
     labels: tuple[str, ...]
-    times_s: NDArray[np.float64]
-    probabilities: NDArray[np.float64]
+    times_s: Floats
+    probabilities: Floats
     active: tuple[str, ...]
-    odds_against: NDArray[np.float64]
-    computed_s: NDArray[np.float64]
+    odds_against: Floats
+    computed_s: Floats
 
     @property
     def task(self) -> str:

@@ -5,8 +5,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import TaskLibrary
 
 
@@ -16,7 +16,7 @@ class ScoreTable:
     def __init__(self) -> None:
         self._values: dict[tuple[str, float, str], list] = defaultdict(list)
 
-    def add(self, phase: str, fraction: float, **values: float | NDArray[np.float64]) -> None:
+    def add(self, phase: str, fraction: float, **values: float | Floats) -> None:
         """Add one demonstration's numbers (scalars, or (U,) arrays with one number per unit)."""
         for name, value in values.items():
             self._values[phase, fraction, name].append(value)
@@ -44,7 +44,7 @@ def _number(values: list, units: Sequence[str]) -> float | dict[str, float | Non
     return numbers[0] if len(units) == 1 else dict(zip(units, numbers, strict=True))
 
 
-def per_unit(library: TaskLibrary, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def per_unit(library: TaskLibrary, values: Floats) -> Floats:
     """Means over the samples and the DOFs of each controlled unit, (U,), from (T, Q)."""
     units = np.array(library.controlled_units)
     if not values.size:

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
 from intent_recognition.evaluation.reactive import NearestWindows, ReactiveCase, moments
@@ -137,7 +137,7 @@ def _score_recognition(
     test: Demonstration,
     library: TaskLibrary,
     posterior: TaskPosterior,
-    probabilities: NDArray[np.float64],
+    probabilities: Floats,
 ) -> None:
     """Add what is believed of the task; the probabilities (K,) are those without none."""
     task = str(test.task)
@@ -159,14 +159,12 @@ class _PredictionCase(NamedTuple):
 
     run: MovementFilter
     label: int
-    probabilities: NDArray[np.float64]
+    probabilities: Floats
     fraction: float
-    times: NDArray[np.float64]
-    truth: NDArray[np.float64]
+    times: Floats
+    truth: Floats
 
-    def scores(
-        self, start: StartPosture | None
-    ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
+    def scores(self, start: StartPosture | None) -> tuple[dict[str, Floats], Floats]:
         """Scores given the true task, and errors in predicted standard deviations (T, Q)."""
         library = self.run.library
         given = np.eye(library.n_tasks)[self.label]
@@ -185,7 +183,7 @@ class _PredictionCase(NamedTuple):
         }, error / std
 
 
-def _without_none(posterior: TaskPosterior, hypotheses: PriorGrid) -> NDArray[np.float64]:
+def _without_none(posterior: TaskPosterior, hypotheses: PriorGrid) -> Floats:
     """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
     log_task = (hypotheses.log_task_prior + posterior.log_evidence)[:-1]
     return np.exp(log_task - np.logaddexp.reduce(log_task))
@@ -218,9 +216,9 @@ def _baseline_scores(
     training: Sequence[Demonstration],
     test: Demonstration,
     fraction: float,
-    truth: NDArray[np.float64],
+    truth: Floats,
     known: bool,
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     same = [recorded for recorded in training if recorded.task == test.task]
     guesses = {
         "rmse_mean_of_task": mean_of_task(same, test, TRUTH_PHASES, known),

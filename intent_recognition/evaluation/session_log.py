@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats, Integers
 
 
-def _none(*shape: int) -> NDArray[np.float64]:
+def _none(*shape: int) -> Floats:
     array = np.empty(shape)
     array.setflags(write=False)
     return array
@@ -18,17 +19,17 @@ def _none(*shape: int) -> NDArray[np.float64]:
 class ContactLog(NamedTuple):
     """Ground truth of transfers (coworker/hand): stamps (H,), holders, forces (H, 3) [N]."""
 
-    stamps_ns: NDArray[np.int64] = _none(0).astype(np.int64)
+    stamps_ns: Integers = _none(0).astype(np.int64)
     holders: tuple[str, ...] = ()
-    forces_n: NDArray[np.float64] = _none(0, 3)
+    forces_n: Floats = _none(0, 3)
 
 
 class TransferLog(NamedTuple):
     """What was on intent/transfer: stamps (T,), states, and values (T, 5) as it names them."""
 
-    stamps_ns: NDArray[np.int64] = _none(0).astype(np.int64)
+    stamps_ns: Integers = _none(0).astype(np.int64)
     states: tuple[str, ...] = ()
-    values: NDArray[np.float64] = _none(0, 5)
+    values: Floats = _none(0, 5)
 
 
 NO_CONTACTS, NO_TRANSFERS = ContactLog(), TransferLog()
@@ -52,14 +53,14 @@ class SessionLog:
     """
 
     labels: tuple[str, ...]
-    wrist_ns: NDArray[np.int64]
-    wrist_m: NDArray[np.float64]
-    tasks_ns: NDArray[np.int64]
-    probabilities: NDArray[np.float64]
-    active_ns: NDArray[np.int64]
+    wrist_ns: Integers
+    wrist_m: Floats
+    tasks_ns: Integers
+    probabilities: Floats
+    active_ns: Integers
     active: tuple[str, ...]
-    joint_ns: NDArray[np.int64]
-    joint_rad: NDArray[np.float64]
+    joint_ns: Integers
+    joint_rad: Floats
     predictions: Sequence[tuple]
     paths: Sequence[tuple]
     contacts: ContactLog = NO_CONTACTS

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from intent_recognition.array_types import Floats
 from intent_recognition.evaluation.rehearsing import Rehearsal
 from intent_recognition.learning import Trained, TrainingExample, example_of
 
@@ -86,7 +86,7 @@ def suggest(
 
 def _squared_distances(
     shown: Sequence[TrainingExample], rehearsed: Sequence[TrainingExample]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Of the rehearsed paths from all, in variances of each DOF about its task, (J, D + J)."""
     paths = np.array([one.observed for one in (*shown, *rehearsed)])
     known, own = paths[: len(shown)], [one.task for one in shown]

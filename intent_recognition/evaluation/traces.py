@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from typing import Any, TypedDict, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from intent_recognition.array_types import Floats
 
 
 class Trace(TypedDict, total=False):
@@ -15,28 +17,28 @@ class Trace(TypedDict, total=False):
     """
 
     index: int  # of the record it belongs to
-    share: NDArray[np.float64]  # (T,) share of the human's movement passed at each posterior
+    share: Floats  # (T,) share of the human's movement passed at each posterior
     labels: Sequence[str]  # of the K + 1 columns of the probabilities, `none` last
-    probabilities: NDArray[np.float64]  # (T, K + 1)
-    wrist_s: NDArray[np.float64]  # (W,)
-    wrist_m: NDArray[np.float64]  # (W, 3) observed, world frame
-    predicted_wrist_m: NDArray[np.float64]  # (V, 3) predicted at the decision
-    predicted_wrist_std_m: NDArray[np.float64]  # (V, 3)
+    probabilities: Floats  # (T, K + 1)
+    wrist_s: Floats  # (W,)
+    wrist_m: Floats  # (W, 3) observed, world frame
+    predicted_wrist_m: Floats  # (V, 3) predicted at the decision
+    predicted_wrist_std_m: Floats  # (V, 3)
     joint_names: Sequence[str]
-    joint_s: NDArray[np.float64]  # (M,)
-    joint_rad: NDArray[np.float64]  # (M, Q) measured
-    predicted_s: NDArray[np.float64]  # (L,)
-    predicted_rad: NDArray[np.float64]  # (L, Q) mean predicted at the decision
-    predicted_std_rad: NDArray[np.float64]  # (L, Q)
+    joint_s: Floats  # (M,)
+    joint_rad: Floats  # (M, Q) measured
+    predicted_s: Floats  # (L,)
+    predicted_rad: Floats  # (L, Q) mean predicted at the decision
+    predicted_std_rad: Floats  # (L, Q)
     decision_s: float
     end_s: float  # end of the human's movement
-    person_s: NDArray[np.float64]  # (H,)
-    person_n: NDArray[np.float64]  # (H,) size of the person's force on the object, in truth
+    person_s: Floats  # (H,)
+    person_n: Floats  # (H,) size of the person's force on the object, in truth
     holders: Sequence[str]  # (H,) who held it then
-    transfer_s: NDArray[np.float64]  # (F,)
-    load_n: NDArray[np.float64]  # (F,) that the robot feels
-    grip_n: NDArray[np.float64]  # (F,) of each finger
-    load_share: NDArray[np.float64]  # (F,) of the person
+    transfer_s: Floats  # (F,)
+    load_n: Floats  # (F,) that the robot feels
+    grip_n: Floats  # (F,) of each finger
+    load_share: Floats  # (F,) of the person
 
 
 GROUPS = (

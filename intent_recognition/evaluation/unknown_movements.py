@@ -12,8 +12,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import MovementFilter, make_prior_grid, task_posterior
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import NONE, TaskLibrary
@@ -203,7 +203,7 @@ def end_std(recognised: Sequence[MovementOutcome]) -> dict[str, float] | None:
     return {f"{q:g}": float(np.quantile(values, q)) for q in (0.1, 0.5, 0.9)}
 
 
-def area(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> float | None:
+def area(known: Floats, unknown: Floats) -> float | None:
     """Share of pairs in which the known one is higher, ties half; None without a pair."""
     if not len(known) or not len(unknown):
         return None
@@ -212,7 +212,7 @@ def area(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> float | No
     return float(np.mean(above + 0.5 * equal))
 
 
-def roc(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> dict[str, list[float]]:
+def roc(known: Floats, unknown: Floats) -> dict[str, list[float]]:
     """Shares of known and of unknown ones at or above each threshold, from (0, 0) to (1, 1)."""
     thresholds = np.unique(np.r_[known, unknown])[::-1]
     return {

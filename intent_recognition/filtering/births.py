@@ -33,6 +33,7 @@ offset makes up for the step.
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.posterior import BornBelief, CourseTimes, counted_joint
@@ -129,7 +130,7 @@ class Births:
         self._log_prior = known - np.logaddexp.reduce(known)
         self.clear()
 
-    def clear(self, log_weight: NDArray[np.float64] | None = None) -> None:
+    def clear(self, log_weight: Floats | None = None) -> None:
         """Begin with another movement: nothing is born yet.
 
         Args:
@@ -143,7 +144,7 @@ class Births:
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
 
     @property
-    def log_joint(self) -> NDArray[np.float64]:
+    def log_joint(self) -> Floats:
         """Log of prior and density of all observations, of the K tasks and none, (K + 1,)."""
         total = np.full(self._library.n_tasks + 1, -np.inf)
         np.logaddexp.at(total, self._table.rows["task"], self._table.log_joint)
@@ -154,7 +155,7 @@ class Births:
         """Log probability with which a task of the onset passed nothing on to tasks."""
         return log_stay(self._last_s / self.usual_s, self._library.switch_margin)
 
-    def onset_log_joint(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    def onset_log_joint(self, log_evidence: Floats) -> Floats:
         """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
 
         What was none of the tasks from the onset stays so.
@@ -167,7 +168,7 @@ class Births:
         return left
 
     def observe(
-        self, measurement: Measurement, onset: HypothesisTable, log_evidence: NDArray[np.float64]
+        self, measurement: Measurement, onset: HypothesisTable, log_evidence: Floats
     ) -> None:
         """Condition on a measurement; prune what is hopeless, and give birth to new hypotheses.
 
@@ -193,7 +194,7 @@ class Births:
             table.condition(measurement, np.arange(first, table.n))
             self._give_birth_to_delays(now_s, log_evidence, onset)
 
-    def belief(self, log_evidence: NDArray[np.float64]) -> BornBelief:
+    def belief(self, log_evidence: Floats) -> BornBelief:
         """What they make of task and timing, and what is left of the hypotheses of the onset.
 
         Args:
@@ -216,7 +217,7 @@ class Births:
         timing = CourseTimes(task, weight, rows["onset_s"], rows["duration_s"])
         return BornBelief(np.logaddexp(left, of_task), all_known, share, timing)
 
-    def of_task(self, task: int) -> tuple[GaussianBatch, NDArray[np.float64], NDArray[np.float64]]:
+    def of_task(self, task: int) -> tuple[GaussianBatch, Floats, Floats]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
 
         A duration reaches from the movement's onset to its end.
@@ -228,7 +229,7 @@ class Births:
         until_s = rows["onset_s"][index] + rows["duration_s"][index]
         return self._table.courses(index), until_s, weight[index] / weight[index].sum()
 
-    def _settle(self, total: NDArray[np.float64]) -> None:
+    def _settle(self, total: Floats) -> None:
         """Give those that are judged from now on their share of what all are worth, (K + 1,)."""
         rows = self._table.rows
         settled = np.flatnonzero(rows["seen"] == self._settling)
@@ -245,7 +246,7 @@ class Births:
             rows["log_prior"][settled] = passed
             rows["log_birth"][settled] = passed - np.logaddexp.reduce(total[:-1])
 
-    def _hopeless(self, total: float) -> NDArray[np.bool_]:
+    def _hopeless(self, total: float) -> Flags:
         """What explains far less than all together, and the worst of too many."""
         rows, joint = self._table.rows, self._table.log_joint
         settled = rows["seen"] >= self._settling
@@ -256,7 +257,7 @@ class Births:
             hopeless[kept[np.argsort(joint[kept])[: -self._n_kept]]] = True
         return hopeless
 
-    def _give_birth(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
+    def _give_birth(self, birth_s: float, log_evidence: Floats) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
         n_tasks, basis = self._library.n_tasks, self._library.basis
         tasks = np.arange(n_tasks)
@@ -302,7 +303,7 @@ class Births:
         )
 
     def _give_birth_to_delays(
-        self, birth_s: float, log_evidence: NDArray[np.float64], onset: HypothesisTable
+        self, birth_s: float, log_evidence: Floats, onset: HypothesisTable
     ) -> None:
         """Add copies of the most probable hypothesis of a known task, set back in time."""
         n_tasks, table = self._library.n_tasks, self._table
@@ -327,9 +328,7 @@ class Births:
             log_share=-np.log(len(delay)),
         )
 
-    def _durations_s(
-        self, task: NDArray[np.int64], offset: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _durations_s(self, task: Integers, offset: Floats) -> Floats:
         return np.asarray(np.exp(self._log_mean[task] + self._log_std[task] * offset))
 
     def _remember_start(self, measurement: Measurement) -> None:
@@ -341,6 +340,6 @@ class Births:
             self._first.append((dofs[new], values[new], noise[new][:, new]))
 
 
-def _combined(*sizes: int) -> list[NDArray[np.int64]]:
+def _combined(*sizes: int) -> list[Integers]:
     """Numbers of all combinations of so many things each, the last changing fastest."""
     return [index.ravel() for index in np.indices(sizes)]

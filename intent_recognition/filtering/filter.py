@@ -17,8 +17,8 @@ each other only, because the evidence of none counts beyond a margin only.
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.filtering.births import MAX_TASKS, Births
 from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
@@ -82,7 +82,7 @@ class MovementFilter:
         onset_ns: int,
         *,
         prune: bool = False,
-        task_weight: NDArray[np.float64] | None = None,
+        task_weight: Floats | None = None,
         switching: bool = False,
     ):
         self.library, self.grid, n = library, grid, len(grid.duration_s)
@@ -97,10 +97,7 @@ class MovementFilter:
         self.restart(onset_ns, task_weight)
 
     def restart(
-        self,
-        onset_ns: int,
-        task_weight: NDArray[np.float64] | None = None,
-        past: Iterable[Observation] = (),
+        self, onset_ns: int, task_weight: Floats | None = None, past: Iterable[Observation] = ()
     ) -> None:
         """Begin with another movement, in the memory of the one before.
 
@@ -139,7 +136,7 @@ class MovementFilter:
         return len(self._measurements)
 
     @property
-    def _seen(self) -> NDArray[np.int64]:
+    def _seen(self) -> Integers:
         """On how many of them each task was conditioned, (K + 1,)."""
         return np.asarray(self.table.rows["seen"][:: self.grid.n_scales])
 
@@ -183,7 +180,7 @@ class MovementFilter:
             self._follows = self._seen == self.n_used
             self._follows[:-1] &= self._bound()[:-1] > limit[:-1] - self._prune_below
 
-    def _catch_up(self, limit: NDArray[np.float64]) -> None:
+    def _catch_up(self, limit: Floats) -> None:
         """Condition tasks on what they missed, until their bound is not above a limit, (K + 1,)."""
         wanted = (self._seen < self.n_used) & (self._bound() >= limit)
         while wanted.any():
@@ -192,17 +189,17 @@ class MovementFilter:
             self.table.condition(self._measurements[k], self._rows_of(tasks))
             wanted[tasks] = (k + 1 < self.n_used) & (self._bound(tasks) >= limit[tasks])
 
-    def _rows_of(self, tasks: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _rows_of(self, tasks: Integers) -> Integers:
         n_scales = self.grid.n_scales
         return (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
 
-    def _bound(self, tasks: NDArray[np.int64] | slice = slice(None)) -> NDArray[np.float64]:
+    def _bound(self, tasks: Integers | slice = slice(None)) -> Floats:
         """Log joint of some tasks, or where they lag a bound on it, (k,)."""
         joint = self.table.log_joint.reshape(-1, self.grid.n_scales)[tasks]
         missed = self._peaks[-1] - self._peaks[self._seen[tasks]]
         return np.asarray(np.logaddexp.reduce(joint, axis=1) + missed)
 
-    def _limit(self) -> NDArray[np.float64]:
+    def _limit(self) -> Floats:
         """What the log joint of each task is compared with, (K + 1,); that of none matters always.
 
         The most probable known task's, under the posterior as it is and multiplied by the task
@@ -217,13 +214,13 @@ class MovementFilter:
         return np.r_[limit, -np.inf]
 
     @property
-    def log_evidence(self) -> NDArray[np.float64]:
+    def log_evidence(self) -> Floats:
         """Log density of all observations under each hypothesis, (B,); a bound where it lags."""
         missed = self._peaks[-1] - self._peaks[self._seen]
         return self.table.rows["log_evidence"] + np.repeat(missed, self.grid.n_scales)
 
     @property
-    def pruned_tasks(self) -> NDArray[np.int64]:
+    def pruned_tasks(self) -> Integers:
         """Numbers of the tasks that lag."""
         return np.flatnonzero(self._seen < self.n_used)
 
@@ -270,10 +267,10 @@ class MovementFilter:
 
     def mixture_at(
         self,
-        times_s: NDArray[np.float64],
-        task_weights: NDArray[np.float64],
+        times_s: Floats,
+        task_weights: Floats,
         start: StartPosture | list[StartPosture | None] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Floats]:
         """Mean and standard deviation of the controlled agent over all tasks, (T, Q) each.
 
         Args:

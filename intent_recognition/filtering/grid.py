@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import TaskLibrary
 
@@ -34,23 +34,23 @@ class PriorGrid(NamedTuple):
     """
 
     n_scales: int
-    duration_s: NDArray[np.float64]
-    log_prior: NDArray[np.float64]
+    duration_s: Floats
+    log_prior: Floats
     duration_evidence: float = 1.0
     task_evidence: float = 1.0
     none_margin: float = 0.0
 
     @property
-    def log_task_prior(self) -> NDArray[np.float64]:
+    def log_task_prior(self) -> Floats:
         """Log prior probability of each task and none, (K + 1,)."""
         return self.log_task_joint(0.0)
 
-    def log_task_joint(self, log_evidence: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def log_task_joint(self, log_evidence: Floats | float) -> Floats:
         """Log of prior and density of the observations, (B,), of each task and none, (K + 1,)."""
         joint = (self.log_prior + log_evidence).reshape(-1, self.n_scales)
         return np.asarray(np.logaddexp.reduce(joint, axis=1))
 
-    def duration_weights(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    def duration_weights(self, log_evidence: Floats) -> Floats:
         """Posterior probability of each duration given its task, (K + 1, S).
 
         An impossible task has its prior's durations: it can still be asked for.
@@ -68,7 +68,7 @@ class PriorGrid(NamedTuple):
 
 
 def make_prior_grid(
-    library: TaskLibrary, task_prior: NDArray[np.float64] | None = None, n_scales: int = N_SCALES
+    library: TaskLibrary, task_prior: Floats | None = None, n_scales: int = N_SCALES
 ) -> PriorGrid:
     """Cover each task's timing prior by durations evenly spaced in their logarithm.
 
@@ -107,22 +107,20 @@ def fixed_prior_grid(library: TaskLibrary, duration_s: float) -> PriorGrid:
     return make_prior_grid(library, n_scales=1)._replace(duration_s=duration)
 
 
-def log_durations(library: TaskLibrary) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def log_durations(library: TaskLibrary) -> tuple[Floats, Floats]:
     """Mean and standard deviation of the tasks' and none's log duration, (K + 1,) each."""
     none_mean, none_std = library.none_log_duration
     return np.r_[library.log_duration_mean, none_mean], np.r_[library.log_duration_std, none_std]
 
 
-def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def duration_offsets(n_scales: int) -> tuple[Floats, Floats]:
     """Durations of a task, in standard deviations of their logarithm; log probabilities (S,)."""
     offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
     log_weight = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
     return offsets, log_weight - np.logaddexp.reduce(log_weight)
 
 
-def log_pace(
-    grid: PriorGrid, log_evidence: NDArray[np.float64], offsets: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def log_pace(grid: PriorGrid, log_evidence: Floats, offsets: Floats) -> Floats:
     """Log probability of the durations of newborn hypotheses of a task, and of none, (2, S').
 
     Args:

@@ -5,8 +5,8 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Observation
@@ -33,9 +33,9 @@ class Measurement(NamedTuple):
 
     elapsed_s: float
     interval_s: float
-    dofs: NDArray[np.int64]
-    values: NDArray[np.float64]
-    noise_covariance: NDArray[np.float64]
+    dofs: Integers
+    values: Floats
+    noise_covariance: Floats
     derivative: bool
     freedom: float = inf
 
@@ -97,9 +97,7 @@ class ObservationModel:
         )
 
 
-def check_observation(
-    dofs: NDArray[np.int64], values: NDArray[np.float64], noise_covariance: NDArray[np.float64]
-) -> None:
+def check_observation(dofs: Integers, values: Floats, noise_covariance: Floats) -> None:
     """Check that values and noise go with the DOFs.
 
     Raises:

@@ -19,8 +19,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.filtering.grid import PriorGrid
 
 ANSWER_TRUST = 0.99
@@ -37,16 +37,16 @@ class CourseTimes(NamedTuple):
         course_s: how long it takes, (n,).
     """
 
-    task: NDArray[np.int64]
-    weight: NDArray[np.float64]
-    begin_s: NDArray[np.float64]
-    course_s: NDArray[np.float64]
+    task: Integers
+    weight: Floats
+    begin_s: Floats
+    course_s: Floats
 
-    def expected(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def expected(self, values: Floats) -> Floats:
         """What is expected given the task, (K + 1,), of what each hypothesis says, (n,)."""
         return np.bincount(self.task, self.weight * values).astype(np.float64)
 
-    def phase(self, elapsed_s: float) -> NDArray[np.float64]:
+    def phase(self, elapsed_s: float) -> Floats:
         """Expected phase given the task, so long after onset, (K + 1,)."""
         return self.expected(np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0))
 
@@ -62,9 +62,9 @@ class BornBelief(NamedTuple):
         timing: of the born ones.
     """
 
-    log_joint: NDArray[np.float64]
+    log_joint: Floats
     total: float
-    share: NDArray[np.float64]
+    share: Floats
     timing: CourseTimes
 
 
@@ -81,11 +81,11 @@ class TaskPosterior(NamedTuple):
         timing: of all hypotheses, from which the phase at other times follows.
     """
 
-    probabilities: NDArray[np.float64]
-    log_evidence: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    duration_s: NDArray[np.float64]
-    scale_weights: NDArray[np.float64]
+    probabilities: Floats
+    log_evidence: Floats
+    phase: Floats
+    duration_s: Floats
+    scale_weights: Floats
     timing: CourseTimes | None = None
 
     def at(self, elapsed_s: float) -> TaskPosterior:
@@ -94,10 +94,7 @@ class TaskPosterior(NamedTuple):
 
 
 def task_posterior(
-    log_evidence: NDArray[np.float64],
-    grid: PriorGrid,
-    elapsed_s: float,
-    born: BornBelief | None = None,
+    log_evidence: Floats, grid: PriorGrid, elapsed_s: float, born: BornBelief | None = None
 ) -> TaskPosterior:
     """Posterior of the tasks, marginal over the durations (Maeda et al. 2014, Eq. 9-11).
 
@@ -130,7 +127,7 @@ def task_posterior(
     return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing)
 
 
-def _together(one: CourseTimes, other: CourseTimes, share: NDArray[np.float64]) -> CourseTimes:
+def _together(one: CourseTimes, other: CourseTimes, share: Floats) -> CourseTimes:
     """Both, the other with its share in each task, (K + 1,)."""
     weights = one.weight * (1.0 - share[one.task]), other.weight * share[other.task]
     one, other = one._replace(weight=weights[0]), other._replace(weight=weights[1])
@@ -154,9 +151,7 @@ def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
     )
 
 
-def counted_none(
-    log_evidence: NDArray[np.float64], log_prior: NDArray[np.float64], margin: float
-) -> float:
+def counted_none(log_evidence: Floats, log_prior: Floats, margin: float) -> float:
     """Log evidence of none, the known tasks' factor over it counting beyond the margin only.
 
     Args:
@@ -171,9 +166,7 @@ def counted_none(
     return float(total - beyond_margin(total - log_evidence[-1], margin))
 
 
-def counted_joint(
-    log_joint: NDArray[np.float64], log_prior: NDArray[np.float64], log_total: float, power: float
-) -> NDArray[np.float64]:
+def counted_joint(log_joint: Floats, log_prior: Floats, log_total: float, power: float) -> Floats:
     """Log joint of hypotheses whose evidence against all others counts to a power.
 
     Their prior, as that of a change of mind, counts as it is.
@@ -189,7 +182,7 @@ def counted_joint(
     return power * log_joint + (1.0 - power) * (log_prior + log_total)
 
 
-def beyond_margin(log_factor: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+def beyond_margin(log_factor: Floats, margin: float) -> Floats:
     """What a log Bayes factor of the known tasks over none counts, (...).
 
     log(1 + exp(L - b)) - log(1 + exp(-L - b)): L - b far above the margin b, L + b far below -b,

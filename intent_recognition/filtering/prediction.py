@@ -4,9 +4,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.table import Deviations
 from intent_recognition.gaussian import Gaussian, GaussianBatch, symmetrize, whiten_innovation
@@ -51,8 +51,8 @@ class TaskPrediction:
         library: TaskLibrary,
         task: int,
         weights: GaussianBatch,
-        durations_s: NDArray[np.float64],
-        duration_weights: NDArray[np.float64],
+        durations_s: Floats,
+        duration_weights: Floats,
         deviations: Deviations,
         elapsed_s: float,
         seen: Sequence[Measurement] = (),
@@ -76,12 +76,12 @@ class TaskPrediction:
         """Observed weights, durations marginalised by matching moments."""
         return self.weights.mixture(self.duration_weights)
 
-    def deviations_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def deviations_at(self, times_s: Floats) -> Floats:
         """Probability of each deviation at times after onset given all observations, (S, T, E)."""
         model, durations = self.library.phase_deviation, self.durations_s
         return deviations_at(model, durations, self._deviations, times_s)
 
-    def phases_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def phases_at(self, times_s: Floats) -> Floats:
         """Probability of each tabulated reference phase of the controlled agent, (S, T, G)."""
         model, durations = self.library.phase_deviation, self.durations_s
         if model.controlled_follows:
@@ -91,8 +91,8 @@ class TaskPrediction:
         return _tabulated(phase, np.ones_like(phase))
 
     def mixture_at(
-        self, times_s: NDArray[np.float64], start: StartPosture | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, times_s: Floats, start: StartPosture | None = None
+    ) -> tuple[Floats, Floats]:
         """Mean and mean square of the controlled agent at true times after onset, (T, Q) each.
 
         The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and
@@ -110,9 +110,7 @@ class TaskPrediction:
         expected += shift[likely]
         return np.tensordot(share, expected, 1), np.tensordot(share, variance + expected**2, 1)
 
-    def _controlled_weights(
-        self, start: StartPosture | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _controlled_weights(self, start: StartPosture | None) -> tuple[Floats, Floats]:
         """As `promp.controlled_weights`, of k likely durations, within each controlled DOF alone.
 
         Returns:
@@ -139,9 +137,7 @@ class TaskPrediction:
         mean = mean + np.einsum("kr,krqn->kqn", innovation, cross)
         return mean, own - np.einsum("krqn,krqm->kqnm", cross, cross)
 
-    def _coupled(
-        self, times_s: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _coupled(self, times_s: Floats) -> tuple[Floats, Floats]:
         """What the observed residuals add to the controlled agent, and the variance they leave.
 
         The first under each hypothesis, (S, T, Q); the second a share of the variance, (T, Q).
@@ -216,9 +212,7 @@ class TaskPrediction:
         variance += slope**2 * phase_variance[:, None]
         return Trajectory(times_s, design @ per_dof, slope * rate[:, None], np.sqrt(variance))
 
-    def _path(
-        self, times_s: NDArray[np.float64], *, controlled: bool = False
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _path(self, times_s: Floats, *, controlled: bool = False) -> tuple[Floats, Floats, Floats]:
         """Expected progress: reference phase, its variance, and phase per second, each (T,).
 
         It never goes back, and is at the end at the last of the times.
@@ -242,7 +236,7 @@ class TaskPrediction:
         return mean, variance, np.gradient(mean, times_s)
 
 
-def _tabulated(phase: NDArray[np.float64], probability: NDArray[np.float64]) -> NDArray[np.float64]:
+def _tabulated(phase: Floats, probability: Floats) -> Floats:
     """Probability of each of `N_PHASES` phases from that of some between them, (..., E): (..., G).
 
     Each is shared by the two next to it, so that their mean stays.
@@ -260,9 +254,7 @@ def _tabulated(phase: NDArray[np.float64], probability: NDArray[np.float64]) -> 
     return np.asarray(table, dtype=np.float64).reshape(*phase.shape[:-1], N_PHASES)
 
 
-def _values(
-    seen: Sequence[Measurement], n_observed: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _values(seen: Sequence[Measurement], n_observed: int) -> tuple[Floats, Floats]:
     """Times of measurements, ascending, (n,), and what was measured, NaN where nothing, (n, P)."""
     times_s = np.unique([one.elapsed_s for one in seen])
     values = np.full((len(times_s), n_observed), np.nan)
@@ -272,11 +264,8 @@ def _values(
 
 
 def deviations_at(
-    model: PhaseDeviation,
-    durations_s: NDArray[np.float64],
-    deviations: Deviations,
-    times_s: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    model: PhaseDeviation, durations_s: Floats, deviations: Deviations, times_s: Floats
+) -> Floats:
     """Probability of each deviation at times given all observations, (S, T, E).
 
     Args:
@@ -307,11 +296,11 @@ def deviations_at(
 
 def _smoothed(
     model: PhaseDeviation,
-    durations_s: NDArray[np.float64],
-    times_s: NDArray[np.float64],
-    filtered: NDArray[np.float64],
-    likelihood: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    durations_s: Floats,
+    times_s: Floats,
+    filtered: Floats,
+    likelihood: Floats,
+) -> Floats:
     """Deviations at the measurements given all of them, (S, n, E): the backward recursion."""
     later, smoothed = np.ones_like(filtered[0]), []
     moved = deviation_transition(model, np.diff(times_s)[:, None] / durations_s)

@@ -2,7 +2,8 @@
 """How often people turn, begin anew, make detours and are delayed: what passes to the newborn."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 SWITCH_RATE = 0.04
 """Rate at which a person turns to another task, per usual duration of the tasks
@@ -43,13 +44,13 @@ def log_stay(passed: float, switch_margin: float) -> float:
 
 
 def birth_shares(
-    total: NDArray[np.float64],
-    log_prior: NDArray[np.float64],
+    total: Floats,
+    log_prior: Floats,
     passed: float,
     *,
     none_margin: float = 0.0,
     switch_margin: float = 0.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Log of what passes in a time to the newborn hypotheses of each task and of none, (4, K + 1).
 
     By kind: `TURN` (for the old task a detour), `DELAY`, `AFRESH`, and `STRAIGHT`.

@@ -2,8 +2,8 @@
 """What reaches that begin anew on the way take from tasks: how long they move, and their ends."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import TaskLibrary
 
 WAY_DONE, LEAST_JERK_PHASE = 0.99, 0.894
@@ -11,7 +11,7 @@ WAY_DONE, LEAST_JERK_PHASE = 0.99, 0.894
 Convention."""
 
 
-def moving_parts(library: TaskLibrary, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+def moving_parts(library: TaskLibrary, scale: Floats) -> Floats:
     """Part of each task's duration in which its mean course moves, as by least jerk, (K,).
 
     Args:
@@ -26,7 +26,7 @@ def moving_parts(library: TaskLibrary, scale: NDArray[np.float64]) -> NDArray[np
     return np.asarray(np.minimum(phase[1:][done] / LEAST_JERK_PHASE, 1.0))
 
 
-def end_tells(library: TaskLibrary) -> NDArray[np.float64]:
+def end_tells(library: TaskLibrary) -> Floats:
     """How far each task's end tells it from every other: 1 less the largest overlap, (K,).
 
     The overlap of two ends is the Bhattacharyya coefficient of their distributions. A hand that

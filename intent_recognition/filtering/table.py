@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.rates import AFRESH, STRAIGHT
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement, state_width
@@ -59,9 +60,9 @@ class Deviations(NamedTuple):
         likelihood: what each measurement weighed the deviations with, (n, S, E).
     """
 
-    times_s: NDArray[np.float64]
-    filtered: NDArray[np.float64]
-    likelihood: NDArray[np.float64]
+    times_s: Floats
+    filtered: Floats
+    likelihood: Floats
 
 
 class HypothesisTable:
@@ -95,7 +96,7 @@ class HypothesisTable:
     def clear(self) -> None:
         """Begin with another movement."""
         self.n = 0
-        self._history: list[tuple[float, NDArray[np.int64], NDArray, NDArray]] = []
+        self._history: list[tuple[float, Integers, NDArray, NDArray]] = []
 
     @property
     def rows(self) -> NDArray[np.void]:
@@ -103,11 +104,11 @@ class HypothesisTable:
         return self._columns[: self.n]
 
     @property
-    def log_joint(self) -> NDArray[np.float64]:
+    def log_joint(self) -> Floats:
         """Log prior and density of the observations, (n,)."""
         return self.rows["log_prior"] + self.rows["log_evidence"]
 
-    def add(self, state: NDArray[np.float64], times: int = 1, **columns: object) -> slice:
+    def add(self, state: Floats, times: int = 1, **columns: object) -> slice:
         """Add rows that have seen nothing; returns where they are.
 
         Args:
@@ -124,7 +125,7 @@ class HypothesisTable:
             self._columns[name][new] = values
         return new
 
-    def condition(self, measurement: Measurement, index: NDArray[np.int64] | None = None) -> None:
+    def condition(self, measurement: Measurement, index: Integers | None = None) -> None:
         """Condition rows on a measurement: those of an index, ascending, or all."""
         where = slice(self.n) if index is None else index
         rows, deviation = self._columns[where], self.deviation[: self.n]
@@ -170,14 +171,14 @@ class HypothesisTable:
             measurement.freedom,
         )
 
-    def drop(self, which: NDArray[np.bool_]) -> None:
+    def drop(self, which: Flags) -> None:
         """Drop rows (n,); the last of the others take their places."""
         self.n -= int(np.count_nonzero(which))
         free, moved = np.flatnonzero(which[: self.n]), self.n + np.flatnonzero(~which[self.n :])
         for array in (self._state, self.deviation, self._columns):
             array[free] = array[moved]
 
-    def courses(self, index: NDArray[np.int64]) -> GaussianBatch:
+    def courses(self, index: Integers) -> GaussianBatch:
         """The weights of some rows, without those of their offsets; a copy.
 
         Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8):
@@ -200,9 +201,7 @@ class HypothesisTable:
         return Deviations(np.maximum.accumulate(times_s), np.array(filtered), np.array(likelihood))
 
 
-def fading(
-    since_s: NDArray[np.float64], rate: NDArray[np.float64], *, derivative: bool = False
-) -> NDArray[np.float64]:
+def fading(since_s: Floats, rate: Floats, *, derivative: bool = False) -> Floats:
     """What remains of an offset of one, of its velocity and of its push, (n, 3).
 
     A critically damped spring of rate r with an initial push that fades as fast:
@@ -221,9 +220,7 @@ def fading(
     return np.stack(shapes, axis=1) * np.exp(-rate * s)[:, None]
 
 
-def ending(
-    since_s: NDArray[np.float64], rate: NDArray[np.float64], *, derivative: bool = False
-) -> NDArray[np.float64]:
+def ending(since_s: Floats, rate: Floats, *, derivative: bool = False) -> Floats:
     """What remains of an offset of one, of its velocity and of its acceleration, (n, 3).
 
     The quintics of least jerk that end at rest after T = 1 / rate (Flash and Hogan 1985).

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.linalg import (
     cholesky,
@@ -59,11 +60,11 @@ class LinearMeasurement(NamedTuple):
         degrees_of_freedom: of the Student density that the evidence is computed with.
     """
 
-    dofs: NDArray[np.int64]
-    rows: NDArray[np.float64]
-    values: NDArray[np.float64]
-    noise_covariance: NDArray[np.float64]
-    transition: NDArray[np.float64] | None = None
+    dofs: Integers
+    rows: Floats
+    values: Floats
+    noise_covariance: Floats
+    transition: Floats | None = None
     exponent: float = 1.0
     degrees_of_freedom: float = inf
 
@@ -77,27 +78,23 @@ class GaussianBatch:
         mean: the means, (n, D), a part of it.
     """
 
-    def __init__(self, state: NDArray[np.float64], n_dofs: int, n_basis: int):
+    def __init__(self, state: Floats, n_dofs: int, n_basis: int):
         self.state, self._shape, self._size = state, (n_dofs, n_basis), n_dofs * n_basis
         self.mean = state[:, : self._size]
 
     @classmethod
-    def of(
-        cls, mean: NDArray[np.float64], covariance: NDArray[np.float64], n_basis: int
-    ) -> "GaussianBatch":
+    def of(cls, mean: Floats, covariance: Floats, n_basis: int) -> "GaussianBatch":
         """From means (n, D) and covariances (n, D, D), copied."""
         state = np.concatenate([mean, _packed(covariance)], axis=1)
         return cls(state, mean.shape[1] // n_basis, n_basis)
 
-    def moments(
-        self, index: NDArray[np.int64] | slice = slice(None)
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def moments(self, index: Integers | slice = slice(None)) -> tuple[Floats, Floats]:
         """Means (k, D) and covariances (k, D, D) of some, copied."""
         state, size = self.state[index], self._size
         covariance = np.take(state, _layout(size)[1].ravel(), axis=1)
         return state[:, :size].copy(), covariance.reshape(len(state), size, size)
 
-    def mixture(self, weight: NDArray[np.float64]) -> Gaussian:
+    def mixture(self, weight: Floats) -> Gaussian:
         """Mean and covariance of their mixture (Ewerton et al. 2015, Eq. 14).
 
         Args:
@@ -109,10 +106,7 @@ class GaussianBatch:
         return Gaussian(mean, both[_layout(self._size)[1]] + apart.T @ apart)
 
     def resized(
-        self,
-        index: NDArray[np.int64] | slice,
-        n_basis: int,
-        variance: NDArray[np.float64] | None = None,
+        self, index: Integers | slice, n_basis: int, variance: Floats | None = None
     ) -> "GaussianBatch":
         """Copies with the first weights of each DOF, and R times with new, independent ones.
 
@@ -133,9 +127,9 @@ class GaussianBatch:
     def condition(
         self,
         measurement: LinearMeasurement,
-        deviation: NDArray[np.float64] | None = None,
-        index: NDArray[np.int64] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        deviation: Floats | None = None,
+        index: Integers | None = None,
+    ) -> tuple[Floats, Floats]:
         """Condition on a measurement, in place; on an error nothing has changed.
 
         Args:
@@ -168,7 +162,7 @@ class GaussianBatch:
 
 
 @cache
-def _layout(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _layout(size: int) -> tuple[Integers, Integers]:
     """What is stored of a covariance of D weights, padded to a multiple of four columns.
 
     Lines come in blocks of four, which begin at one column and end at a multiple of four: the
@@ -192,7 +186,7 @@ def _packed(covariance: NDArray) -> NDArray:
 
 
 @cache
-def _resizing(n_dofs: int, n_basis: int, wanted: int) -> NDArray[np.int64]:
+def _resizing(n_dofs: int, n_basis: int, wanted: int) -> Integers:
     """What each number of a resized state is among zero, the old state and the new variances."""
     size, kept = n_dofs * n_basis, min(n_basis, wanted)
     mean = np.zeros((n_dofs, wanted), dtype=np.int64)
@@ -238,11 +232,8 @@ def _checked(
 
 
 def _condition(
-    batch: GaussianBatch,
-    measurement: LinearMeasurement,
-    deviation: NDArray[np.float64],
-    index: NDArray[np.int64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    batch: GaussianBatch, measurement: LinearMeasurement, deviation: Floats, index: Integers
+) -> tuple[Floats, Floats]:
     """What `_kernel.c` does, without it."""
     dofs, rows, values, noise, transition, exponent, freedom = measurement
     mean, covariance = batch.moments(index)

@@ -6,8 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, one_hot
@@ -33,7 +34,7 @@ class GaussianMixture:
         ArgumentError: the weights are not probabilities that sum to one.
     """
 
-    weights: NDArray[np.float64]
+    weights: Floats
     components: tuple[Gaussian, ...]
 
     def __post_init__(self) -> None:
@@ -68,20 +69,17 @@ class GaussianMixture:
         within = np.tensordot(self.weights, covariances, axes=1)
         return Gaussian(mean, symmetrize(within + apart.T @ apart))
 
-    def log_density(self, points: ArrayLike) -> NDArray[np.float64]:
+    def log_density(self, points: ArrayLike) -> Floats:
         """Log density of points (n, d), (n,)."""
         return np.asarray(np.logaddexp.reduce(self._log_joint(points), axis=1))
 
-    def responsibilities(self, points: ArrayLike) -> NDArray[np.float64]:
+    def responsibilities(self, points: ArrayLike) -> Floats:
         """p(k | point) of points (n, d), (n, K) (Ewerton et al. 2015, Eq. 7)."""
         joint = self._log_joint(points)
         return np.asarray(np.exp(joint - np.logaddexp.reduce(joint, axis=1)[:, None]))
 
     def condition(
-        self,
-        observation_matrix: NDArray[np.float64],
-        observation: NDArray[np.float64],
-        noise_covariance: NDArray[np.float64],
+        self, observation_matrix: Floats, observation: Floats, noise_covariance: Floats
     ) -> tuple[GaussianMixture, float]:
         """Condition on y = H w + noise (Ewerton et al. 2015, Eq. 11-14).
 
@@ -112,7 +110,7 @@ class GaussianMixture:
         )
         return posterior, float(log_evidence)
 
-    def _log_joint(self, points: ArrayLike) -> NDArray[np.float64]:
+    def _log_joint(self, points: ArrayLike) -> Floats:
         """log p(k) + log p(point | k), (n, K)."""
         points = _checked_points(points, len(self.components[0].mean))
         density = [[log_density(part, point) for part in self.components] for point in points]
@@ -168,7 +166,7 @@ def fit_gaussian_mixture(
     return GaussianMixture(weights / weights.sum(), tuple(Gaussian(m, c) for m, c in parts))
 
 
-def _checked_points(points: ArrayLike, n_dimensions: int | None = None) -> NDArray[np.float64]:
+def _checked_points(points: ArrayLike, n_dimensions: int | None = None) -> Floats:
     """Points as an array (n, d).
 
     Raises:

@@ -5,21 +5,21 @@ from math import inf, isfinite, lgamma, log, pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 RANK_TOLERANCE = 1e-10
 """Singular values below this part of the largest one count as zero. Convention: rounding."""
 
 
-def symmetrize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def symmetrize(matrix: Floats) -> Floats:
     """Mean of a matrix and its transpose, (..., d, d)."""
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
 
 
-def cholesky(matrix: NDArray[np.float64], *, name: str = "covariance") -> NDArray[np.float64]:
+def cholesky(matrix: Floats, *, name: str = "covariance") -> Floats:
     """Lower Cholesky factor of symmetric positive definite matrices, (..., d, d).
 
     No jitter is added: a matrix that is not positive definite is the caller's to regularise.
@@ -40,13 +40,13 @@ def cholesky(matrix: NDArray[np.float64], *, name: str = "covariance") -> NDArra
     return np.asarray(factor, dtype=np.float64)
 
 
-def covariance_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def covariance_root(covariance: Floats) -> Floats:
     """L with L L^T a covariance (d, d), which may be singular; negative eigenvalues count as 0."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def solve_lower(factor: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def solve_lower(factor: Floats, right: Floats) -> Floats:
     """Solve L x = b for lower triangular L (..., d, d) and b (..., d, k).
 
     Batches take d steps of forward substitution, each vectorised over the batch.
@@ -63,17 +63,14 @@ def solve_lower(factor: NDArray[np.float64], right: NDArray[np.float64]) -> NDAr
     return solution
 
 
-def half_log_det(factor: NDArray[np.float64]) -> NDArray[np.float64]:
+def half_log_det(factor: Floats) -> Floats:
     """Half the log determinant of a matrix, from its Cholesky factor, (...)."""
     return np.add.reduce(np.log(np.diagonal(factor, axis1=-2, axis2=-1)), axis=-1)
 
 
 def student_log_density(
-    squares: NDArray[np.float64],
-    log_scale: NDArray[np.float64],
-    dimension: int,
-    degrees_of_freedom: float = inf,
-) -> NDArray[np.float64]:
+    squares: Floats, log_scale: Floats, dimension: int, degrees_of_freedom: float = inf
+) -> Floats:
     """Log density of a multivariate Student distribution, (...); normal for infinite freedom.
 
     Args:
@@ -100,12 +97,12 @@ class AffineSpan(NamedTuple):
         coordinates: (n, r), zero on average.
     """
 
-    mean: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    coordinates: NDArray[np.float64]
+    mean: Floats
+    axes: Floats
+    coordinates: Floats
 
 
-def affine_span(vectors: NDArray[np.float64]) -> AffineSpan:
+def affine_span(vectors: Floats) -> AffineSpan:
     """Coordinates of vectors (n, d) along their principal axes; r is their rank, 0 if all equal."""
     mean = vectors.mean(axis=0)
     left, values, axes = np.linalg.svd(vectors - mean, full_matrices=False)

@@ -18,8 +18,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian.linalg import (
     cholesky,
     half_log_det,
@@ -64,14 +64,14 @@ class Components(NamedTuple):
         row_weight: weights of their outer products, zero where rows only fill up, (B, K, M).
     """
 
-    log_weight: NDArray[np.float64]
-    count: NDArray[np.float64]  # type: ignore[assignment]  # hides tuple.count
-    mean: NDArray[np.float64]
-    diagonal: NDArray[np.float64]
-    rows: NDArray[np.int64]
-    row_weight: NDArray[np.float64]
+    log_weight: Floats
+    count: Floats  # type: ignore[assignment]  # hides tuple.count
+    mean: Floats
+    diagonal: Floats
+    rows: Integers
+    row_weight: Floats
 
-    def select(self, which: slice | NDArray[np.int64]) -> "Components":
+    def select(self, which: slice | Integers) -> "Components":
         """Some of the B mixtures."""
         return Components(
             self.log_weight[which],
@@ -82,7 +82,7 @@ class Components(NamedTuple):
             self.row_weight[which],
         )
 
-    def covariance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def covariance(self, points: Floats) -> Floats:
         """The covariances as matrices, (B, K, r, r)."""
         root = np.sqrt(self.row_weight)[..., None] * (points[self.rows] - self.mean[:, :, None, :])
         low_rank = np.swapaxes(root, -1, -2) @ root
@@ -98,24 +98,22 @@ class MixtureFit(NamedTuple):
         components: the mixtures, from these responsibilities.
     """
 
-    responsibilities: NDArray[np.float64]
-    log_likelihood: NDArray[np.float64]
+    responsibilities: Floats
+    log_likelihood: Floats
     components: Components
 
     @property
-    def labels(self) -> NDArray[np.int64]:
+    def labels(self) -> Integers:
         """Most responsible component of each point, (B, n)."""
         return np.argmax(self.responsibilities, axis=2)
 
 
-def one_hot(labels: NDArray[np.int64], n_components: int) -> NDArray[np.float64]:
+def one_hot(labels: Integers, n_components: int) -> Floats:
     """Responsibilities 0 and 1 from labels (..., n), (..., n, K)."""
     return (labels[..., None] == np.arange(n_components)).astype(float)
 
 
-def maximisation(
-    points: NDArray[np.float64], responsibilities: NDArray[np.float64], prior: CovariancePrior
-) -> Components:
+def maximisation(points: Floats, responsibilities: Floats, prior: CovariancePrior) -> Components:
     """M step (Ewerton et al. 2015, Eq. 8-10) of B mixtures at once.
 
     Args:
@@ -148,7 +146,7 @@ def maximisation(
     )
 
 
-def log_joint(points: NDArray[np.float64], components: Components) -> NDArray[np.float64]:
+def log_joint(points: Floats, components: Components) -> Floats:
     """log p(k) + log density of each point under component k, (B, n, K)."""
     n_axes = points.shape[1]
     small = components.rows.shape[2] <= n_axes
@@ -157,9 +155,7 @@ def log_joint(points: NDArray[np.float64], components: Components) -> NDArray[np
     return np.swapaxes(components.log_weight[..., None] + density, 1, 2)
 
 
-def _by_axes(
-    points: NDArray[np.float64], components: Components
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _by_axes(points: Floats, components: Components) -> tuple[Floats, Floats]:
     """Squared Mahalanobis distances (B, K, n) and half the log determinants (B, K)."""
     factor = cholesky(components.covariance(points), name="covariance of a component")
     errors = np.swapaxes(points - components.mean[:, :, None, :], 2, 3)
@@ -167,9 +163,7 @@ def _by_axes(
     return np.einsum("bkrn,bkrn->bkn", whitened, whitened), half_log_det(factor)
 
 
-def _by_members(
-    points: NDArray[np.float64], components: Components
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _by_members(points: Floats, components: Components) -> tuple[Floats, Floats]:
     """The same by the matrix inversion lemma, for fewer members than axes."""
     if components.diagonal.size and np.ptp(components.diagonal) == 0:
         cross, squared = _by_inner_products(points, components)
@@ -186,9 +180,7 @@ def _by_members(
     return squared, 0.5 * np.log(components.diagonal).sum(axis=2) + half_log_det(factor)
 
 
-def _by_coordinates(
-    points: NDArray[np.float64], components: Components
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _by_coordinates(points: Floats, components: Components) -> tuple[Floats, Floats]:
     """Scaled inner products of members with points (B, K, M, n), and squared norms (B, K, n)."""
     scale = 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
     scaled = (points - components.mean[:, :, None, :]) * scale
@@ -196,9 +188,7 @@ def _by_coordinates(
     return members @ np.swapaxes(scaled, 2, 3), np.einsum("bknr,bknr->bkn", scaled, scaled)
 
 
-def _by_inner_products(
-    points: NDArray[np.float64], components: Components
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _by_inner_products(points: Floats, components: Components) -> tuple[Floats, Floats]:
     """The same where all diagonals are one number: from the points' inner products alone."""
     inner = points @ points.T
     to_mean = components.mean @ points.T
@@ -212,8 +202,8 @@ def _by_inner_products(
 
 
 def fit_mixture(
-    points: NDArray[np.float64],
-    responsibilities: NDArray[np.float64],
+    points: Floats,
+    responsibilities: Floats,
     prior: CovariancePrior,
     *,
     n_iterations: int = 100,
@@ -249,12 +239,12 @@ def batches(n_items: int, numbers_each: int) -> Iterator[slice]:
 
 
 def _iterate(
-    points: NDArray[np.float64],
-    responsibilities: NDArray[np.float64],
+    points: Floats,
+    responsibilities: Floats,
     prior: CovariancePrior,
     n_iterations: int,
     tolerance: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """EM of one batch: responsibilities and log likelihoods."""
     found = responsibilities.copy()
     included = found.sum(axis=2) > 0

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ShapeError
 from intent_recognition.gaussian.linalg import (
     cholesky,
@@ -23,11 +23,11 @@ from intent_recognition.gaussian.linalg import (
 class Gaussian(NamedTuple):
     """A normal distribution: mean (d,) and covariance (d, d)."""
 
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
 
 
-def log_density(distribution: Gaussian, value: NDArray[np.float64]) -> NDArray[np.float64]:
+def log_density(distribution: Gaussian, value: Floats) -> Floats:
     """Log density of values (..., d) under distributions, whose arrays may be batches: (...)."""
     factor = cholesky(distribution.covariance)
     whitened = solve_lower(factor, (value - distribution.mean)[..., None])[..., 0]
@@ -35,7 +35,7 @@ def log_density(distribution: Gaussian, value: NDArray[np.float64]) -> NDArray[n
     return student_log_density(squares, half_log_det(factor), whitened.shape[-1])
 
 
-def marginal(distribution: Gaussian, index: NDArray[np.int64]) -> Gaussian:
+def marginal(distribution: Gaussian, index: Integers) -> Gaussian:
     """Distribution of some of the elements.
 
     Args:
@@ -46,12 +46,12 @@ def marginal(distribution: Gaussian, index: NDArray[np.int64]) -> Gaussian:
 
 
 def whiten_innovation(
-    innovation_covariance: NDArray[np.float64],
-    cross: NDArray[np.float64],
-    innovation: NDArray[np.float64],
+    innovation_covariance: Floats,
+    cross: Floats,
+    innovation: Floats,
     *,
     name: str = "innovation covariance",
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats, Floats]:
     """Whiten an innovation and its covariance with what is conditioned (Maeda et al. 2014, Eq. 6).
 
     The posterior mean is then m + cross^T innovation, its covariance P - cross^T cross.
@@ -78,10 +78,7 @@ def whiten_innovation(
 
 
 def condition(
-    prior: Gaussian,
-    observation_matrix: NDArray[np.float64],
-    observation: NDArray[np.float64],
-    noise_covariance: NDArray[np.float64],
+    prior: Gaussian, observation_matrix: Floats, observation: Floats, noise_covariance: Floats
 ) -> tuple[Gaussian, float]:
     """Condition on y = H w + noise.
 
@@ -125,9 +122,9 @@ def condition(
 class Regression(NamedTuple):
     """A linear Gaussian map: target given source is N(offset + matrix source, covariance)."""
 
-    matrix: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    matrix: Floats
+    offset: Floats
+    covariance: Floats
 
 
 def regression(joint: Gaussian, n_source: int) -> Regression:
@@ -169,7 +166,7 @@ def product(factors: Sequence[Gaussian], powers: Sequence[float]) -> Gaussian:
     return Gaussian(covariance @ pull, covariance)
 
 
-def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(matrix: Floats) -> Floats:
     """Inverse of a positive definite matrix."""
     factor = cholesky(matrix)
     return symmetrize(cho_solve((factor, True), np.eye(len(matrix))))

@@ -2,15 +2,16 @@
 """Starts of a mixture: k-means from k-means++ centres, many times over."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats, Integers
 
 LLOYD_STEPS = 10
 """Steps of Lloyd's algorithm from each start. Convention: EM refines what comes of it."""
 
 
 def kmeans_starts(
-    points: NDArray[np.float64], n_components: int, n_starts: int, rng: np.random.Generator
-) -> NDArray[np.int64]:
+    points: Floats, n_components: int, n_starts: int, rng: np.random.Generator
+) -> Integers:
     """Labels of n points (n, r) from `n_starts` independent runs, (n_starts, n).
 
     Centres are drawn by k-means++ (Arthur and Vassilvitskii 2007): each next one with probability
@@ -32,9 +33,7 @@ def kmeans_starts(
     return labels
 
 
-def _plus_plus(
-    distance: NDArray[np.float64], n_components: int, rng: np.random.Generator
-) -> list[int]:
+def _plus_plus(distance: Floats, n_components: int, rng: np.random.Generator) -> list[int]:
     """Indices of the points drawn as centres, from squared distances (n, n)."""
     centers = [int(rng.integers(len(distance)))]
     nearest = distance[centers[0]].copy()
@@ -48,9 +47,7 @@ def _plus_plus(
     return centers
 
 
-def _lloyd(
-    distance: NDArray[np.float64], labels: NDArray[np.int64], n_components: int
-) -> NDArray[np.int64]:
+def _lloyd(distance: Floats, labels: Integers, n_components: int) -> Integers:
     """One step of k-means by distances alone: |x - mean|^2 from those between the points."""
     share = (labels == np.arange(n_components)[:, None]).astype(float)
     count = share.sum(axis=1)

@@ -2,7 +2,8 @@
 """The region of some standard deviations about a path, as triangles to draw."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 N_RINGS = 16
 """Rings of a tube. Convention."""
@@ -11,13 +12,8 @@ N_SIDES = 10
 
 
 def tube_rings(
-    path: NDArray[np.float64],
-    std: NDArray[np.float64],
-    n_std: float = 2.0,
-    *,
-    n_rings: int = N_RINGS,
-    n_sides: int = N_SIDES,
-) -> NDArray[np.float64]:
+    path: Floats, std: Floats, n_std: float = 2.0, *, n_rings: int = N_RINGS, n_sides: int = N_SIDES
+) -> Floats:
     """Rings about a path, each on the ellipsoid of `n_std` standard deviations of its point.
 
     Args:
@@ -43,7 +39,7 @@ def tube_rings(
     return centre[:, None] + n_std * radius[:, None] * circle
 
 
-def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> NDArray[np.float64]:
+def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> Floats:
     """Triangles of the rings' flattened vertices, seen from outside counter-clockwise.
 
     Returns:
@@ -56,7 +52,7 @@ def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> NDArray[np.flo
     return np.stack((a, b, d, a, d, c), axis=-1).reshape(-1, 3)
 
 
-def _across(centre: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _across(centre: Floats) -> tuple[Floats, Floats]:
     """Two unit vectors across the path at each of its points, turning as little as possible."""
     along = np.gradient(centre, axis=0) if len(centre) > 1 else np.zeros_like(centre)
     centred = centre - centre.mean(axis=0)
@@ -70,6 +66,6 @@ def _across(centre: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     return first, np.cross(along, first)
 
 
-def _other(axis: NDArray[np.float64]) -> int:
+def _other(axis: Floats) -> int:
     """The coordinate axis least along a vector."""
     return int(np.argmin(np.abs(axis)))

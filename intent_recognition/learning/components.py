@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian import (
     EMPTY,
@@ -40,9 +41,9 @@ class ComponentTrial(NamedTuple):
     """
 
     n_components: int
-    labels: NDArray[np.int64]
-    nll: NDArray[np.float64]
-    rmse: NDArray[np.float64]
+    labels: Integers
+    nll: Floats
+    rmse: Floats
 
 
 class ComponentChoice(NamedTuple):
@@ -67,10 +68,10 @@ class LeftOutPrediction(NamedTuple):
         freedom: its degrees of freedom, (n, K).
     """
 
-    log_posterior: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    freedom: NDArray[np.float64]
+    log_posterior: Floats
+    mean: Floats
+    variance: Floats
+    freedom: Floats
 
 
 def choose_components(
@@ -168,9 +169,7 @@ def predict_left_out(
     )
 
 
-def score(
-    prediction: LeftOutPrediction, truth: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def score(prediction: LeftOutPrediction, truth: Floats) -> tuple[Floats, Floats]:
     """Negative log density per sample, and error of the mixture's mean, each (n,).
 
     Args:
@@ -188,16 +187,14 @@ def score(
     return nll + 0.5 * np.log(n_samples), rmse
 
 
-def _log_student(
-    squared: NDArray[np.float64], freedom: NDArray[np.float64], size: int
-) -> NDArray[np.float64]:
+def _log_student(squared: Floats, freedom: Floats, size: int) -> Floats:
     """Log density of a Student t of `size` dimensions and unit scale at a squared distance."""
     constant = gammaln(0.5 * (freedom + size)) - gammaln(0.5 * freedom)
     constant = constant - 0.5 * size * np.log(np.pi * freedom)
     return constant - 0.5 * (freedom + size) * np.log1p(squared / freedom)
 
 
-def smallest_within_one_error(scores: NDArray[np.float64]) -> int:
+def smallest_within_one_error(scores: Floats) -> int:
     """First of c candidates within one paired standard error of the best, scores (c, n)."""
     best = int(np.argmin(scores.mean(axis=1)))
     if scores.shape[1] < 2:

@@ -4,8 +4,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.learning.preprocessing import SignalNames
 from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH
 from intent_recognition.learning.statistics import TaskStatistics
@@ -29,9 +29,9 @@ def fit_context(
     tasks: Mapping[str, TaskStatistics],
     signals: Sequence[SignalNames],
     n_observed: int,
-    floor: NDArray[np.float64],
+    floor: Floats,
     borrowed: float,
-) -> tuple[ContextModel, NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[ContextModel, Floats, Floats]:
     """Regress the weights on the context; what that leaves is shrunk as without a context.
 
     The regression is Bayesian with a prior of CONTEXT_STRENGTH demonstrations, so that it exists
@@ -79,7 +79,7 @@ def fit_context(
     return model, np.array(whole), np.array(of_observed)
 
 
-def _typical_variance(tasks: Iterable[TaskStatistics]) -> NDArray[np.float64]:
+def _typical_variance(tasks: Iterable[TaskStatistics]) -> Floats:
     """Variance of the context about the means of the tasks, (M,); `ANY` where it did not vary."""
     tasks = list(tasks)
     scatter = np.sum([np.diag(task.context_scatter) for task in tasks], axis=0)
@@ -88,7 +88,7 @@ def _typical_variance(tasks: Iterable[TaskStatistics]) -> NDArray[np.float64]:
     return np.where(variance > (STILL * size) ** 2, variance, ANY**2)
 
 
-def _left(task: TaskStatistics, scatter: NDArray[np.float64], gain: NDArray[np.float64]) -> Scatter:
+def _left(task: TaskStatistics, scatter: Floats, gain: Floats) -> Scatter:
     """Scatter of the weights that the context does not explain, and its degrees of freedom."""
     explained = np.trace(np.linalg.solve(scatter, task.context_scatter))
     left = task.scatter - gain @ task.context_cross.T

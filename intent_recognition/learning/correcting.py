@@ -26,8 +26,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.examples import (
@@ -63,8 +63,8 @@ class RuleChange(NamedTuple):
         offset: (Q N,).
     """
 
-    slopes: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    slopes: Floats
+    offset: Floats
 
 
 def keep_correction(
@@ -108,7 +108,7 @@ def move_task(
     return change_rule(trained, label, change)
 
 
-def place_scale(library: TaskLibrary, task: int) -> NDArray[np.float64]:
+def place_scale(library: TaskLibrary, task: int) -> Floats:
     """What each observed weight's distance from its mean is divided by, s, (P N,).
 
     DOFs with commensurate units (`signals.commensurate`) have one scale, that of all where they
@@ -134,7 +134,7 @@ def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
     )
 
 
-def correction_gain(places: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def correction_gain(places: Sequence[Floats]) -> Floats:
     """The gain k of the last of some corrections of a task, (1 + M,), the offset's first.
 
     Args:
@@ -158,7 +158,7 @@ def _chosen(trained: Trained, example: TrainingExample) -> TrainingExample:
     return example if aligned is None else aligned
 
 
-def inferred_weights(trained: Trained, example: TrainingExample) -> NDArray[np.float64]:
+def inferred_weights(trained: Trained, example: TrainingExample) -> Floats:
     """What the filter infers of the person's movement once it was seen, (P N,)."""
     library, n_observed = trained.library, trained.library.n_observed
     task = library.labels.index(example.task)
@@ -192,7 +192,7 @@ def _with_rule(library: TaskLibrary, task: int, change: RuleChange) -> TaskLibra
     return replace(library, weight_mean=means, weight_covariance=covariances, context=context)
 
 
-def _sheared(matrix: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sheared(matrix: Floats, slopes: Floats) -> Floats:
     """T M T^T with T = [[1, 0], [slopes, 1]]; the observed block stays to the last bit."""
     n, out = slopes.shape[1], matrix.copy()
     out[n:, :n] += slopes @ matrix[:n, :n]
@@ -218,11 +218,11 @@ def _moved(
     n, design = slopes.shape[1], own.design_matrix(scored_phases())
     centre = task.mean.ravel()[:n]
 
-    def follow(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def follow(weights: Floats) -> Floats:
         """The change of a demonstration's controlled weights, (Q, N)."""
         return (slopes @ (weights.ravel()[:n] - centre) + change.offset).reshape(-1, n_basis)
 
-    def raised(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def raised(weights: Floats) -> Floats:
         return np.vstack([weights[: n // n_basis], weights[n // n_basis :] + follow(weights)])
 
     cross = task.context_cross.copy()

@@ -10,8 +10,8 @@ coupling is one of the candidates.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.promp import ResidualCoupling, residual_weights
 
 DECAYS = (0.02, 0.05, 0.15, 0.5)
@@ -34,11 +34,11 @@ class HeldOutResiduals(NamedTuple):
         controlled: of the controlled agent, (f, n, s, Q).
     """
 
-    task: NDArray[np.int64]
-    phases: NDArray[np.float64]
-    seen: NDArray[np.float64]
-    observed: NDArray[np.float64]
-    controlled: NDArray[np.float64]
+    task: Integers
+    phases: Floats
+    seen: Floats
+    observed: Floats
+    controlled: Floats
 
 
 class _Moments(NamedTuple):
@@ -50,22 +50,22 @@ class _Moments(NamedTuple):
         controlled: squares of the controlled residuals, (f, n, Q).
     """
 
-    observed: NDArray[np.float64]
-    cross: NDArray[np.float64]
-    controlled: NDArray[np.float64]
+    observed: Floats
+    cross: Floats
+    controlled: Floats
 
-    def gain(self, shrinkage: float) -> NDArray[np.float64]:
+    def gain(self, shrinkage: float) -> Floats:
         """Ridge regression of the controlled on the observed residuals, (P, Q)."""
         total = self.observed.sum(axis=(0, 1))
         prior = shrinkage * np.diag(np.diag(total) / self.observed.shape[1] + 1e-300)
         return np.linalg.solve(total + prior, self.cross.sum(axis=(0, 1)))
 
-    def left(self, gains: NDArray[np.float64]) -> NDArray[np.float64]:
+    def left(self, gains: Floats) -> Floats:
         """Squares that are left of each demonstration with its own gain (n, P, Q): (f, n, Q)."""
         explained = 2.0 * self.cross - self.observed @ gains
         return np.maximum(self.controlled - np.sum(gains * explained, axis=2), 0.0)
 
-    def gains_without(self, shrinkage: float) -> NDArray[np.float64]:
+    def gains_without(self, shrinkage: float) -> Floats:
         """`gain` without each of the demonstrations in turn, (n, P, Q)."""
         n = self.observed.shape[1]
         others = (np.arange(n) != k for k in range(n))
@@ -74,8 +74,8 @@ class _Moments(NamedTuple):
 
 
 def learn_coupling(
-    residuals: HeldOutResiduals, variance: NDArray[np.float64], durations_s: NDArray[np.float64]
-) -> tuple[ResidualCoupling, NDArray[np.float64]]:
+    residuals: HeldOutResiduals, variance: Floats, durations_s: Floats
+) -> tuple[ResidualCoupling, Floats]:
     """The coupling of each task, and the squared errors that it leaves, each left out: (f, n, Q).
 
     Args:
@@ -114,7 +114,7 @@ def learn_coupling(
 
 
 def _moments(
-    residuals: HeldOutResiduals, own: NDArray[np.bool_], decay: float, *, seen_only: bool = False
+    residuals: HeldOutResiduals, own: Flags, decay: float, *, seen_only: bool = False
 ) -> _Moments:
     parts = []
     for k, share in enumerate(residuals.seen):

@@ -9,8 +9,8 @@ controlled agent is predicted best at true times.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
@@ -31,7 +31,7 @@ N_DURATIONS = 7
 
 def follow(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], shares: Sequence[float]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats, Floats]:
     """Filter n left-out demonstrations under S durations of their own task, after each of f shares.
 
     Returns:
@@ -68,7 +68,7 @@ def choose_duration_evidence(
     library: TaskLibrary,
     left_out: Sequence[LeftOutExample],
     shares: Sequence[float],
-    variance: NDArray[np.float64],
+    variance: Floats,
     at_once: int,
 ) -> tuple[float, ResidualCoupling]:
     """The exponent, and the coupling of what it leaves unexplained.
@@ -92,7 +92,7 @@ def choose_duration_evidence(
     )
     log_prior = duration_offsets(N_DURATIONS)[1]
     tasks = np.array([one.task for one in left_out])
-    found: list[tuple[NDArray[np.float64], float, ResidualCoupling]] = []
+    found: list[tuple[Floats, float, ResidualCoupling]] = []
     for exponent in EXPONENTS:
         log_weight = log_prior + exponent * log_evidence
         weight = np.exp(log_weight - log_weight.max(axis=2, keepdims=True))

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError
 from intent_recognition.promp import NormalizedRBFBasis, WeightFit, fit_weights_together
 from intent_recognition.signals import (
@@ -51,22 +51,22 @@ class TrainingExample(NamedTuple):
 
     name: str
     task: str
-    weights: NDArray[np.float64]
-    residual_variance: NDArray[np.float64]
+    weights: Floats
+    residual_variance: Floats
     duration_s: float
-    observed: NDArray[np.float64]
-    controlled: NDArray[np.float64]
+    observed: Floats
+    controlled: Floats
     aligned: TrainingExample | None = None
-    context: NDArray[np.float64] = np.empty(0)
+    context: Floats = np.empty(0)
     group: str = ""
 
 
-def sample_phases() -> NDArray[np.float64]:
+def sample_phases() -> Floats:
     """Phases of the samples that hyperparameters are scored on, (m,)."""
     return (np.arange(SAMPLES_USED) + 0.5) / SAMPLES_USED
 
 
-def scored_phases() -> NDArray[np.float64]:
+def scored_phases() -> Floats:
     """Phases at which the controlled agent's prediction is scored, (s,)."""
     return np.linspace(0.0, 1.0, SCORED_PHASES)
 
@@ -89,7 +89,7 @@ def make_examples(
     recordings: Sequence[Demonstration],
     basis: NormalizedRBFBasis,
     ridge: float,
-    warps: Sequence[Callable[[NDArray[np.float64]], NDArray[np.float64]]] | None = None,
+    warps: Sequence[Callable[[Floats], Floats]] | None = None,
     *,
     recorded_samples: bool = False,
 ) -> list[TrainingExample | TrainingError]:
@@ -126,8 +126,8 @@ def make_examples(
 class _Part(NamedTuple):
     """One signal during the movement: phases (T,) and values (T, d)."""
 
-    phase: NDArray[np.float64]
-    values: NDArray[np.float64]
+    phase: Floats
+    values: Floats
 
 
 def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
@@ -153,7 +153,7 @@ def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
 
 
 def _warped(
-    parts: list[_Part] | TrainingError, warp: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    parts: list[_Part] | TrainingError, warp: Callable[[Floats], Floats]
 ) -> list[_Part] | TrainingError:
     """The parts over reference phase, clipped to [0, 1]."""
     if isinstance(parts, TrainingError):
@@ -179,7 +179,7 @@ def _assemble(
     )
 
 
-def _at(phases: NDArray[np.float64], part: _Part) -> NDArray[np.float64]:
+def _at(phases: Floats, part: _Part) -> Floats:
     """Values interpolated linearly at other phases, (len(phases), d)."""
     columns = [np.interp(phases, part.phase, column) for column in part.values.T]
     return np.stack(columns, axis=1)

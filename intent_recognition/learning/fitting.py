@@ -6,8 +6,8 @@ from dataclasses import asdict
 from typing import TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.learning.none_model import departures, none_primitive, none_timing
@@ -45,18 +45,18 @@ SMALLEST_DURATION_STD = 0.05
 class LearnedFields(TypedDict):
     """The fields of a `TaskLibrary` that change with every demonstration."""
 
-    weight_mean: NDArray[np.float64]
-    weight_covariance: NDArray[np.float64]
-    noise_variance: NDArray[np.float64]
+    weight_mean: Floats
+    weight_covariance: Floats
+    noise_variance: Floats
     noise_scale: float
-    n_demonstrations: NDArray[np.int64]
-    log_duration_mean: NDArray[np.float64]
-    log_duration_std: NDArray[np.float64]
+    n_demonstrations: Integers
+    log_duration_mean: Floats
+    log_duration_std: Floats
     correlation_time_s: float
-    observed_weight_covariance: NDArray[np.float64]
-    none_mean: NDArray[np.float64]
-    none_covariance: NDArray[np.float64]
-    none_log_duration: NDArray[np.float64]
+    observed_weight_covariance: Floats
+    none_mean: Floats
+    none_covariance: Floats
+    none_log_duration: Floats
     context: ContextModel | None
 
 
@@ -155,9 +155,9 @@ def statistics_of(
 def predictive_covariances(
     tasks: Mapping[str, TaskStatistics],
     strength: float,
-    floor: NDArray[np.float64],
+    floor: Floats,
     borrowed: float = OTHERS_SAMPLE_SIZE,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Predictive covariance of each task's next demonstration, (K, D N, D N).
 
     Args:
@@ -174,7 +174,7 @@ def predictive_covariances(
     return np.array(covariances)
 
 
-def _durations(tasks: Sequence[TaskStatistics]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _durations(tasks: Sequence[TaskStatistics]) -> tuple[Floats, Floats]:
     """Mean and predictive standard deviation of each task's log duration, (K,) each.
 
     The variance is shrunk towards the one pooled over all tasks; where demonstrations are known to

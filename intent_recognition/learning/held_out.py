@@ -6,8 +6,8 @@ from math import inf
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.filtering import Deviations, deviations_at
 from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement
 from intent_recognition.learning.examples import (
@@ -48,11 +48,11 @@ class FilteredSamples(NamedTuple):
     """
 
     n_samples: int
-    log_evidence: NDArray[np.float64]
+    log_evidence: Floats
     weights: GaussianBatch
-    believed: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    believed: Sequence[tuple[Floats, Floats]]
 
-    def deviations(self, some: NDArray[np.int64]) -> Deviations:
+    def deviations(self, some: Integers) -> Deviations:
         """What was believed of the phase deviations of some hypotheses, (k,)."""
         filtered, likelihood = (
             np.array([part[some] for part in parts]) for parts in zip(*self.believed, strict=True)
@@ -78,24 +78,20 @@ class LeftOutExample(NamedTuple):
     """
 
     task: int
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    gain: NDArray[np.float64]
-    rivals: NDArray[np.int64]
-    rival_means: NDArray[np.float64]
-    observed: NDArray[np.float64]
-    seen: NDArray[np.float64]
-    truth: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
+    gain: Floats
+    rivals: Integers
+    rival_means: Floats
+    observed: Floats
+    seen: Floats
+    truth: Floats
     duration_s: float
     log_duration: float
 
 
 def filter_samples(
-    library: TaskLibrary,
-    prior: Gaussian,
-    pace: NDArray[np.float64],
-    relative: NDArray[np.float64],
-    values: NDArray[np.float64],
+    library: TaskLibrary, prior: Gaussian, pace: Floats, relative: Floats, values: Floats
 ) -> Iterator[FilteredSamples]:
     """Filter samples at `sample_phases` of demonstrations; yields after each sample.
 
@@ -112,7 +108,7 @@ def filter_samples(
     dofs = np.arange(library.n_observed)
     interval_s = library.correlation_time_s * SAMPLES_PER_MOVEMENT / SAMPLES_USED
     noise = library.noise_covariance(dofs, interval_s)
-    evidence, believed = np.zeros(n), list[tuple[NDArray[np.float64], NDArray[np.float64]]]()
+    evidence, believed = np.zeros(n), list[tuple[Floats, Floats]]()
     phases = sample_phases()
     different, place = np.unique([pace, relative], axis=1, return_inverse=True)
     between = deviation_transition(model, different[0] / len(phases))[place]  # evenly spaced
@@ -138,10 +134,10 @@ def predict_agents(
     library: TaskLibrary,
     left_out: Sequence[LeftOutExample],
     progress: FilteredSamples,
-    own: NDArray[np.int64],
-    pace: NDArray[np.float64],
-    relative: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    own: Integers,
+    pace: Floats,
+    relative: Floats,
+) -> tuple[Floats, Floats]:
     """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
 
     Args:
@@ -196,9 +192,9 @@ def paired_examples(
 def nearest_tasks(
     tasks: Sequence[TaskStatistics],
     example: TrainingExample,
-    others: NDArray[np.int64],
+    others: Integers,
     units: Sequence[str],
-) -> NDArray[np.int64]:
+) -> Integers:
     """The tasks whose mean weights come nearest to an example's, at most `MAX_RIVALS`.
 
     Args:

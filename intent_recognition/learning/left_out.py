@@ -11,8 +11,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.none_model import (
@@ -46,11 +46,11 @@ class LeftOut(NamedTuple):
     """
 
     library: TaskLibrary
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    n: NDArray[np.int64]
+    mean: Floats
+    covariance: Floats
+    n: Integers
     none: Gaussian
-    timing: NDArray[np.float64]
+    timing: Floats
 
     def as_library(self) -> TaskLibrary:
         """A library that observes with these beliefs, and controls with those of the whole one."""
@@ -137,10 +137,10 @@ class LeavingOut:
 
     def _left_out(
         self,
-        covariance: NDArray[np.float64],
+        covariance: Floats,
         departed: Sequence[Departure],
-        mean: NDArray[np.float64] | None = None,
-        n: NDArray[np.int64] | None = None,
+        mean: Floats | None = None,
+        n: Integers | None = None,
         without: int | None = None,
     ) -> LeftOut:
         """None comes from all tasks but one; means and numbers are the library's if not given."""

@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import NEGLIGIBLE, MovementFilter, make_prior_grid
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import paired_examples
@@ -120,7 +120,7 @@ def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[Movement
         yield run
 
 
-def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:
+def _log_odds(born: Floats, left: Floats, task: int) -> float:
     """Of the born hypotheses of other tasks, against all others."""
     others = np.logaddexp.reduce(np.delete(born, task))
     return float(others - np.logaddexp.reduce(np.r_[left, born[task]]))

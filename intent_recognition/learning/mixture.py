@@ -9,8 +9,8 @@ affine span of all demonstrations, separately for each agent. The mixture is fit
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import (
     Components,
@@ -64,10 +64,10 @@ class Features(NamedTuple):
         loadings: `controlled = coordinates[:, n_observed:] @ loadings`, (r - n_observed, s).
     """
 
-    coordinates: NDArray[np.float64]
+    coordinates: Floats
     n_observed: int
-    controlled: NDArray[np.float64]
-    loadings: NDArray[np.float64]
+    controlled: Floats
+    loadings: Floats
 
     @property
     def prior(self) -> CovariancePrior:
@@ -76,9 +76,7 @@ class Features(NamedTuple):
         return CovariancePrior(FLOOR * (variance or 1.0), STRENGTH, SHARED)
 
 
-def mixture_features(
-    weights: NDArray[np.float64], n_observed: int, basis: NormalizedRBFBasis
-) -> Features:
+def mixture_features(weights: Floats, n_observed: int, basis: NormalizedRBFBasis) -> Features:
     """Coordinates of demonstrations for a mixture.
 
     Scaling: every DOF is divided by its standard deviation over all demonstrations and phases (one
@@ -125,7 +123,7 @@ class Clustering(NamedTuple):
         left_out: for each demonstration, the mixture fitted without it, a batch of n.
     """
 
-    labels: NDArray[np.int64]
+    labels: Integers
     log_likelihood: float
     left_out: Components
 
@@ -159,10 +157,7 @@ def cluster(features: Features, n_components: int, rng: np.random.Generator) -> 
 
 
 def leave_each_out(
-    points: NDArray[np.float64],
-    labels: NDArray[np.int64],
-    n_components: int,
-    prior: CovariancePrior,
+    points: Floats, labels: Integers, n_components: int, prior: CovariancePrior
 ) -> Components:
     """For each of n points the mixture without it, started from the labels of the rest.
 
@@ -174,7 +169,7 @@ def leave_each_out(
     return fits.components.select(fold)
 
 
-def left_out_labels(points: NDArray[np.float64], left_out: Components) -> NDArray[np.int64]:
+def left_out_labels(points: Floats, left_out: Components) -> Integers:
     """Most probable component of each point under the mixture that was fitted without it, (n,)."""
     labels = np.empty(len(points), dtype=np.int64)
     n_components = left_out.count.shape[1]
@@ -191,7 +186,7 @@ def _rank(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]
     return bool(sizes.min() >= MIN_MEMBERS), float(fits.log_likelihood[index])
 
 
-def _ordered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def _ordered(labels: Integers) -> Integers:
     """The labels renumbered by decreasing size of the components, then by their first member."""
     found, first, sizes = np.unique(labels, return_index=True, return_counts=True)
     order = sorted(range(len(found)), key=lambda k: (-sizes[k], first[k]))

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.signals import commensurate
@@ -35,8 +35,8 @@ class Departure(NamedTuple):
         square: mean square distance per basis function, (N,).
     """
 
-    dofs: NDArray[np.int64]
-    square: NDArray[np.float64]
+    dofs: Integers
+    square: Floats
 
 
 def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[Departure]:
@@ -49,7 +49,7 @@ def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[De
     return [Departure(dofs, departure(tasks, dofs)) for dofs in commensurate(units)]
 
 
-def departure(tasks: Sequence[TaskStatistics], dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+def departure(tasks: Sequence[TaskStatistics], dofs: Integers) -> Floats:
     """Mean square distance of movements from where they start, per basis function, (N,).
 
     The variance of the starts is added; mean over the given DOFs (p,).
@@ -73,9 +73,7 @@ def departure(tasks: Sequence[TaskStatistics], dofs: NDArray[np.int64]) -> NDArr
     return total / (count.sum() * len(dofs))
 
 
-def none_primitive(
-    means: NDArray[np.float64], covariances: NDArray[np.float64], departed: Sequence[Departure]
-) -> Gaussian:
+def none_primitive(means: Floats, covariances: Floats, departed: Sequence[Departure]) -> Gaussian:
     """Observed weights of a movement that is none of K tasks but of their kind.
 
     Args:
@@ -101,6 +99,6 @@ def none_primitive(
     return Gaussian(centre.ravel(), symmetrize(covariances.mean(axis=0) + between))
 
 
-def none_timing(log_mean: NDArray[np.float64], log_std: NDArray[np.float64]) -> NDArray[np.float64]:
+def none_timing(log_mean: Floats, log_std: Floats) -> Floats:
     """Mean and standard deviation of its log duration, (2,), from the tasks' (K,) and (K,)."""
     return np.array([log_mean.mean(), np.sqrt(np.mean(log_std**2) + log_mean.var())])

@@ -16,8 +16,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import cholesky, symmetrize
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.statistics import TaskStatistics, summarize
@@ -55,8 +55,7 @@ def compares_people(groups: Sequence[Sequence[str]]) -> bool:
 
 
 def group_scatter(
-    examples: Sequence[Sequence[TrainingExample]],
-    value: Callable[[TrainingExample], NDArray[np.float64]],
+    examples: Sequence[Sequence[TrainingExample]], value: Callable[[TrainingExample], Floats]
 ) -> Grouped | None:
     """The scatter of K tasks' demonstrations by group; None where groups say nothing of people.
 
@@ -103,9 +102,7 @@ def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatis
     return [summarize(examples) for examples in kept]
 
 
-def between_people(
-    grouped: Grouped, floor: NDArray[np.float64], strength: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Floats, Floats]:
     """Covariances E within and B between people, (d, d) each.
 
     Args:
@@ -123,11 +120,8 @@ def between_people(
 
 
 def covariance_of_strangers(
-    examples: Sequence[Sequence[TrainingExample]],
-    pooled: Scatter,
-    floor: NDArray[np.float64],
-    strength: float,
-) -> NDArray[np.float64]:
+    examples: Sequence[Sequence[TrainingExample]], pooled: Scatter, floor: Floats, strength: float
+) -> Floats:
     """Covariance of an unknown person's demonstrations about the means of their tasks, (d, d).
 
     These means are uncertain, too, as if each of the G people were one demonstration: B counts

@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
 from intent_recognition.learning.duration_evidence import (
@@ -151,7 +151,7 @@ def choose(
     return Choice(best, coupling if np.any(coupling.gain) else None, tuple(tried))
 
 
-def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> NDArray[np.float64]:
+def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
     """Variance of the controlled DOFs, by which their squared errors are divided, (Q,)."""
     truth = np.concatenate([one.truth for one in left_out])
     size = np.where(is_spatial(library.controlled_units), 1.0, np.abs(truth).max(axis=0))
@@ -165,7 +165,7 @@ def _at_once(library: TaskLibrary, n_hypotheses: int) -> int:
 
 def validate(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Log losses of the task and relative errors of the controlled agent, the duration known.
 
     The losses (A, n) are those under each of the powers of the evidence; the errors are those after
@@ -191,7 +191,7 @@ def validate(
 
 def _follow(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats, Floats]:
     """Log losses of demonstrations (A, n), and residuals of both agents after `FRACTIONS`.
 
     The losses are means over the movement; the residuals are (f, n, s, P) and (f, n, s, Q).
@@ -214,7 +214,7 @@ def _follow(
     return np.mean(losses, axis=0), np.array(observed), np.array(controlled)
 
 
-def _at_scored_phases(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at_scored_phases(samples: Floats) -> Floats:
     """Samples of the observed agent (m, P) at the scored phases, (s, P)."""
     phases = (np.arange(len(samples)) + 0.5) / len(samples)
     columns = [np.interp(scored_phases(), phases, column) for column in samples.T]
@@ -223,7 +223,7 @@ def _at_scored_phases(samples: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _priors(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
-) -> tuple[Gaussian, NDArray[np.int64]]:
+) -> tuple[Gaussian, Integers]:
     """Observed weights under the own task and the rivals of each; where each own task stands."""
     size, count = library.n_observed_weights, np.array([task.n for task in tasks.values()])
     mean, covariance = [], []
@@ -235,7 +235,7 @@ def _priors(
     return Gaussian(np.concatenate(mean), np.concatenate(covariance)), own
 
 
-def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> NDArray[np.float64]:
+def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
     """Log of their durations in parts of the usual ones of own task and rivals, one after another.
 
     Those of the own task are without the demonstration.
@@ -281,17 +281,14 @@ def _leave_out(
 class _Rest(NamedTuple):
     """A task without some demonstrations: weights (D N,), and what `LeftOutExample` has of it."""
 
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    gain: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
+    gain: Floats
     log_duration: float
 
 
 def _of_others(
-    rest: Sequence[TaskStatistics],
-    floor: NDArray[np.float64],
-    units: Sequence[str],
-    borrowed: float,
+    rest: Sequence[TaskStatistics], floor: Floats, units: Sequence[str], borrowed: float
 ) -> list[_Rest]:
     """Every task of other people's demonstrations."""
     n_observed = rest[0].examples[0].observed.shape[1]
@@ -308,7 +305,7 @@ def _of_others(
     return found
 
 
-def _gain(covariance: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+def _gain(covariance: Floats, size: int) -> Floats:
     """Of the controlled weights on the observed ones, of which there are so many."""
     return np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
 
@@ -317,7 +314,7 @@ def _without(
     tasks: Sequence[TaskStatistics],
     number: int,
     pooled: Scatter,
-    floor: NDArray[np.float64],
+    floor: Floats,
     units: Sequence[str],
     borrowed: float,
     example: TrainingExample,
@@ -346,7 +343,7 @@ def _left_out(
     tasks: Sequence[TaskStatistics],
     number: int,
     rest: _Rest,
-    means: Sequence[NDArray[np.float64]],
+    means: Sequence[Floats],
     units: Sequence[str],
     example: TrainingExample,
     as_recorded: TrainingExample,

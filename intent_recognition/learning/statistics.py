@@ -14,8 +14,8 @@ from functools import reduce
 from hashlib import blake2b
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.promp import Scatter, weight_floor
@@ -46,17 +46,17 @@ class TaskStatistics:
     """
 
     n: int
-    mean: NDArray[np.float64]
-    scatter: NDArray[np.float64]
-    lowest: NDArray[np.float64]
-    highest: NDArray[np.float64]
-    residual_sum: NDArray[np.float64]
+    mean: Floats
+    scatter: Floats
+    lowest: Floats
+    highest: Floats
+    residual_sum: Floats
     log_duration_mean: float
     log_duration_scatter: float
     duration_sum_s: float
-    context_mean: NDArray[np.float64]
-    context_scatter: NDArray[np.float64]
-    context_cross: NDArray[np.float64]
+    context_mean: Floats
+    context_scatter: Floats
+    context_cross: Floats
     examples: tuple[TrainingExample, ...]
     aligned: "TaskStatistics | None" = None
 
@@ -154,7 +154,7 @@ def pooled_moments(tasks: Iterable[TaskStatistics]) -> Scatter:
 
 def variance_scales(
     tasks: Mapping[str, TaskStatistics], units: Sequence[str]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Variance floor and noise variance of each DOF over all demonstrations, (D,) each.
 
     Args:

@@ -10,13 +10,14 @@ few demonstrations that are all recognised tell little of it.
 """
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats, Integers
 
 POWERS = np.linspace(0.1, 1.0, 10)
 """Shares that are tried, evenly spaced, all of the evidence last. Convention."""
 
 
-def log_losses(log_evidence: NDArray[np.float64], own: NDArray[np.int64]) -> NDArray[np.float64]:
+def log_losses(log_evidence: Floats, own: Integers) -> Floats:
     """Log loss of each demonstration's own task under each of the powers, (A, n).
 
     Args:
@@ -28,7 +29,7 @@ def log_losses(log_evidence: NDArray[np.float64], own: NDArray[np.int64]) -> NDA
     return np.asarray(np.logaddexp.reduceat(counted, own, axis=1) - counted[:, own])
 
 
-def expected_power(losses: NDArray[np.float64]) -> float:
+def expected_power(losses: Floats) -> float:
     """Posterior mean of the power.
 
     Args:

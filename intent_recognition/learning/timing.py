@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
+from intent_recognition.array_types import Floats
 from intent_recognition.learning.examples import GROUP
 from intent_recognition.learning.persons import compares_people
 from intent_recognition.promp import STEADY, PhaseDeviation, steady_phase
@@ -43,7 +43,7 @@ STEADY_FLOOR = 0.01
 """Smallest scale of the phase deviation of primitives at steady progress, a share of the duration.
 Convention."""
 
-PhaseMap = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+PhaseMap = Callable[[Floats], Floats]
 PACES = ("steady", "own", "shared", "aligned")
 """Whose phase deviates from steady progress: nobody's, the observed agent's alone, or that of both
 together; and both together over a reference phase, with demonstrations aligned to it."""
@@ -61,7 +61,7 @@ class Timing:
     """
 
     templates: Mapping[str, Template]
-    deviation_std: NDArray[np.float64]
+    deviation_std: Floats
     duration_exponent: float = 0.0
     usual_s: Mapping[str, float] = field(default_factory=dict)
 
@@ -141,7 +141,7 @@ def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
 
 
 def estimate_duration_exponent(
-    deviations: Sequence[NDArray[np.float64]], log_relative: Sequence[NDArray[np.float64]]
+    deviations: Sequence[Floats], log_relative: Sequence[Floats]
 ) -> float:
     """How the phase deviations of recordings depend on their durations (`promp.steady_phase`).
 
@@ -162,13 +162,13 @@ def estimate_duration_exponent(
     return float(pace @ share / max(pace @ pace + variance, 1e-300))
 
 
-def _deviations(warps: Iterable[Warp]) -> NDArray[np.float64]:
+def _deviations(warps: Iterable[Warp]) -> Floats:
     """Reference phase less recorded phase of each warp at even recorded phases, (n, U)."""
     recorded = np.linspace(0.0, 1.0, N_DEVIATION_PHASES)
     return np.array([np.clip(warp.inverse(recorded), 0.0, 1.0) for warp in warps]) - recorded
 
 
-def _deviation_std(deviations: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _deviation_std(deviations: Sequence[Floats]) -> Floats:
     """Standard deviation of the phase deviation, pooled over tasks, (U,).
 
     Recordings begin and end with the movement, where the deviation is zero: the variance is that
@@ -199,7 +199,7 @@ def _has_samples(recorded: Demonstration) -> bool:
     )
 
 
-def _path(recorded: Demonstration) -> NDArray[np.float64]:
+def _path(recorded: Demonstration) -> Floats:
     """All DOFs at even recorded phases, (T, D)."""
     signals = (*recorded.observed, *recorded.controlled)
     return even_trajectory(signals, recorded.start_ns, recorded.end_ns)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import learned_from, library_from_statistics, statistics_of
@@ -242,8 +242,8 @@ def with_margins(trained: Trained) -> Trained:
 class _Priors(TypedDict):
     """The priors of a `TaskLibrary`."""
 
-    task_prior: NDArray[np.float64]
-    transition_prior: NDArray[np.float64]
+    task_prior: Floats
+    transition_prior: Floats
 
 
 def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> _Priors:

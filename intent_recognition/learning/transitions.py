@@ -4,18 +4,16 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 
 _PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
 """Pseudo-counts a task over which the Dirichlet prior is averaged. Convention."""
 
 
-def count_transitions(
-    sequences: Iterable[Sequence[str]], labels: Sequence[str]
-) -> NDArray[np.float64]:
+def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str]) -> Floats:
     """How often which task followed which, (K + 1, K); the last row counts first tasks.
 
     A label that is none of the tasks is skipped, as online, where it is `none`.
@@ -31,7 +29,7 @@ def count_transitions(
     return counts
 
 
-def smoothed_transitions(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+def smoothed_transitions(counts: Floats) -> Floats:
     """p(next | last) from counts, (K + 1, K): Dirichlet smoothing, its strength from the data.
 
     Row k is (n_kj + a) / (n_k + K a) under a symmetric Dirichlet prior with a pseudo-counts a

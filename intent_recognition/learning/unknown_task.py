@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample, sample_phases
@@ -84,7 +84,7 @@ def learn_none_margin(
     return margin_between(highest[~known], highest[known])
 
 
-def margin_between(unknown: NDArray[np.float64], known: NDArray[np.float64]) -> float:
+def margin_between(unknown: Floats, known: Floats) -> float:
     """The margin between unknown and known movements with these highest factors, zero or more.
 
     Half-way between what unknown movements stay below (`conformal_bound`) and what known ones
@@ -115,7 +115,7 @@ class Comparison(NamedTuple):
     """
 
     without: LeftOut
-    compared: NDArray[np.int64]
+    compared: Integers
     n_tasks: int
     recorded: TrainingExample
 
@@ -125,12 +125,12 @@ class Comparison(NamedTuple):
         return (len(self.compared) + 1) * N_CALIBRATED_SCALES
 
 
-def log_factors(comparisons: Sequence[Comparison]) -> list[NDArray[np.float64]]:
+def log_factors(comparisons: Sequence[Comparison]) -> list[Floats]:
     """Log Bayes factor of the tasks over none after each sample of each movement, (m,) each.
 
     The durations are unknown. Comparisons are filtered together, as many as memory allows.
     """
-    factors, first = list[NDArray[np.float64]](), 0
+    factors, first = list[Floats](), 0
     while first < len(comparisons):
         size = comparisons[first].without.mean.shape[1]
         most = max(1, MAX_FLOATS // size**2)
@@ -141,7 +141,7 @@ def log_factors(comparisons: Sequence[Comparison]) -> list[NDArray[np.float64]]:
     return factors
 
 
-def _log_factors_together(comparisons: Sequence[Comparison]) -> list[NDArray[np.float64]]:
+def _log_factors_together(comparisons: Sequence[Comparison]) -> list[Floats]:
     """`log_factors` of comparisons that are filtered in one batch."""
     log_weight = duration_offsets(N_CALIBRATED_SCALES)[1]
     priors, *timing = zip(*map(_hypotheses, comparisons), strict=True)
@@ -161,9 +161,7 @@ def _log_factors_together(comparisons: Sequence[Comparison]) -> list[NDArray[np.
     return list((np.array(factors) - np.log(n_tasks)).T)
 
 
-def _hypotheses(
-    comparison: Comparison,
-) -> tuple[Gaussian, NDArray[np.float64], NDArray[np.float64]]:
+def _hypotheses(comparison: Comparison) -> tuple[Gaussian, Floats, Floats]:
     """Weights, pace and relative duration of the tasks and of none; those of none come last."""
     without, compared, _, recorded = comparison
     library, offsets = without.library, duration_offsets(N_CALIBRATED_SCALES)[0]
@@ -181,7 +179,7 @@ def _hypotheses(
     return weights, pace.ravel(), relative.ravel()
 
 
-def calibrating_tasks(counts: Sequence[int]) -> NDArray[np.int64]:
+def calibrating_tasks(counts: Sequence[int]) -> Integers:
     """Numbers of the tasks with `MIN_DEMONSTRATIONS`; of all where fewer than two have as many."""
     enough = np.flatnonzero(np.asarray(counts) >= MIN_DEMONSTRATIONS)
     return enough if len(enough) > 1 else np.arange(len(counts))
@@ -224,7 +222,7 @@ def _simulated_unknown(whole: LeftOut) -> list[Comparison]:
     return drawn
 
 
-def _unit_scale(library: TaskLibrary, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit_scale(library: TaskLibrary, covariance: Floats) -> Floats:
     """1 for weights in metres and radians, else their largest standard deviation, (P N,)."""
     std = np.sqrt(np.diagonal(covariance)).reshape(library.n_observed, -1).max(axis=1)
     scale = np.where(is_spatial(library.observed_units), 1.0, std)

@@ -4,8 +4,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion.path import JointPath
@@ -21,10 +21,10 @@ class SlowPlaces:
             arm's base.
     """
 
-    def __init__(self, arm: Arm, places: NDArray[np.float64]) -> None:
+    def __init__(self, arm: Arm, places: Floats) -> None:
         self._arm, self._places = arm, places
 
-    def rate_ceiling(self, path: JointPath) -> NDArray[np.float64]:
+    def rate_ceiling(self, path: JointPath) -> Floats:
         """Largest phase rate (G + 1,) [1/s] on the grid of a path; infinite away from all."""
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         hand = self._arm.skeleton(path.spline(phase))[:, -1]
@@ -34,7 +34,7 @@ class SlowPlaces:
         return np.asarray(speed / np.maximum(way, 1e-6))
 
 
-def parse_places(texts: Sequence[str]) -> NDArray[np.float64]:
+def parse_places(texts: Sequence[str]) -> Floats:
     """Places (n, 5) of texts 'x y z radius speed'.
 
     Raises:

@@ -8,10 +8,10 @@ from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.node import Node
 
 from intent_recognition.activation import ActivationSettings, PretriggerSettings
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits
@@ -109,7 +109,7 @@ class ActivationParameters:
         other._check_pretrigger()
         return other
 
-    def joints(self) -> tuple[tuple[str, ...], dict[str, NDArray[np.float64]]]:
+    def joints(self) -> tuple[tuple[str, ...], dict[str, Floats]]:
         """Joint names, empty where they are not known yet, and where each task begins.
 
         Those of a model of the hand are known with the arm; its tasks begin at positions (3,) [m]
@@ -149,7 +149,7 @@ class ActivationParameters:
             self.taught = self.taught._replace(arm=arm)
 
     @property
-    def home(self) -> NDArray[np.float64] | None:
+    def home(self) -> Floats | None:
         """Posture to return to [rad]; None: the first seen."""
         return np.array(self._values["home"], dtype=np.float64) if self._values["home"] else None
 
@@ -173,7 +173,7 @@ class ActivationParameters:
     def settings(
         self,
         names: tuple[str, ...],
-        starts: dict[str, NDArray[np.float64]],
+        starts: dict[str, Floats],
         clearance: Clearance | None = None,
         separation: Separation | None = None,
         slow_places: SlowPlaces | None = None,

@@ -5,12 +5,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import (
     JOINTS_TOPIC,
     DofEntry,
@@ -125,15 +124,13 @@ class PostureInput:
         if (arm := self._hand.arm) is None:
             return
 
-        def hand() -> NDArray[np.float64]:
+        def hand() -> Floats:
             pose = arm.forward_kinematics(joint_values(message, arm.joint_names))
             return dofs_of(entry, hand_numbers(entry, pose))
 
         self._use(group, JOINTS_TOPIC, stamp_ns(message), hand)
 
-    def _use(
-        self, group: int, topic: str, stamp: int, values_of: Callable[[], NDArray[np.float64]]
-    ) -> None:
+    def _use(self, group: int, topic: str, stamp: int, values_of: Callable[[], Floats]) -> None:
         self._diagnostics.tick(topic)
         self._received = True
         now_ns = self._node.get_clock().now().nanoseconds
@@ -177,7 +174,7 @@ class NextTaskOutput:
 
     def __init__(self, node: Node, topic: str = "intent/next_task"):
         self._publisher = node.create_publisher(JointState, topic, qos.LATCHED)
-        self._published: tuple[TaskMemory, NDArray[np.float64]] | None = None
+        self._published: tuple[TaskMemory, Floats] | None = None
 
     def update(self, estimator: IntentEstimator) -> bool:
         """Publish, if memory or expectation is another one than at the last call; whether so."""

@@ -10,10 +10,11 @@ import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point, Pose, Quaternion
 from nav_msgs.msg import Odometry
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import MessageError, ShapeError
 from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose
@@ -51,31 +52,31 @@ def duration_s(duration: Duration) -> float:
     return duration.sec + duration.nanosec * 1e-9
 
 
-def position_array(pose: Pose) -> NDArray[np.float64]:
+def position_array(pose: Pose) -> Floats:
     """Position (3,) [m] of a Pose message."""
     p = pose.position
     return np.array((p.x, p.y, p.z), dtype=np.float64)
 
 
-def orientation_array(pose: Pose) -> NDArray[np.float64]:
+def orientation_array(pose: Pose) -> Floats:
     """Quaternion (4,) xyzw of a Pose message, not normalised."""
     q = pose.orientation
     return np.array((q.x, q.y, q.z, q.w), dtype=np.float64)
 
 
-def to_point(position: NDArray[np.float64]) -> Point:
+def to_point(position: Floats) -> Point:
     """Point message of (3,) [m]."""
     x, y, z = (float(value) for value in position)
     return Point(x=x, y=y, z=z)
 
 
-def to_quaternion(quaternion: NDArray[np.float64]) -> Quaternion:
+def to_quaternion(quaternion: Floats) -> Quaternion:
     """Quaternion message of (4,) xyzw."""
     x, y, z, w = (float(value) for value in quaternion)
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def to_pose(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> Pose:
+def to_pose(position: Floats, quaternion: Floats) -> Pose:
     """Pose message of (3,) [m] and (4,) xyzw."""
     return Pose(position=to_point(position), orientation=to_quaternion(quaternion))
 
@@ -121,9 +122,7 @@ def to_joint_state(
     return message
 
 
-def joint_values(
-    message: JointState, joints: Sequence[str], field: str = "position"
-) -> NDArray[np.float64]:
+def joint_values(message: JointState, joints: Sequence[str], field: str = "position") -> Floats:
     """Values (d,) of `joints` in the order asked for, found by name.
 
     Raises:
@@ -193,7 +192,7 @@ class TrajectoryBuilder:
         self._message.points = self._points[:count]
         return self._message
 
-    def _set_times(self, times_ns: NDArray[np.int64]) -> None:
+    def _set_times(self, times_ns: Integers) -> None:
         """Write time_from_start of the points, which rarely changes between two calls."""
         if np.array_equal(times_ns, self._times_ns):
             return
@@ -212,9 +211,7 @@ class TrajectoryBuilder:
             setattr(point, field, array("d", row.tobytes()))
 
 
-def trajectory_arrays(
-    message: JointTrajectory,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], Mapping[str, NDArray[np.float64]]]:
+def trajectory_arrays(message: JointTrajectory) -> tuple[Floats, Floats, Mapping[str, Floats]]:
     """Times (T,) [s], positions (T, d) and the other fields that are filled, each (T, d).
 
     Raises:
@@ -229,7 +226,7 @@ def trajectory_arrays(
     return times_s, positions, {field: row for field, row in rows.items() if row.shape[1]}
 
 
-def _stack(message: JointTrajectory, field: str) -> NDArray[np.float64]:
+def _stack(message: JointTrajectory, field: str) -> Floats:
     lengths = {len(getattr(point, field)) for point in message.points}
     width = len(message.joint_names)
     if not lengths <= {width, 0} or len(lengths) > 1 or (field == "positions" and 0 in lengths):

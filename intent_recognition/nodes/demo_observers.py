@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofEntry
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import message_class
@@ -57,7 +57,7 @@ class RecordingObserver(Node):
         """Time from the first sample to the active task; NaN without one [s]."""
         return (self._acted_ns - self._began_ns) * 1e-9 if self.task else np.nan
 
-    def posture(self, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+    def posture(self, names: tuple[str, ...]) -> Floats | None:
         """Positions (n,) of these joints where the arm went; None where it did not move."""
         return None if self.held is None else np.array([self.held[name] for name in names])
 

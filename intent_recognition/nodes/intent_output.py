@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Vector3
 from nav_msgs.msg import Path
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -14,6 +13,7 @@ from std_msgs.msg import ColorRGBA
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import (
     numbers_of,
     orientation_beside,
@@ -135,7 +135,7 @@ class IntentOutput:
             shown = human.task, best, positions, along.std[:, columns]
             self._markers.publish(self._marker_builder.build(estimate.stamp_ns, frame, *shown))
 
-    def _orientations(self, group: int, human: Prediction) -> NDArray[np.float64] | None:
+    def _orientations(self, group: int, human: Prediction) -> Floats | None:
         """Predicted quaternions (T, 4) of the body that is shown; None where it has none."""
         entries = self._model.dofs.observed
         beside = orientation_beside(entries, group)
@@ -157,8 +157,8 @@ def to_path(
     time_ns: int,
     frame: str,
     human: Prediction,
-    positions: NDArray[np.float64],
-    orientations: NDArray[np.float64] | None = None,
+    positions: Floats,
+    orientations: Floats | None = None,
 ) -> Path:
     """The predicted rest of the movement, each pose stamped with the time it is expected at.
 
@@ -198,7 +198,7 @@ class MarkerBuilder:
 
     def __init__(self, labels: Sequence[str]):
         self._colours = task_colours(labels)
-        self._observed: list[NDArray[np.float64]] = []
+        self._observed: list[Floats] = []
         self._last_ns = 0
 
     def set_labels(self, labels: Sequence[str]) -> None:
@@ -209,7 +209,7 @@ class MarkerBuilder:
         """Begin a new path."""
         self._observed.clear()
 
-    def observe(self, stamp_ns: int, position: NDArray[np.float64]) -> None:
+    def observe(self, stamp_ns: int, position: Floats) -> None:
         """Remember one observed position (3,) [m]; half a second without begins a new path."""
         if abs(stamp_ns - self._last_ns) > 500_000_000:
             self._observed.clear()
@@ -223,8 +223,8 @@ class MarkerBuilder:
         frame: str,
         task: str,
         probability: float,
-        predicted: NDArray[np.float64],
-        std: NDArray[np.float64],
+        predicted: Floats,
+        std: Floats,
     ) -> MarkerArray:
         """Draw both paths, the tube and the label.
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes.conversions import orientation_array, position_array
 from intent_recognition.warping import Emptying, PouringParameters, References, SeenContainer
@@ -137,7 +138,7 @@ def seen_container(vector: JointState, pose: PoseStamped) -> SeenContainer:
         raise MessageError.about("frames of parameters and pose", "the same", got, cure)
     values = dict(zip(vector.name, vector.position, strict=False))
 
-    def read(*names: str) -> NDArray[np.float64]:
+    def read(*names: str) -> Floats:
         found = np.array([values.get(name, np.nan) for name in names])
         if not np.isfinite(found).all():
             missing = [name for name, one in zip(names, found) if not np.isfinite(one)]

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import duration_s, position_array, stamp_ns
@@ -59,8 +59,8 @@ class ObjectTransfer(Node):
         self._machine = TransferMachine(values["patience"])
         self._estimator: LoadEstimator | None = None
         self._task, self._until_ns = "", 0
-        self._people: dict[str, deque[tuple[int, NDArray[np.float64], float]]] = {}
-        self._wrench: tuple[int, str, NDArray[np.float64]] | None = None
+        self._people: dict[str, deque[tuple[int, Floats, float]]] = {}
+        self._wrench: tuple[int, str, Floats] | None = None
         self._out = self.create_publisher(JointState, TRANSFER, qos.STATE)
         hear = self._diagnostics.subscribe
         hear(String, "intent/active_task", self._on_task, qos.LATCHED)
@@ -130,9 +130,7 @@ class ObjectTransfer(Node):
             return Request.TAKE
         return Request.GIVE if self._task and self._task not in self._takes else Request.NOTHING
 
-    def _measured(
-        self, at_ns: int, arm: Arm, pose: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
+    def _measured(self, at_ns: int, arm: Arm, pose: Floats) -> Floats | None:
         """The force of a fresh wrench in the axes of the base (3,); None without one."""
         if self._wrench is None or abs(at_ns - self._wrench[0]) > FRESH_S * 1e9:
             return None
@@ -144,9 +142,7 @@ class ObjectTransfer(Node):
         self._diagnostics.reject("unknown_frame", f"{WRENCH} in {frame!r}, not {arm.tip}")
         return None
 
-    def _look(
-        self, at_ns: int, hand_m: NDArray[np.float64]
-    ) -> tuple[bool | None, NDArray[np.float64] | None, float]:
+    def _look(self, at_ns: int, hand_m: Floats) -> tuple[bool | None, Floats | None, float]:
         """Whether the hand of whom the arm helps is near, the way to it, and its speed."""
         person = self._people.get(self._attended, ())
         fresh = [seen for seen in person if 0 < at_ns - seen[0] <= FRESH_S * 1e9]

@@ -12,11 +12,11 @@ from typing import Any, Literal
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, to_pose
@@ -119,7 +119,7 @@ class ObjectWarper(Node):
         else:
             self._diagnostics.reject("not_finite", f"{TOWARD} holds NaN or infinity")
 
-    def _other_m(self, frame: str) -> NDArray[np.float64] | None:
+    def _other_m(self, frame: str) -> Floats | None:
         """Place (3,) of the other container, if it is known in this frame."""
         if self._toward is None:
             return None
@@ -129,9 +129,7 @@ class ObjectWarper(Node):
             return None
         return position_array(self._toward.pose)
 
-    def _target(
-        self, points: NDArray[np.float64], normals: NDArray[np.float64] | None
-    ) -> ObjectCloud:
+    def _target(self, points: Floats, normals: Floats | None) -> ObjectCloud:
         """The object, without pixels that have no depth, thinned evenly to `n_points`."""
         seen = np.isfinite(points).all(1)
         if normals is not None:
@@ -146,7 +144,7 @@ class ObjectWarper(Node):
         return with_estimated_normals(points[kept], self._viewpoint)
 
 
-def _position(values: Sequence[float]) -> NDArray[np.float64]:
+def _position(values: Sequence[float]) -> Floats:
     position = np.array(values, dtype=float)
     if position.shape != (3,) or not np.isfinite(position).all():
         cure = "Give x, y and z in metres."

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.node import Node
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
@@ -76,7 +76,7 @@ def meet_all(
 class _Frame(NamedTuple):
     """Bodies measured at one time: positions (3,) [m] in the world by label, and the poses."""
 
-    positions: dict[str, NDArray[np.float64]]
+    positions: dict[str, Floats]
     poses: list[tuple[str, str, PoseNumbers]]
 
 

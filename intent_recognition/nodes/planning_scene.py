@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Pose
-from numpy.typing import NDArray
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from shape_msgs.msg import SolidPrimitive
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Box
 from intent_recognition.nodes import qos
@@ -129,7 +129,7 @@ def _pairs(shapes: Sequence[Any], poses: Sequence[Any]) -> Iterable[tuple[Any, A
     return zip(shapes, [*poses, *[Pose()] * (len(shapes) - len(poses))], strict=False)
 
 
-def _primitive(shape: SolidPrimitive) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _primitive(shape: SolidPrimitive) -> tuple[Floats, Floats]:
     """Centre and size of the box around a solid, (3,) each [m]."""
     first, second, third = [*(float(edge) for edge in shape.dimensions), 0.0, 0.0, 0.0][:3]
     size = {
@@ -141,7 +141,7 @@ def _primitive(shape: SolidPrimitive) -> tuple[NDArray[np.float64], NDArray[np.f
     return np.zeros(3), np.array(size)
 
 
-def _mesh(mesh: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _mesh(mesh: Any) -> tuple[Floats, Floats]:
     """Centre and size of the box around a mesh, (3,) each [m]."""
     if not mesh.vertices:
         return np.zeros(3), np.zeros(3)

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import IntentError, TrajectoryError
 from intent_recognition.kinematics import Arm, JointLimits
 from intent_recognition.motion import JointPath, check_range, is_hand, joints_along, make_path
@@ -39,9 +39,9 @@ class PredictionNumbers(NamedTuple):
     label: str
     onset_ns: int
     of_hand: bool
-    times_s: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64] | None
+    times_s: Floats
+    positions: Floats
+    velocities: Floats | None
     end_std: Mapping[str, float] | None
 
 
@@ -75,11 +75,11 @@ def read_prediction(message: JointTrajectory) -> PredictionNumbers:
 
 def joint_path(
     limits: JointLimits,
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    velocities: NDArray[np.float64] | None,
+    times_s: Floats,
+    positions: Floats,
+    velocities: Floats | None,
     *,
-    hand_of: tuple[Arm, NDArray[np.float64]] | None = None,
+    hand_of: tuple[Arm, Floats] | None = None,
 ) -> JointPath:
     """The path of the arm's joints, from theirs or from those of its hand.
 

@@ -9,11 +9,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Mode, PredictedInteraction
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import numbers_of
 from intent_recognition.errors import ArgumentError, IntentError, MessageError
 from intent_recognition.kinematics import Arm
@@ -92,7 +92,7 @@ class PrimitiveActivation(ManagedNode):
             cure = "Leave one of the two empty: a sequence is of one person's work."
             raise ArgumentError.about("sequences", "none with persons", "both", cure)
         serve(self, "reset", self._reset)
-        self._starts: dict[str, NDArray[np.float64]] = {}
+        self._starts: dict[str, Floats] = {}
         self._taught_starts = self._starts
         self._starts_near = np.empty(0)
         keep_live(self, live_parameters("activation"), self._changed, self._change)
@@ -234,7 +234,7 @@ class PrimitiveActivation(ManagedNode):
         if new and self.activation is not None:
             self._set_joints(self.joint_names)
 
-    def _rest(self, arm: Arm) -> NDArray[np.float64]:
+    def _rest(self, arm: Arm) -> Floats:
         """Posture that the joints are drawn to: home, as far as it is known."""
         home = self._settings.home if self.activation is None else self.activation.home
         return arm.rest if home is None or len(home) != arm.n_joints else home

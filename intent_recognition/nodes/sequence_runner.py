@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from std_msgs.msg import String
 
 from intent_recognition.activation import Activation, PredictedInteraction
+from intent_recognition.array_types import Floats
 from intent_recognition.composing import (
     Moment,
     SequenceProgress,
@@ -62,7 +62,7 @@ class SequenceRunner:
         self._library: TaskLibrary | None = None
         self._points: tuple[ViaPoint, ...] = ()
         self._progress = SequenceProgress()
-        self._places: dict[str, tuple[float, NDArray[np.float64]]] = {}
+        self._places: dict[str, tuple[float, Floats]] = {}
         self._rest_since_s: float | None = None
         self._tried_s = -math.inf
         self._published: tuple | None = None
@@ -130,7 +130,7 @@ class SequenceRunner:
             self._fresh_places(),
         )
 
-    def _fresh_places(self) -> Mapping[str, NDArray[np.float64]]:
+    def _fresh_places(self) -> Mapping[str, Floats]:
         now_s = time.monotonic()
         return {body: at for body, (s, at) in self._places.items() if now_s - s <= FRESH_S}
 

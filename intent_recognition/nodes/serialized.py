@@ -6,12 +6,11 @@ Messages of the same lengths have their numbers at the same places, which `bags.
 
 from typing import NamedTuple
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import LITTLE_ENDIAN, POSE, LayoutCache, header_stamp_ns
 from intent_recognition.errors import MessageError
 
@@ -28,8 +27,8 @@ class PoseNumbers(NamedTuple):
 
     stamp_ns: int
     frame_id: str
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64] | None = None
+    pose: Floats
+    covariance: Floats | None = None
 
 
 _POSES, _ODOMETRIES = LayoutCache(POSE), LayoutCache("nav_msgs/msg/Odometry")

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import MessageError
 from intent_recognition.evaluation import ContactLog, SessionLog, TransferLog
 from intent_recognition.nodes import qos
@@ -34,10 +34,10 @@ class _Seen:
 
     def __init__(self) -> None:
         self.labels: tuple[str, ...] = (NONE,)
-        self.wrist: list[tuple[int, NDArray[np.float64]]] = []
-        self.tasks: list[tuple[int, NDArray[np.float64]]] = []
+        self.wrist: list[tuple[int, Floats]] = []
+        self.tasks: list[tuple[int, Floats]] = []
         self.predictions: list[tuple] = []
-        self.paths: list[tuple[int, NDArray[np.float64]]] = []
+        self.paths: list[tuple[int, Floats]] = []
 
     def take_wrist(self, _: int, message: PoseStamped) -> None:
         self.wrist.append((stamp_ns(message), position_array(message.pose)))
@@ -91,9 +91,9 @@ class SessionObserver(Node):
         self._people = {person: _Seen() for person in people or ("",)}
         self._active: list[tuple[int, str]] = []
         self._helped: list[tuple[int, str]] = []
-        self._joints: list[tuple[int, NDArray[np.float64]]] = []
-        self._contacts: list[tuple[int, str, NDArray[np.float64]]] = []
-        self._transfers: list[tuple[int, str, NDArray[np.float64]]] = []
+        self._joints: list[tuple[int, Floats]] = []
+        self._contacts: list[tuple[int, str, Floats]] = []
+        self._transfers: list[tuple[int, str, Floats]] = []
         topics: list[tuple[type, str, Callable[[Any], None], QoSProfile]] = [
             (String, "intent/active_task", self._take_active, qos.LATCHED),
             (
@@ -190,9 +190,7 @@ class SessionObserver(Node):
         if not self._joints or self._joints[0][1].shape == positions.shape:
             self._joints.append((stamp_ns(message), positions))
 
-    def _keep(
-        self, rows: list[tuple[int, str, NDArray[np.float64]]], width: int, message: JointState
-    ) -> None:
+    def _keep(self, rows: list[tuple[int, str, Floats]], width: int, message: JointState) -> None:
         if len(message.position) == width:
             rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
 
@@ -211,22 +209,20 @@ def _of_person(
 
 
 def _while_active(
-    rows: Sequence[tuple[int, str, NDArray[np.float64]]], active: Sequence[tuple[int, str]]
-) -> list[tuple[int, str, NDArray[np.float64]]]:
+    rows: Sequence[tuple[int, str, Floats]], active: Sequence[tuple[int, str]]
+) -> list[tuple[int, str, Floats]]:
     """The rows of times at which some task was active."""
     places = np.searchsorted([at_ns for at_ns, _ in active], [row[0] for row in rows], "right")
     return [row for row, k in zip(rows, places, strict=True) if k and active[k - 1][1]]
 
 
-def _columns(
-    rows: Sequence[tuple[int, NDArray[np.float64]]], width: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _columns(rows: Sequence[tuple[int, Floats]], width: int) -> tuple[Integers, Floats]:
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
     return stamps, np.array([row for _, row in rows]).reshape(len(rows), width)
 
 
 def _states(
-    rows: Sequence[tuple[int, str, NDArray[np.float64]]], width: int
-) -> tuple[NDArray[np.int64], tuple[str, ...], NDArray[np.float64]]:
+    rows: Sequence[tuple[int, str, Floats]], width: int
+) -> tuple[Integers, tuple[str, ...], Floats]:
     stamps, values = _columns([(stamp, row) for stamp, _, row in rows], width)
     return stamps, tuple(state for _, state, _ in rows), values

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, BagError, IntentError
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_cost
 from intent_recognition.model import DOWN, THUMBS, UP, PractisedTask
@@ -46,7 +46,7 @@ class TaskPracticeService:
         self.running = False
         self.trial: Path | None = None
         self._begun: _Begun | None = None
-        self._point: NDArray[np.float64] | None = None
+        self._point: Floats | None = None
         self._judged_before: str | None = None
 
     def start(self) -> str:

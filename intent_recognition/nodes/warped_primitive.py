@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import IntentError, MessageError, one_line
 from intent_recognition.kinematics import JOINT_NAMES, follow_poses, forward_kinematics, jacobian
 from intent_recognition.model import ARRIVED, load_pouring_skill
@@ -57,7 +57,7 @@ class WarpedPrimitiveNode(Node):
         self._diagnostics = Diagnostics(self)
         self._vectors: dict[str, JointState] = {}
         self._poses: dict[str, PoseStamped] = {}
-        self._joints: NDArray[np.float64] | None = None
+        self._joints: Floats | None = None
         self._end_ns, self._left, self._arrived = 0, self._fluid, False
         self._builder = TrajectoryBuilder(JOINT_NAMES)
         for name in OBJECTS:
@@ -125,7 +125,7 @@ class WarpedPrimitiveNode(Node):
         self._diagnostics.tick("intent/robot_trajectory")
         self.get_logger().info(f"pour {message.data}: {100.0 * plan.left:.0f} % are to be left")
 
-    def _plan(self, asked: str) -> tuple[PourPlan, NDArray[np.float64]]:
+    def _plan(self, asked: str) -> tuple[PourPlan, Floats]:
         """The pour asked for, and its joints (T, 7) [rad]."""
         seen = {name: self._seen(name) for name in OBJECTS}
         if self._joints is None:
@@ -161,7 +161,7 @@ class WarpedPrimitiveNode(Node):
         self._diagnostics.value("in the cup, share of its volume", f"{self._fluid:.2f}")
 
 
-def joint_std(plan: PourPlan, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+def joint_std(plan: PourPlan, joints: Floats) -> Floats:
     """Standard deviations (T, 7) [rad] of joints (T, 7): least squares from those of the hand."""
     moved = np.linalg.pinv(jacobian(joints)) @ plan.hand_std
     return np.linalg.norm(moved, axis=2)

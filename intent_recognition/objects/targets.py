@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, optional
 from intent_recognition.untrusted import MOST_MESH, check_regular
 from intent_recognition.warping import ObjectCloud, with_estimated_normals
@@ -57,7 +58,7 @@ def load_target(
     path: str | Path,
     n_points: int = N_POINTS,
     scale: float = 1.0,
-    viewpoint: NDArray[np.float64] | None = None,
+    viewpoint: Floats | None = None,
     seed: int = 0,
 ) -> Target:
     """Read a mesh or a cloud.
@@ -205,7 +206,7 @@ def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:
     return float(np.median(np.linalg.norm(hits - points[rays], axis=1)))
 
 
-def _check_size(argument: str, points: NDArray[np.float64]) -> None:
+def _check_size(argument: str, points: Floats) -> None:
     """Refuse what is not finite, and what is no object by its size."""
     bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
     if bad.any():
@@ -230,11 +231,7 @@ def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
 
 
 def _cloud(
-    loaded: "trimesh.PointCloud",
-    n_points: int,
-    scale: float,
-    viewpoint: NDArray[np.float64] | None,
-    seed: int,
+    loaded: "trimesh.PointCloud", n_points: int, scale: float, viewpoint: Floats | None, seed: int
 ) -> ObjectCloud:
     """The cloud of a file with its normals, or with estimated ones."""
     points = np.array(loaded.vertices, dtype=float) * scale
@@ -248,7 +245,7 @@ def _cloud(
     return with_estimated_normals(points, viewpoint)
 
 
-def _file_normals(loaded: "trimesh.PointCloud", n: int) -> NDArray[np.float64] | None:
+def _file_normals(loaded: "trimesh.PointCloud", n: int) -> Floats | None:
     """Normals nx, ny, nz of a PLY file's vertices."""
     raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:

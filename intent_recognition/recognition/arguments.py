@@ -4,8 +4,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Misfit, Observation, SignalPast, as_numbers, as_stamp_ns
@@ -113,7 +114,7 @@ def observation_error(
     return ArgumentError.about("covariance", expected, observation.covariance, cure)
 
 
-def as_times(times_s: ArrayLike) -> NDArray[np.float64]:
+def as_times(times_s: ArrayLike) -> Floats:
     """Times (T,) [s], or a number for one.
 
     Raises:

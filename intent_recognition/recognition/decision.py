@@ -31,8 +31,8 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import NONE, USUAL_END_STD, Risk, TaskLibrary, end_std_limits, risk_of
 
@@ -98,7 +98,7 @@ class DecisionSettings:
         if not 0.0 <= self.min_evidence < 1.0:
             _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
 
-    def is_sure(self, labels: Sequence[str], p: NDArray[np.float64], task: int) -> bool:
+    def is_sure(self, labels: Sequence[str], p: Floats, task: int) -> bool:
         """Whether a task is probable enough to act on."""
         if self.risk is None:
             return bool(p[task] >= self.threshold)
@@ -138,7 +138,7 @@ def learned_risk(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Risk | N
 
 
 def possible_tasks(
-    settings: DecisionSettings, labels: Sequence[str], probabilities: NDArray[np.float64]
+    settings: DecisionSettings, labels: Sequence[str], probabilities: Floats
 ) -> tuple[str, ...]:
     """The tasks that a movement may be, the most probable first: a conformal set.
 
@@ -189,9 +189,9 @@ def decide(
     settings: DecisionSettings,
     state: DecisionState,
     labels: Sequence[str],
-    probabilities: NDArray[np.float64],
+    probabilities: Floats,
     end_std: Mapping[str, float] | None,
-    log_evidence: NDArray[np.float64] | None = None,
+    log_evidence: Floats | None = None,
 ) -> tuple[DecisionState, str]:
     """Take one observation into account.
 
@@ -243,9 +243,7 @@ def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float],
     )
 
 
-def evidence_share(
-    labels: Sequence[str], task: int, log_evidence: NDArray[np.float64] | None
-) -> float:
+def evidence_share(labels: Sequence[str], task: int, log_evidence: Floats | None) -> float:
     """Share of a task in the likelihood of all tasks, `none` aside; 1 where it is not known.
 
     Args:
@@ -263,7 +261,7 @@ def evidence_share(
     return float(share[task] / share.sum())
 
 
-def favours_none(labels: Sequence[str], log_evidence: NDArray[np.float64] | None) -> bool:
+def favours_none(labels: Sequence[str], log_evidence: Floats | None) -> bool:
     """Whether none explains a movement better than the tasks do on average; no where unknown.
 
     The estimator's evidence of none counts beyond a margin only, so that the early part of a
@@ -303,11 +301,7 @@ def uncertain_end(
 
 
 def _follow(
-    settings: DecisionSettings,
-    state: DecisionState,
-    labels: Sequence[str],
-    p: NDArray[np.float64],
-    ready: str,
+    settings: DecisionSettings, state: DecisionState, labels: Sequence[str], p: Floats, ready: str
 ) -> tuple[str, int, str]:
     """Active task, its count of contrary observations, and what happened."""
     if not state.active:
@@ -320,7 +314,7 @@ def _follow(
     return ready, 0, "switched" if ready else "withdrawn"
 
 
-def _checked(labels: Sequence[str], probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
+def _checked(labels: Sequence[str], probabilities: Floats) -> Floats:
     p = np.asarray(probabilities, dtype=np.float64)
     if p.shape != (len(labels),):
         cure = "Give one probability per label."

@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import TaskPosterior
 from intent_recognition.plots import (
     Axes,
@@ -38,9 +38,9 @@ class Estimate(NamedTuple):
     stamp_ns: int
     moving: bool
     onset_ns: int
-    probabilities: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    log_evidence: NDArray[np.float64]
+    probabilities: Floats
+    phase: Floats
+    log_evidence: Floats
     posterior: TaskPosterior | None
     labels: tuple[str, ...]
 

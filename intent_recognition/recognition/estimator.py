@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, check_type, first_of
 from intent_recognition.filtering import N_SCALES, MovementFilter, TaskPosterior, make_prior_grid
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory, as_context, largest_by_unit
@@ -72,7 +73,7 @@ class IntentEstimator:
     def __init__(
         self,
         library: TaskLibrary,
-        task_prior: NDArray[np.float64] | None = None,
+        task_prior: Floats | None = None,
         n_scales: int = N_SCALES,
         *,
         transitions: bool = True,
@@ -372,7 +373,7 @@ class IntentEstimator:
         self._turns.forget()
         self._context.forget_stamps()
 
-    def swap(self, library: TaskLibrary, task_prior: NDArray[np.float64] | None = None) -> None:
+    def swap(self, library: TaskLibrary, task_prior: Floats | None = None) -> None:
         """Go on with another library; the movement under way is filtered anew from its onset.
 
         Raises:

@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering import MovementFilter, TaskPosterior
 from intent_recognition.promp import NONE, TaskLibrary
@@ -39,8 +39,8 @@ class Evidence(NamedTuple):
     task: str
     rival: str
     names: tuple[str, ...]
-    times_s: NDArray[np.float64]
-    by_dof: NDArray[np.float64]
+    times_s: Floats
+    by_dof: Floats
     expected: float
 
     @property
@@ -107,9 +107,7 @@ def without_dofs(
     return observation._replace(values=np.where(lost, np.nan, observation.values)).measured()
 
 
-def _evidence_over_time(
-    like: MovementFilter, n_dofs: int, task: int, rival: int
-) -> NDArray[np.float64]:
+def _evidence_over_time(like: MovementFilter, n_dofs: int, task: int, rival: int) -> Floats:
     """Log evidence of a task against a rival after each observation, by the first DOFs, (n,)."""
     library, found = like.library, []
     dropped = frozenset(range(n_dofs, library.n_observed))
@@ -124,7 +122,7 @@ def _evidence_over_time(
     return np.array(found)
 
 
-def _runner_up(p: NDArray[np.float64], task: int) -> int:
+def _runner_up(p: Floats, task: int) -> int:
     """The most probable other task; none where that is more probable than the task."""
     none = len(p) - 1
     if p[none] > p[task] or len(p) < 3:

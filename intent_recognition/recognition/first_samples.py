@@ -4,8 +4,8 @@
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Integers
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import TaskLibrary, rollout
 from intent_recognition.signals import (
@@ -101,7 +101,7 @@ class _OfSignal:
         return found if found is not None and found.certain else None
 
 
-def _learned(library: TaskLibrary, dofs: NDArray[np.int64]) -> Known:
+def _learned(library: TaskLibrary, dofs: Integers) -> Known:
     """Where some observed DOFs were in the demonstrations."""
     lower, upper = [], []
     for mean, covariance in zip(library.weight_mean, library.weight_covariance, strict=True):

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import TaskPosterior
 from intent_recognition.signals import (
     LEAST_RATE_HZ,
@@ -82,9 +82,9 @@ class Stops:
     def clear(self) -> None:
         """Forget everything."""
         self._moved_ns = self._again_ns = 0
-        self._velocity: NDArray[np.float64] | None = None
+        self._velocity: Floats | None = None
 
-    def stopped_ns(self, now_ns: int, velocity: NDArray[np.float64] | None) -> int | None:
+    def stopped_ns(self, now_ns: int, velocity: Floats | None) -> int | None:
         """Stamp of a stop after which the signal, just now, surely moves again.
 
         The middle between the last moment at which it moved before and the first at which it does
@@ -115,7 +115,7 @@ class Stops:
         return again_ns - (stood_ns + round(settings.window_s * 1e9)) // 2
 
 
-def least_speed(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
+def least_speed(before: Floats, after: Floats) -> float:
     """Least norm on the line from one velocity to another, (P,) each: what a gap may hide."""
     change = after - before
     into = np.clip(-(before @ change) / np.fmax(change @ change, 1e-300), 0.0, 1.0)
@@ -127,7 +127,7 @@ class _Moving(NamedTuple):
 
     settings: OnsetSettings
     samples: Samples
-    velocity: NDArray[np.float64] | None
+    velocity: Floats | None
 
 
 class MotionDetector:

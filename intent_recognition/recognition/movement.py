@@ -12,8 +12,8 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import MovementFilter, PriorGrid, TaskPosterior
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.motion_detection import MotionDetector
@@ -47,7 +47,7 @@ class Movements:
         self._leads_ns = [round(lead * usual_s * 1e9) for lead in STOP_LEADS]
 
     def begin(
-        self, onset_ns: int, task_weight: NDArray[np.float64] | None, past: Iterable[Observation]
+        self, onset_ns: int, task_weight: Floats | None, past: Iterable[Observation]
     ) -> MovementFilter:
         """Filter a movement from its onset; the arguments are those of `MovementFilter.restart`."""
         self._filter.restart(onset_ns, task_weight, past)
@@ -58,7 +58,7 @@ class Movements:
         self,
         detector: MotionDetector,
         observation: Observation,
-        task_weight: NDArray[np.float64] | None,
+        task_weight: Floats | None,
         posterior: TaskPosterior | None,
     ) -> MovementFilter | None:
         """The filter of a movement that began at the last stop, once it takes over.
@@ -93,7 +93,7 @@ class Movements:
         return self._filter
 
 
-def odds_over_none(posteriors: Sequence[TaskPosterior]) -> NDArray[np.float64]:
+def odds_over_none(posteriors: Sequence[TaskPosterior]) -> Floats:
     """Odds of the known tasks over none, (n, K).
 
     None is what explains observations from before an onset, too, so that odds compare filters that

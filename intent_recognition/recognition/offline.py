@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError, ShapeError, check_type
 from intent_recognition.filtering import (
     MovementFilter,
@@ -127,9 +128,7 @@ def _filtered(
     return run
 
 
-def _checked(
-    library: TaskLibrary, times_s: ArrayLike, human: ArrayLike
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _checked(library: TaskLibrary, times_s: ArrayLike, human: ArrayLike) -> tuple[Integers, Floats]:
     """Stamps (T,) and values (T, P), checked."""
     times, values = as_numbers("times_s", times_s), as_numbers("human", human)
     expected = f"times_s (T,) and human (T, {library.n_observed})"

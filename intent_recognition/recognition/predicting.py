@@ -2,8 +2,8 @@
 """Both agents' predictions from the movement under way and the controlled agent's posture."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import MovementFilter
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.estimate import Prediction
@@ -49,11 +49,7 @@ class Predictor:
         return self._last[1]
 
     def controlled_at(
-        self,
-        taught: TaskLibrary,
-        run: MovementFilter,
-        known: NDArray[np.float64],
-        times_s: NDArray[np.float64],
+        self, taught: TaskLibrary, run: MovementFilter, known: Floats, times_s: Floats
     ) -> Trajectory:
         """Where the controlled agent is at some times, over all known tasks.
 
@@ -74,9 +70,7 @@ class Predictor:
         return Trajectory(times_s, mean + turns, velocities, std[: len(times_s)])
 
 
-def expected_at_rest(
-    library: TaskLibrary, task_prior: NDArray[np.float64], times_s: NDArray[np.float64]
-) -> Trajectory:
+def expected_at_rest(library: TaskLibrary, task_prior: Floats, times_s: Floats) -> Trajectory:
     """Where the controlled agent is expected before the next movement, whatever the time (T,).
 
     Args:

@@ -8,9 +8,9 @@ robot stands is its own doing.
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import (
     ControlPoint,
     StartPosture,
@@ -51,9 +51,9 @@ class PostureHistory:
     """The latest samples of the controlled agent, whose DOFs may come on several topics."""
 
     def __init__(self) -> None:
-        self._samples: list[deque[tuple[int, NDArray[np.float64]]]] = []
+        self._samples: list[deque[tuple[int, Floats]]] = []
 
-    def take(self, stamp_ns: int, group: int, values: NDArray[np.float64]) -> str | None:
+    def take(self, stamp_ns: int, group: int, values: Floats) -> str | None:
         """Take one sample; returns why it was not taken, as a diagnostics key, or None.
 
         Args:
@@ -73,7 +73,7 @@ class PostureHistory:
             samples.popleft()
         return None
 
-    def at(self, stamp_ns: int) -> NDArray[np.float64] | None:
+    def at(self, stamp_ns: int) -> Floats | None:
         """Newest values not after a stamp of all DOFs, (Q,); None where one is missing or old."""
         parts = []
         for samples in self._samples:
@@ -111,8 +111,8 @@ class OnsetPosture:
 
     def _forget_onset(self, onset_ns: int) -> None:
         self._onset_ns, self._final = onset_ns, False
-        self._position: NDArray[np.float64] | None = None
-        self._known: dict[int, tuple[StartPosture | None, str, NDArray[np.float64]]] = {}
+        self._position: Floats | None = None
+        self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
 
     def clear(self) -> None:
         """Forget everything."""
@@ -125,7 +125,7 @@ class OnsetPosture:
 
     def at_onset(
         self, library: TaskLibrary, task: int, onset_ns: int
-    ) -> tuple[StartPosture | None, str, NDArray[np.float64]]:
+    ) -> tuple[StartPosture | None, str, Floats]:
         """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
 
         Third, the whole turns by which the arm is away from where the task was learned, (Q,) [rad].
@@ -149,15 +149,13 @@ class OnsetPosture:
         return self._known[task]
 
 
-def _turns_of_start(
-    library: TaskLibrary, task: int, position: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _turns_of_start(library: TaskLibrary, task: int, position: Floats) -> Floats:
     """Whole turns between a posture and where a task begins, zero where a DOF is no angle, (Q,)."""
     turns = whole_turns(position - start_mean(library, task))
     return np.where(np.array(library.controlled_units) == ANGLE_UNIT, turns, 0.0)
 
 
-def start_variance(library: TaskLibrary) -> NDArray[np.float64]:
+def start_variance(library: TaskLibrary) -> Floats:
     """Variance of a posture about the one that an arm was sent to, per controlled DOF, (Q,)."""
     std = START_SHARE * controlled_spread(library)
     fixed = {"m": START_STD_M, "rad": START_STD_RAD}
@@ -165,7 +163,7 @@ def start_variance(library: TaskLibrary) -> NDArray[np.float64]:
     return np.array([fixed.get(unit, own) for unit, own in zip(units, std, strict=True)]) ** 2
 
 
-def start_distance(library: TaskLibrary, task: int, position: NDArray[np.float64]) -> float:
+def start_distance(library: TaskLibrary, task: int, position: Floats) -> float:
     """Squared Mahalanobis distance of a posture from a task's starts (phase 0).
 
     Args:
@@ -178,7 +176,7 @@ def start_distance(library: TaskLibrary, task: int, position: NDArray[np.float64
     return distance_to(library, task, start) ** 2
 
 
-def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.float64]) -> bool:
+def within_trained_starts(library: TaskLibrary, task: int, position: Floats) -> bool:
     """Whether a posture is one from which the task was taught.
 
     The learned covariance is that of the next demonstration, so the squared distance of a start
@@ -193,14 +191,12 @@ def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.
     return start_distance(library, task, position) <= limit
 
 
-def start_mean(library: TaskLibrary, task: int) -> NDArray[np.float64]:
+def start_mean(library: TaskLibrary, task: int) -> Floats:
     """Mean posture in which a task begins, (Q,)."""
     return controlled_at(library, task, 0.0).mean
 
 
-def rest_posture(
-    library: TaskLibrary, task_prior: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rest_posture(library: TaskLibrary, task_prior: Floats) -> tuple[Floats, Floats]:
     """Mean and standard deviation of the posture in which the next movement begins, (Q,) each.
 
     Args:

@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.filtering import TaskPosterior, answered
 from intent_recognition.plans import WorkPlan, WorkProgress
 from intent_recognition.promp import TaskLibrary
@@ -48,7 +48,7 @@ class TaskMemory(NamedTuple):
         ended_ns: when the last movement ended, 0 when there was none.
     """
 
-    belief: NDArray[np.float64]
+    belief: Floats
     ended_ns: int = 0
 
     @classmethod
@@ -76,12 +76,7 @@ class TaskMemory(NamedTuple):
         return TaskMemory(belief, self.ended_ns)
 
 
-def remember(
-    memory: TaskMemory,
-    probabilities: NDArray[np.float64],
-    phase: NDArray[np.float64],
-    ended_ns: int,
-) -> TaskMemory:
+def remember(memory: TaskMemory, probabilities: Floats, phase: Floats, ended_ns: int) -> TaskMemory:
     """The memory after a movement; one that was broken off changes only the time.
 
     Args:
@@ -96,9 +91,7 @@ def remember(
     return TaskMemory(belief / belief.sum(), ended_ns)
 
 
-def _completed(
-    probabilities: NDArray[np.float64], phase: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _completed(probabilities: Floats, phase: Floats) -> Floats:
     """The probabilities of a movement, those of tasks that were broken off counting for none."""
     p = np.where(np.asarray(phase) >= COMPLETED_PHASE, probabilities, 0.0)
     p[-1] = 1.0 - p[:-1].sum()
@@ -106,11 +99,8 @@ def _completed(
 
 
 def next_task_prior(
-    transition_prior: NDArray[np.float64],
-    memory: TaskMemory,
-    task_prior: NDArray[np.float64],
-    trust: float = HABIT_TRUST,
-) -> NDArray[np.float64]:
+    transition_prior: Floats, memory: TaskMemory, task_prior: Floats, trust: float = HABIT_TRUST
+) -> Floats:
     """p(s) of the next movement, (K,), sums to one.
 
     Args:
@@ -124,7 +114,7 @@ def next_task_prior(
     return trust * prior / prior.sum() + (1.0 - trust) * task_prior
 
 
-def weigh(posterior: TaskPosterior, ratio: NDArray[np.float64]) -> TaskPosterior:
+def weigh(posterior: TaskPosterior, ratio: Floats) -> TaskPosterior:
     """The posterior under another p(s); none becomes less probable by it, never more.
 
     Args:
@@ -158,13 +148,13 @@ class Expectation:
 
     progress: WorkProgress | None = None
     _plan: WorkPlan | None = None
-    _habit: NDArray[np.float64] | None = None
+    _habit: Floats | None = None
     _step, _answer = "", ""
 
     def __init__(
         self,
         library: TaskLibrary,
-        fixed_prior: NDArray[np.float64] | None = None,
+        fixed_prior: Floats | None = None,
         transitions: bool = True,
         forget_after_s: float = FORGET_AFTER_S,
     ):
@@ -234,7 +224,7 @@ class Expectation:
         if not self.memory.is_empty and since_s > self._forget_after_s:
             self._set(TaskMemory.empty(self._library.n_tasks))
 
-    def swap(self, library: TaskLibrary, fixed_prior: NDArray[np.float64] | None) -> None:
+    def swap(self, library: TaskLibrary, fixed_prior: Floats | None) -> None:
         """Go on with another library."""
         if self.progress is not None and self._plan is not None:
             self.progress = self.progress.changed(self._plan, library.labels)
@@ -257,7 +247,7 @@ class Expectation:
 
     def _set(self, memory: TaskMemory) -> None:
         self.memory = memory
-        self.ratio: NDArray[np.float64] | None = None
+        self.ratio: Floats | None = None
         library = self._library
         if self._fixed_prior is not None:
             self.prior = self._fixed_prior

@@ -4,13 +4,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.settings import frame_name
 from intent_recognition.tracking.transforms import RigidTransform
 
-Extrinsics = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+Extrinsics = dict[str, tuple[Floats, Floats]]
 """Position (3,) [m] and quaternion (4,) xyzw of each tracker frame in the world."""
 
 
@@ -38,7 +38,7 @@ def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Ex
     return extrinsics
 
 
-def _pose(numbers: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _pose(numbers: Sequence[str]) -> tuple[Floats, Floats] | None:
     """Position and quaternion of seven numbers; None if they are not a pose."""
     try:
         values = np.array([float(number) for number in numbers])

@@ -14,8 +14,9 @@ from itertools import chain, combinations, count
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+
+from intent_recognition.array_types import Floats
 
 LOST_S = 0.5
 """A person who was not seen for longer [s] is a new one when seen again. Convention: the default
@@ -59,8 +60,8 @@ class Track(NamedTuple):
     person: str
     label: str
     stamp_ns: int
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
 
 
 class Identities(NamedTuple):
@@ -80,7 +81,7 @@ class Identities(NamedTuple):
 
 
 def identify(
-    people: Identities, stamp_ns: int, positions: Mapping[str, NDArray[np.float64]]
+    people: Identities, stamp_ns: int, positions: Mapping[str, Floats]
 ) -> tuple[Identities, dict[str, str]]:
     """Assign the bodies of a frame to people.
 
@@ -145,7 +146,7 @@ def _predicted(track: Track, stamp_ns: int) -> Track:
     return track._replace(stamp_ns=stamp_ns, mean=move @ track.mean, covariance=covariance)
 
 
-def _corrected(track: Track, label: str, position: NDArray[np.float64]) -> Track:
+def _corrected(track: Track, label: str, position: Floats) -> Track:
     """A predicted track after a measurement of its position."""
     variance = track.covariance[0, 0] + POSITION_STD_M**2
     gain = track.covariance[:, 0] / variance
@@ -154,14 +155,12 @@ def _corrected(track: Track, label: str, position: NDArray[np.float64]) -> Track
     return track._replace(label=label, mean=mean, covariance=covariance)
 
 
-def _born(person: str, label: str, stamp_ns: int, at: NDArray[np.float64]) -> Track:
+def _born(person: str, label: str, stamp_ns: int, at: Floats) -> Track:
     covariance = np.diag([POSITION_STD_M**2, FIRST_SPEED_STD_M_S**2])
     return Track(person, label, stamp_ns, np.stack([at, np.zeros(3)]), covariance)
 
 
-def _assignment(
-    tracks: list[Track], positions: list[NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], list[int]]:
+def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, list[int]]:
     """Negative log-likelihoods (n, m + n), and the best column of each of n tracks.
 
     Columns are the m positions, then "not seen" for each track. A position left over is of a new
@@ -182,7 +181,7 @@ def _assignment(
     return costs[:n], columns[:n].tolist()
 
 
-def _alike(costs: NDArray[np.float64], columns: list[int], least: float) -> set[int]:
+def _alike(costs: Floats, columns: list[int], least: float) -> set[int]:
     """Tracks that could as well be exchanged with another one."""
     n = len(columns)
     m, alike = costs.shape[1] - n, set[int]()

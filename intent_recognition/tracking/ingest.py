@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternion
 
@@ -31,15 +32,15 @@ NO_ROTATION = np.array([0.0, 0.0, 0.0, 1.0])
 NO_ROTATION.setflags(write=False)
 
 
-Sample = tuple[int, NDArray[np.float64]]
+Sample = tuple[int, Floats]
 """Stamp [ns] and position (3,) [m] in the world frame."""
 
 
 class Velocity(NamedTuple):
     """A velocity (3,) [m/s] and its covariance (3, 3) [m^2/s^2]."""
 
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
 
 
 @dataclass(frozen=True)
@@ -60,12 +61,12 @@ class TrackedPose:
     """
 
     stamp_ns: int
-    position: NDArray[np.float64]
-    orientation: NDArray[np.float64]
+    position: Floats
+    orientation: Floats
     orientation_measured: bool
-    position_covariance: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None = None
-    velocity_covariance: NDArray[np.float64] | None = None
+    position_covariance: Floats
+    velocity: Floats | None = None
+    velocity_covariance: Floats | None = None
     reanchored: bool = False
 
 
@@ -165,11 +166,7 @@ def ingest_pose(
 
 
 def _check_sample(
-    settings: IngestSettings,
-    stamp_ns: int,
-    position: NDArray[np.float64],
-    orientation: NDArray[np.float64],
-    frame_id: str,
+    settings: IngestSettings, stamp_ns: int, position: Floats, orientation: Floats, frame_id: str
 ) -> Rejected | None:
     """Checks that need no earlier samples."""
     numbers = position.tolist()
@@ -256,9 +253,7 @@ def _velocity(settings: IngestSettings, state: IngestState) -> Velocity | None:
     return fit_velocity(stamps_ns, positions, variance)
 
 
-def fit_velocity(
-    stamps_ns: NDArray[np.int64], positions: NDArray[np.float64], position_variance: float
-) -> Velocity:
+def fit_velocity(stamps_ns: Integers, positions: Floats, position_variance: float) -> Velocity:
     """Slope of the least-squares line through recent positions.
 
     It is the velocity in the middle of the samples, so it lags by half their span. It is computed

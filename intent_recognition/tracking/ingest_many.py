@@ -5,8 +5,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import PoseColumns
 from intent_recognition.signals import LEAST_QUATERNION
 from intent_recognition.tracking.ingest import FARTHEST_M, IngestState, TrackedPose, ingest_pose
@@ -29,9 +29,9 @@ class AcceptedPoses:
         rejected: number of the other samples, by reason.
     """
 
-    rows: NDArray[np.int64]
-    positions: NDArray[np.float64]
-    orientations: NDArray[np.float64]
+    rows: Integers
+    positions: Floats
+    orientations: Floats
     rejected: Counter[str] = field(default_factory=Counter)
 
 
@@ -77,16 +77,14 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
     return AcceptedPoses(rows, world[rows], turned[rows], rejected)
 
 
-def _unit(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(quaternions: Floats) -> Floats:
     """Each of the quaternions (n, 4) at unit length; NaN where it is zero."""
     largest = np.max(np.abs(quaternions), axis=1, keepdims=True)
     scaled = quaternions / np.where(largest < LEAST_QUATERNION, np.nan, largest)
     return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
 
 
-def _follows(
-    settings: IngestSettings, stamps_ns: NDArray[np.int64], world: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _follows(settings: IngestSettings, stamps_ns: Integers, world: Floats) -> Flags:
     """Samples that continue the track surely if the one before was accepted, bool (T,)."""
     follows = np.isfinite(world[:, 0])
     steps_ns = np.diff(stamps_ns)

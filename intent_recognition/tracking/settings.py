@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.transforms import RigidTransform
 
@@ -46,7 +47,7 @@ class IngestSettings:
     extrinsics: Mapping[str, tuple[ArrayLike, ArrayLike]] = field(default_factory=dict)
     max_speed_m_s: float = 6.0
     max_gap_s: float = 0.5
-    position_std_m: float | NDArray[np.float64] = 0.002
+    position_std_m: float | Floats = 0.002
     orientation_std_rad: float = 0.02
     reanchor_after: int = 5
     clock_reset_after: int = 100
@@ -82,7 +83,7 @@ class IngestSettings:
         return frames
 
     @cached_property
-    def covariances(self) -> Mapping[str, NDArray[np.float64]]:
+    def covariances(self) -> Mapping[str, Floats]:
         """Covariance (3, 3) [m^2] of a position measured in each frame, world axes."""
         variances = np.broadcast_to(np.asarray(self.position_std_m) ** 2, (3,))
         covariances = {}

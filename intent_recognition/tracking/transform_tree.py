@@ -5,8 +5,8 @@ from bisect import bisect_left, insort
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import IntentError
 from intent_recognition.tracking.settings import frame_name
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
@@ -150,9 +150,7 @@ def interpolate(start: RigidTransform, end: RigidTransform, share: float) -> Rig
     return RigidTransform(translation, _slerp(start.quaternion, end.quaternion, share))
 
 
-def _slerp(
-    start: NDArray[np.float64], end: NDArray[np.float64], share: float
-) -> NDArray[np.float64]:
+def _slerp(start: Floats, end: Floats, share: float) -> Floats:
     cosine = float(start @ end)
     if cosine < 0.0:  # the shorter way
         end, cosine = -end, -cosine
@@ -160,5 +158,5 @@ def _slerp(
     if angle < 1e-9:
         return (1.0 - share) * start + share * end
     weights = np.sin([(1.0 - share) * angle, share * angle]) / np.sin(angle)
-    blended: NDArray[np.float64] = weights[0] * start + weights[1] * end
+    blended: Floats = weights[0] * start + weights[1] * end
     return blended

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals import LEAST_QUATERNION, rotation_matrix
 
 
-def normalise_quaternion(quaternion: ArrayLike) -> NDArray[np.float64] | None:
+def normalise_quaternion(quaternion: ArrayLike) -> Floats | None:
     """Scale a finite quaternion (4,) to unit length; None if it is zero (no orientation)."""
     quaternion = np.asarray(quaternion, dtype=np.float64)
     largest = np.max(np.abs(quaternion))
@@ -21,9 +22,7 @@ def normalise_quaternion(quaternion: ArrayLike) -> NDArray[np.float64] | None:
     return scaled / np.linalg.norm(scaled)
 
 
-def multiply_quaternions(
-    left: NDArray[np.float64], right: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def multiply_quaternions(left: Floats, right: Floats) -> Floats:
     """Hamilton product (4,) of two quaternions xyzw: the rotation `right`, then `left`."""
     x1, y1, z1, w1 = left
     x2, y2, z2, w2 = right
@@ -50,8 +49,8 @@ class RigidTransform:
         ArgumentError: a value is not finite, or the quaternion is zero.
     """
 
-    translation: NDArray[np.float64]
-    quaternion: NDArray[np.float64]
+    translation: Floats
+    quaternion: Floats
 
     def __post_init__(self) -> None:
         translation = np.array(self.translation, dtype=np.float64)
@@ -78,11 +77,11 @@ class RigidTransform:
         return cls(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
 
     @cached_property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> Floats:
         """Rotation matrix (3, 3)."""
         return rotation_matrix(self.quaternion)
 
-    def apply(self, points: ArrayLike) -> NDArray[np.float64]:
+    def apply(self, points: ArrayLike) -> Floats:
         """Points (..., 3) of the child frame, in the parent frame [m]."""
         return np.asarray(points) @ self.rotation.T + self.translation
 

@@ -8,8 +8,8 @@ the same residual, without the Coriolis matrix.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import Arm
 
@@ -35,18 +35,12 @@ class LoadEstimator:
 
     def __init__(self, arm: Arm, bandwidth_rad_s: float = BANDWIDTH_RAD_S) -> None:
         self.arm, self._bandwidth_rad_s = arm, bandwidth_rad_s
-        self._last: tuple[float, NDArray[np.float64]] | None = None
+        self._last: tuple[float, Floats] | None = None
         self._residual = np.zeros(arm.n_joints)
         self.wrench = np.zeros(6)
         self.speed_m_s = 0.0
 
-    def update(
-        self,
-        time_s: float,
-        q: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        torque: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
+    def update(self, time_s: float, q: Floats, velocity: Floats, torque: Floats) -> Floats:
         """The force on the hand (3,) [N] in the axes of the base, after a joint state.
 
         Also kept: `wrench` (6,) [N, Nm] with the moment about the tip, and `speed_m_s` of the tip.
@@ -78,7 +72,7 @@ class LoadEstimator:
         return self.wrench[:3]
 
 
-def wrench_from_torques(J: NDArray[np.float64], torque: NDArray[np.float64]) -> NDArray[np.float64]:
+def wrench_from_torques(J: Floats, torque: Floats) -> Floats:
     """The wrench w (6,) that most probably makes the joint torques J^T w (n,).
 
     Gaussian prior of w and noise of the torques: bounded at singular postures.

@@ -10,8 +10,8 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.transfer.sharing import (
     LIGHTEST_N,
     MOST_N,
@@ -111,13 +111,13 @@ class Situation(NamedTuple):
     """
 
     time_s: float
-    force_n: NDArray[np.float64]
+    force_n: Floats
     moving: bool
     speed_m_s: float
     half_opening_m: float = np.nan
     near: bool | None = None
     person_m_s: float = 0.0
-    toward: NDArray[np.float64] | None = None
+    toward: Floats | None = None
 
 
 class TransferOutput(NamedTuple):
@@ -150,7 +150,7 @@ class TransferMachine:
         self.holding, self.weight_n = Holding.EMPTY, 0.0
         self._share, self._factor, self._waited_in_vain = 0.0, 1.0, False
         self._opened_s, self._closed_in_vain = 0.0, False
-        self._loads: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=REMEMBERED)
+        self._loads: deque[tuple[float, Floats]] = deque(maxlen=REMEMBERED)
         self._since: dict[str, float] = {}
         self._entered_s, self._time_s = 0.0, np.nan
         self._half_opening_m, self._missing_ns = np.nan, 0.0

@@ -8,7 +8,8 @@ controller", IJRR 32(8)). Forces are those on the robot's hand, in world axes, z
 """
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 LIGHTEST_N = 3.0
 """What a person takes over counts as a share of the weight, and of no less than this [N]: five
@@ -25,9 +26,7 @@ MOST_N = 70.0
 """Strongest grip [N]: what the Franka Hand holds continuously."""
 
 
-def load_share(
-    force_n: NDArray[np.float64], weight_n: float, toward: NDArray[np.float64] | None
-) -> float:
+def load_share(force_n: Floats, weight_n: float, toward: Floats | None) -> float:
     """Share of the load that the person has taken over, 0 to 1.
 
     Lifting counts, and pulling toward the person; pressing down and pushing count against it.
@@ -52,9 +51,7 @@ def offering_grip(share: float, weight_n: float) -> float:
     return LEAST_N + (carrying_grip(weight_n) - LEAST_N) * (1.0 - share)
 
 
-def way_to(
-    person_m: NDArray[np.float64], hand_m: NDArray[np.float64]
-) -> tuple[float, NDArray[np.float64] | None]:
+def way_to(person_m: Floats, hand_m: Floats) -> tuple[float, Floats | None]:
     """Distance [m] from the robot's hand (3,) to the person's (3,), and `toward` of `load_share`.
 
     It is None where the person's hand is straight above or below.

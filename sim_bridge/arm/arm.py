@@ -11,8 +11,8 @@ from contextlib import AbstractContextManager
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.kinematics import check_position
 from sim_bridge import GRAVITY_M_S2
@@ -28,7 +28,7 @@ TIME_STEP_S = 0.001
 """Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
 STEPS_PER_SAMPLE = 10
 """Physics steps between two recorded samples: 100 samples a second."""
-AccelerationLaw = Callable[[float, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+AccelerationLaw = Callable[[float, Floats, Floats], Floats]
 """From time [s], joint angles and velocities (n,) to the joint accelerations wanted (n,)."""
 
 
@@ -74,7 +74,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
 
     def __init__(
         self,
-        initial_position: NDArray[np.float64] | Sequence[float] | None = None,
+        initial_position: Floats | Sequence[float] | None = None,
         *,
         robot: Robot | None = None,
         stiffness_scale: float = 1.0,
@@ -117,7 +117,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         """Simulated time since the last reset."""
         return self.n_steps * TIME_STEP_S
 
-    def reset(self, q: NDArray[np.float64] | Sequence[float] | None = None) -> None:
+    def reset(self, q: Floats | Sequence[float] | None = None) -> None:
         """Put the arm at rest at q (n,) [rad], hold there, set its time to zero, end all pushes."""
         q = self._joint_array(self.robot.ready if q is None else q, "q")
         check_position(q, self.limits, self.robot.joint_names)
@@ -154,19 +154,14 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         link = self.client.getLinkState(self.body, self.hand_link, computeForwardKinematics=1)
         return HandPose(np.array(link[4]), np.array(link[5]))
 
-    def hand_velocity(self) -> NDArray[np.float64]:
+    def hand_velocity(self) -> Floats:
         """Return the true linear velocity of the hand in the world (3,) [m/s]."""
         link = self.client.getLinkState(
             self.body, self.hand_link, computeLinkVelocity=1, computeForwardKinematics=1
         )
         return np.array(link[6])
 
-    def set_reference(
-        self,
-        q: NDArray[np.float64],
-        qd: NDArray[np.float64] | None = None,
-        qdd: NDArray[np.float64] | None = None,
-    ) -> None:
+    def set_reference(self, q: Floats, qd: Floats | None = None, qdd: Floats | None = None) -> None:
         """Follow q (n,) [rad] moving at qd [rad/s] and qdd [rad/s^2]; zero where left out.
 
         Positions outside the joint limits are clamped into them.
@@ -200,7 +195,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
 
     def apply_force(
         self,
-        force_n: NDArray[np.float64],
+        force_n: Floats,
         *,
         n_steps: int = 1,
         point_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -260,7 +255,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
             self.body, self.joint_indices, pybullet.TORQUE_CONTROL, forces=self._torque.tolist()
         )
 
-    def _payload_torque(self) -> NDArray[np.float64]:
+    def _payload_torque(self) -> Floats:
         zeros = [0.0] * self._n_moving
         q = self._all_joints(self._q, measured=True)
         linear, _ = self.client.calculateJacobian(
@@ -268,12 +263,12 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         )
         return np.array(linear[2])[self._columns] * (self._payload_mass_kg * GRAVITY_M_S2)
 
-    def _joint_inertia(self) -> NDArray[np.float64]:
+    def _joint_inertia(self) -> Floats:
         """Of each joint alone, in the present posture (n,) [kg m^2]."""
         q = self._all_joints(self._q, measured=True)
         return np.diag(self.client.calculateMassMatrix(self.body, q))[self._columns]
 
-    def _all_joints(self, values: NDArray[np.float64], measured: bool = False) -> list[float]:
+    def _all_joints(self, values: Floats, measured: bool = False) -> list[float]:
         """Values of all moving joints in PyBullet's order, from those of the chain (n,)."""
         if not self._other_columns:
             return values[self._order].tolist()
@@ -299,9 +294,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         self._q = np.array([joint[0] for joint in states])
         self._qd = np.array([joint[1] for joint in states])
 
-    def _joint_array(
-        self, values: NDArray[np.float64] | Sequence[float], argument: str
-    ) -> NDArray[np.float64]:
+    def _joint_array(self, values: Floats | Sequence[float], argument: str) -> Floats:
         array, n = np.array(values, dtype=np.float64), self.robot.n_joints
         if array.shape != (n,):
             names = ", ".join(self.robot.joint_names)

@@ -4,13 +4,13 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JointLimits
 
 
-def _array(*values: float) -> NDArray[np.float64]:
+def _array(*values: float) -> Floats:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
@@ -31,21 +31,19 @@ class ControllerGains:
         limit_damping: damping inside the margin while moving outward [Nm s/rad].
     """
 
-    stiffness: NDArray[np.float64] = field(
+    stiffness: Floats = field(
         default_factory=lambda: _array(200.0, 200.0, 120.0, 120.0, 60.0, 25.0, 15.0)
     )
-    damping: NDArray[np.float64] = field(
-        default_factory=lambda: _array(28.0, 28.0, 12.0, 12.0, 4.0, 2.0, 1.2)
-    )
-    guide_damping: NDArray[np.float64] = field(
+    damping: Floats = field(default_factory=lambda: _array(28.0, 28.0, 12.0, 12.0, 4.0, 2.0, 1.2))
+    guide_damping: Floats = field(
         default_factory=lambda: _array(1.5, 1.5, 1.0, 1.0, 0.4, 0.2, 0.15)
     )
-    guide_friction: NDArray[np.float64] = field(default_factory=lambda: _array(*[0.0] * 7))
+    guide_friction: Floats = field(default_factory=lambda: _array(*[0.0] * 7))
     limit_margin_rad: float = 0.06
-    limit_stiffness: NDArray[np.float64] = field(
+    limit_stiffness: Floats = field(
         default_factory=lambda: _array(1500.0, 1500.0, 900.0, 900.0, 500.0, 250.0, 200.0)
     )
-    limit_damping: NDArray[np.float64] = field(
+    limit_damping: Floats = field(
         default_factory=lambda: _array(30.0, 30.0, 15.0, 15.0, 6.0, 3.0, 2.0)
     )
 
@@ -62,24 +60,18 @@ class ControllerGains:
 
 
 def impedance_torque(
-    gains: ControllerGains,
-    q: NDArray[np.float64],
-    qd: NDArray[np.float64],
-    q_reference: NDArray[np.float64],
-    qd_reference: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    gains: ControllerGains, q: Floats, qd: Floats, q_reference: Floats, qd_reference: Floats
+) -> Floats:
     """Return stiffness and damping toward the reference [Nm]; add inverse dynamics to it."""
     return gains.stiffness * (q_reference - q) + gains.damping * (qd_reference - qd)
 
 
-def guiding_torque(gains: ControllerGains, qd: NDArray[np.float64]) -> NDArray[np.float64]:
+def guiding_torque(gains: ControllerGains, qd: Floats) -> Floats:
     """Return the friction felt in gravity compensation [Nm]; full dry friction from 0.03 rad/s."""
     return -gains.guide_damping * qd - gains.guide_friction * np.tanh(qd / 0.03)
 
 
-def limit_torque(
-    gains: ControllerGains, limits: JointLimits, q: NDArray[np.float64], qd: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def limit_torque(gains: ControllerGains, limits: JointLimits, q: Floats, qd: Floats) -> Floats:
     """Return the torque that pushes joints out of the margin of their limits [Nm]."""
     over = np.maximum(q - (limits.upper - gains.limit_margin_rad), 0.0)
     under = np.maximum((limits.lower + gains.limit_margin_rad) - q, 0.0)

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
@@ -65,7 +65,7 @@ class Robot:
     tip: str
     joint_names: tuple[str, ...]
     limits: JointLimits
-    ready: NDArray[np.float64]
+    ready: Floats
     base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gains: ControllerGains | None = None
     source: str = ""
@@ -184,7 +184,7 @@ def describe_robot(robot: str = "") -> str:
     return find_robot(robot or "lwr").description
 
 
-def derived_gains(torque: NDArray[np.float64], inertia: NDArray[np.float64]) -> ControllerGains:
+def derived_gains(torque: Floats, inertia: Floats) -> ControllerGains:
     """Gains of an arm that is not the LWR.
 
     Args:

@@ -9,8 +9,8 @@ where it is not. The reference stays that of the command, whose timing is its se
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.arm.arm import SimulatedArm
@@ -68,7 +68,7 @@ class SpreadControl:
         """Whether a prediction says how stiff the arm shall be at a time."""
         return time_s <= self._times_s[-1] + HOLD_S
 
-    def gains(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def gains(self, time_s: float) -> tuple[Floats, Floats]:
         """Stiffness [1/s^2] and damping [1/s] at a time, each (n,); the ends are held."""
         times = self._times_s
         if time_s <= times[0] or len(times) == 1:
@@ -83,9 +83,7 @@ class SpreadControl:
             arm.acceleration_law = None
             return
 
-        def law(
-            time_s: float, q: NDArray[np.float64], qd: NDArray[np.float64]
-        ) -> NDArray[np.float64]:
+        def law(time_s: float, q: Floats, qd: Floats) -> Floats:
             stiffness, damping = self.gains(time_s)
             reference = arm.reference
             return reference.qdd + stiffness * (reference.q - q) + damping * (reference.qd - qd)
@@ -94,10 +92,8 @@ class SpreadControl:
 
 
 def resting_gains(
-    std: NDArray[np.float64],
-    density: float | NDArray[np.float64] = DISTURBANCE,
-    bandwidth_rad_s: float = BANDWIDTH_RAD_S,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    std: Floats, density: float | Floats = DISTURBANCE, bandwidth_rad_s: float = BANDWIDTH_RAD_S
+) -> tuple[Floats, Floats]:
     """Stiffness [1/s^2] and damping [1/s] of joints that are to stay within a spread, each alone.
 
     What the controller comes to where a distribution changes slowly and correlations of the joints

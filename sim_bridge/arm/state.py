@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 
 class ArmState(NamedTuple):
     """What the joints report: q [rad], qd [rad/s], torque commanded last [Nm], all (n,)."""
 
-    q: NDArray[np.float64]
-    qd: NDArray[np.float64]
-    torque: NDArray[np.float64]
+    q: Floats
+    qd: Floats
+    torque: Floats
     time_s: float
 
     @classmethod
@@ -27,8 +28,8 @@ class ArmState(NamedTuple):
 class HandPose(NamedTuple):
     """Pose of the hand in the world: position (3,) [m], orientation (4,) xyzw."""
 
-    position: NDArray[np.float64]
-    orientation: NDArray[np.float64]
+    position: Floats
+    orientation: Floats
 
 
 @dataclass(frozen=True)

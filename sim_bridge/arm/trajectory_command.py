@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import (
     JOINT_NAMES,
@@ -40,7 +40,7 @@ PUSHED_ROOM_RAD = 0.01
 """A trajectory may begin so much farther outside the limits than the arm is now [rad]: it was
 planned from where the arm was. Convention: what an arm at rest moves in 0.2 s."""
 
-CommandRows = Sequence[Sequence[float]] | NDArray[np.float64]
+CommandRows = Sequence[Sequence[float]] | Floats
 """One row of values per point of a trajectory, (n, n_joints)."""
 
 
@@ -64,17 +64,17 @@ class TrajectoryCommand:
         start_s: when it starts; None = on acceptance.
     """
 
-    times_s: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    accelerations: NDArray[np.float64] | None
+    times_s: Floats
+    positions: Floats
+    velocities: Floats
+    accelerations: Floats | None
     start_s: float | None
 
     @classmethod
     def validated(
         cls,
         names: Sequence[str],
-        times_s: Sequence[float] | NDArray[np.float64],
+        times_s: Sequence[float] | Floats,
         positions: CommandRows,
         velocities: CommandRows | None = None,
         accelerations: CommandRows | None = None,
@@ -83,7 +83,7 @@ class TrajectoryCommand:
         now_s: float = 0.0,
         joint_names: Sequence[str] = JOINT_NAMES,
         limits: JointLimits = LWR_LIMITS,
-        position: NDArray[np.float64] | None = None,
+        position: Floats | None = None,
     ) -> "TrajectoryCommand":
         """Check a trajectory and sort its columns into the arm's joint order.
 
@@ -137,7 +137,7 @@ def _column_order(names: Sequence[str], joint_names: Sequence[str]) -> list[int]
     return [given.index(name) for name in joint_names]
 
 
-def _checked_times(times_s: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+def _checked_times(times_s: Sequence[float] | Floats) -> Floats:
     times = np.array(times_s, dtype=np.float64)
     if times.ndim != 1 or times.size == 0:
         _reject("empty", "points", "at least one point", f"{times.size} points")
@@ -154,7 +154,7 @@ def _checked_times(times_s: Sequence[float] | NDArray[np.float64]) -> NDArray[np
     return times
 
 
-def _rows(field: str, rows: CommandRows, shape: tuple[int, int]) -> NDArray[np.float64]:
+def _rows(field: str, rows: CommandRows, shape: tuple[int, int]) -> Floats:
     if len(rows) != shape[0]:
         _reject("wrong_size", field, f"{shape[0]} rows", f"{len(rows)} rows")
     for k, row in enumerate(rows):
@@ -167,7 +167,7 @@ def _rows(field: str, rows: CommandRows, shape: tuple[int, int]) -> NDArray[np.f
     return array
 
 
-def _smooth_velocities(times: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+def _smooth_velocities(times: Floats, q: Floats) -> Floats:
     """Return velocities (n, n_joints) that are zero at both ends and never overshoot a point.
 
     Between two segments of the same direction the harmonic mean of their slopes, else zero
@@ -184,13 +184,13 @@ def _smooth_velocities(times: NDArray[np.float64], q: NDArray[np.float64]) -> ND
 
 
 def _check_limits(
-    times: NDArray[np.float64],
-    q: NDArray[np.float64],
-    qd: NDArray[np.float64] | None,
-    qdd: NDArray[np.float64] | None,
+    times: Floats,
+    q: Floats,
+    qd: Floats | None,
+    qdd: Floats | None,
     limits: JointLimits,
     names: Sequence[str],
-    position: NDArray[np.float64] | None,
+    position: Floats | None,
 ) -> None:
     """Reject a trajectory outside the limits, or too fast on average, naming point and joint."""
     outside = position_violation(q, limits)

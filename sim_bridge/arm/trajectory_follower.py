@@ -13,8 +13,8 @@ from bisect import bisect_right
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import LWR_LIMITS, RATE_TOLERANCE, JointLimits
 from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
@@ -45,9 +45,9 @@ _IN_FORCE_RAD = 1e-9
 class ArmReference(NamedTuple):
     """A point of the reference curve: q [rad], qd [rad/s], qdd [rad/s^2], all (n_joints,)."""
 
-    q: NDArray[np.float64]
-    qd: NDArray[np.float64]
-    qdd: NDArray[np.float64]
+    q: Floats
+    qd: Floats
+    qdd: Floats
 
 
 class _Curve:
@@ -79,7 +79,7 @@ class _Entry(NamedTuple):
 
     start_s: float
     curve: _Curve | ArmReference
-    offset: NDArray[np.float64] | None
+    offset: Floats | None
     fade_s: float
 
     def sample(self, time_s: float) -> ArmReference:
@@ -103,12 +103,12 @@ class TrajectoryFollower:
         limits: limits the blend is planned with.
     """
 
-    def __init__(self, position: NDArray[np.float64], limits: JointLimits = LWR_LIMITS) -> None:
+    def __init__(self, position: Floats, limits: JointLimits = LWR_LIMITS) -> None:
         self._limits = limits
         self._entries: list[_Entry] = []
         self.hold(position)
 
-    def hold(self, position: NDArray[np.float64]) -> None:
+    def hold(self, position: Floats) -> None:
         """Forget all commands and rest at position (n_joints,) [rad], without a blend."""
         q = np.array(position, dtype=np.float64)
         if q.shape != (self._limits.n_joints,):
@@ -139,12 +139,7 @@ class TrajectoryFollower:
         self._entries = [*kept, self._joined(curve, switch_s, offset, velocity, shortest_s)]
 
     def _joined(
-        self,
-        curve: _Curve,
-        switch_s: float,
-        offset: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        fade_s: float,
+        self, curve: _Curve, switch_s: float, offset: Floats, velocity: Floats, fade_s: float
     ) -> _Entry:
         """The curve from switch_s on, with an offset that fades as quickly as the limits allow."""
         rest, limits = np.zeros_like(offset), self._limits
@@ -172,7 +167,7 @@ class TrajectoryFollower:
         """Return the reference at a time not before the last accepted command's `now_s`."""
         return _sample(self._entries, time_s)
 
-    def _fade_time(self, offset: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
+    def _fade_time(self, offset: Floats, velocity: Floats) -> float:
         """Return the shortest fade [s] whose acceleration stays within its share.
 
         Solves c1 |offset| / T^2 + c2 |velocity| / T <= a for each joint; the slowest counts.
@@ -195,15 +190,13 @@ def _sample(entries: list[_Entry], time_s: float) -> ArmReference:
     return entries[0].sample(time_s)
 
 
-def _within(
-    limit: NDArray[np.float64], both: list[NDArray[np.float64]], alone: list[NDArray[np.float64]]
-) -> bool:
+def _within(limit: Floats, both: list[Floats], alone: list[Floats]) -> bool:
     """Whether rates keep their limit (n,), or the trajectory's own where that is larger."""
     largest = np.maximum(limit, np.abs(alone).max(axis=0))
     return bool(np.all(np.abs(both) <= largest * (1.0 + RATE_TOLERANCE)))
 
 
-def _polynomial(*coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def _polynomial(*coefficients: Floats) -> Floats:
     """Return coefficients (6, n) by rising power, zero where not given."""
     polynomial = np.zeros((6, len(coefficients[0])))
     for power, values in enumerate(coefficients):
@@ -211,7 +204,7 @@ def _polynomial(*coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     return polynomial
 
 
-def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> NDArray[np.float64]:
+def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> Floats:
     """Return the polynomial (6, n) from point k to the next: cubic, quintic if accelerated."""
     q0, q1 = command.positions[k], command.positions[k + 1]
     v0, v1 = command.velocities[k], command.velocities[k + 1]
@@ -225,14 +218,8 @@ def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> NDArray[n
 
 
 def _quintic(
-    q0: NDArray[np.float64],
-    v0: NDArray[np.float64],
-    a0: NDArray[np.float64],
-    q1: NDArray[np.float64],
-    v1: NDArray[np.float64],
-    a1: NDArray[np.float64],
-    T: float,
-) -> NDArray[np.float64]:
+    q0: Floats, v0: Floats, a0: Floats, q1: Floats, v1: Floats, a1: Floats, T: float
+) -> Floats:
     """Return the quintic (6, n) from a position, velocity and acceleration to others after T."""
     rest = q1 - q0 - v0 * T - 0.5 * a0 * T**2  # what is left for powers 3 to 5
     speed = (v1 - v0 - a0 * T) * T
@@ -247,7 +234,7 @@ def _quintic(
     )
 
 
-def _evaluate(polynomial: NDArray[np.float64], t: float) -> ArmReference:
+def _evaluate(polynomial: Floats, t: float) -> ArmReference:
     t2 = t * t
     t3, t4 = t2 * t, t2 * t2
     value = np.array([1.0, t, t2, t3, t4, t4 * t])

@@ -7,9 +7,9 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import package_shares
 
@@ -36,9 +36,7 @@ def add_joint(
     return joint
 
 
-def add_inertial(
-    link: ET.Element, mass: float, centre: tuple[float, ...], moments: NDArray[np.float64]
-) -> None:
+def add_inertial(link: ET.Element, mass: float, centre: tuple[float, ...], moments: Floats) -> None:
     """Add mass [kg], its centre [m] and its moments of inertia (3,) [kg m^2] along the axes."""
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=text_of(centre), rpy="0 0 0")
@@ -114,7 +112,7 @@ def add_rotors(root: ET.Element, rotors: Mapping[str, float]) -> None:
         _add_rotor(link, direction / np.linalg.norm(direction), float(rotor))
 
 
-def _add_rotor(link: ET.Element, axis: NDArray[np.float64], rotor: float) -> None:
+def _add_rotor(link: ET.Element, axis: Floats, rotor: float) -> None:
     """Add to a link's inertia, which is along the axes of its inertial frame."""
     inertial = link.find("inertial")
     inertia = None if inertial is None else inertial.find("inertia")
@@ -166,5 +164,5 @@ def _block(x: float, y: float, height: float) -> ET.Element:
     return visual
 
 
-def _numbers(text: str) -> NDArray[np.float64]:
+def _numbers(text: str) -> Floats:
     return np.array([float(number) for number in text.split()])

@@ -8,9 +8,9 @@ through, and `createCollisionShapeArray` silently keeps sixteen shapes.
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from intent_recognition.array_types import Floats
 from sim_bridge.balls.hollow import Hollow, offset
 from sim_bridge.containers import at_heights, pieces_between
 
@@ -20,7 +20,7 @@ HULL_MARGIN_M = 0.001
 """Bullet's hulls reach this much farther than their corners [m]; the wall is drawn back by it."""
 
 
-def wall_pieces(hollow: Hollow) -> list[NDArray[np.float64]]:
+def wall_pieces(hollow: Hollow) -> list[Floats]:
     """Corners (V, 3) of the convex pieces: one per edge and pair of rings, and the floor.
 
     The inner faces of the pieces, Bullet's margin included, are the inner wall of `hollow`; the
@@ -35,7 +35,7 @@ def wall_pieces(hollow: Hollow) -> list[NDArray[np.float64]]:
     return [*pieces_between(near, far), np.concatenate([far[0], below])]
 
 
-def write_obj(pieces: list[NDArray[np.float64]], path: Path) -> None:
+def write_obj(pieces: list[Floats], path: Path) -> None:
     """Write each piece as an `o` group with the triangles of its hull, facing outward."""
     lines, used = [], 0
     for index, corners in enumerate(pieces):

@@ -2,8 +2,8 @@
 """Balls as a fluid: how many fill a container, and settled fills of any amount."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import BallWorld
 from sim_bridge.containers import Container
@@ -42,7 +42,7 @@ def balls_in(volume_m3: float, ball_radius_m: float) -> float:
     return float(3.0 * PACKING * volume_m3 / (4.0 * np.pi * ball_radius_m**3))
 
 
-def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> Floats:
     """Fill the world's container and let the balls come to rest.
 
     Args:
@@ -60,9 +60,7 @@ def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> NDArray
     return inside[np.argsort(inside[:, 2])]
 
 
-def _layers(
-    hollow: Hollow, radius_m: float, n_balls: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
+def _layers(hollow: Hollow, radius_m: float, n_balls: int, rng: np.random.Generator) -> Floats:
     """Places (n_balls, 3) in layers from the floor up, none in another or in the wall."""
     pitch = LAYER_PITCH * radius_m
     reach = np.max(np.abs(hollow.rings_m))

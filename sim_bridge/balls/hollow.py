@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 
 
@@ -25,8 +25,8 @@ class Hollow:
         heights_m: (S,) ascending; the first is the inner floor, the last the rim.
     """
 
-    rings_m: NDArray[np.float64]
-    heights_m: NDArray[np.float64]
+    rings_m: Floats
+    heights_m: Floats
 
     def __post_init__(self) -> None:
         """Check shapes, order and orientation once.
@@ -60,12 +60,12 @@ class Hollow:
         mean = (areas[1:] + 4.0 * middle + areas[:-1]) / 6.0
         return float(np.sum(mean * np.diff(self.heights_m)))
 
-    def lip_m(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lip_m(self, direction: Floats) -> Floats:
         """The point of the rim that is farthest in a horizontal direction (2,): (3,)."""
         rim = self.rings_m[-1]
         return np.append(rim[np.argmax(rim @ np.asarray(direction))], self.rim_height_m)
 
-    def clearance_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def clearance_m(self, points_m: Floats) -> Floats:
         """Horizontal distance of points (N, 3) from the inner wall, negative beyond it: (N,).
 
         Above the rim the last ring counts, below the floor the first.
@@ -81,13 +81,13 @@ class Hollow:
         return np.min(across / np.sqrt(along_x**2 + along_y**2), axis=1)
 
     @cached_property
-    def _tables(self) -> tuple[NDArray[np.float64], ...]:
+    def _tables(self) -> tuple[Floats, ...]:
         """Corners' x and y, and the edges that begin there, (S, K) each."""
         edges = np.roll(self.rings_m, -1, axis=1) - self.rings_m
         both = np.concatenate([self.rings_m, edges], axis=-1)
         return tuple(np.ascontiguousarray(both[..., column]) for column in range(4))
 
-    def holds(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def holds(self, points_m: Floats) -> Floats:
         """Which points (N, 3) are inside, between floor and rim: (N,) of bool."""
         z = points_m[:, 2]
         between = (z >= self.heights_m[0]) & (z < self.rim_height_m)
@@ -100,7 +100,7 @@ class Hollow:
         return replace(self, rings_m=offset(self.rings_m, by_m), heights_m=heights)
 
 
-def offset(rings_m: NDArray[np.float64], by_m: float) -> NDArray[np.float64]:
+def offset(rings_m: Floats, by_m: float) -> Floats:
     """Rings (..., K, 2) with every edge moved outward by `by_m`, corners where edges meet."""
     edges = np.roll(rings_m, -1, axis=-2) - rings_m
     outward = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
@@ -110,7 +110,7 @@ def offset(rings_m: NDArray[np.float64], by_m: float) -> NDArray[np.float64]:
     return rings_m + 2.0 * by_m * corner / np.sum(corner**2, axis=-1, keepdims=True)
 
 
-def _areas(rings_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _areas(rings_m: Floats) -> Floats:
     """Signed areas of polygons (..., K, 2), positive counter-clockwise: (...,)."""
     after = np.roll(rings_m, -1, axis=-2)
     cross = rings_m[..., 0] * after[..., 1] - rings_m[..., 1] * after[..., 0]

@@ -9,8 +9,8 @@ forces of the turn, 0.1 % of gravity.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import STEP_S, BallWorld
 
@@ -33,22 +33,20 @@ class Tilted:
         through_wall: how many balls were seen in or beyond the wall without leaving over the rim.
     """
 
-    left: NDArray[np.float64]
-    exit_time_s: NDArray[np.float64]
-    exit_position_m: NDArray[np.float64]
-    exit_velocity_m_s: NDArray[np.float64]
+    left: Floats
+    exit_time_s: Floats
+    exit_position_m: Floats
+    exit_velocity_m_s: Floats
     through_wall: int
 
 
-def level_axes(tilt_rad: float) -> NDArray[np.float64]:
+def level_axes(tilt_rad: float) -> Floats:
     """Rotation (3, 3) from the container's axes into axes with z up and x toward the pour."""
     c, s = np.cos(tilt_rad), np.sin(tilt_rad)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def tilt_along(
-    world: BallWorld, balls_m: NDArray[np.float64], tilts_rad: NDArray[np.float64]
-) -> Tilted:
+def tilt_along(world: BallWorld, balls_m: Floats, tilts_rad: Floats) -> Tilted:
     """Fill a container and tilt it toward +x about its lip, until the end or until it is empty.
 
     Args:
@@ -86,13 +84,13 @@ class WallGuard:
     went through.
     """
 
-    def __init__(self, hollow: Hollow, radius_m: float, positions_m: NDArray[np.float64]) -> None:
+    def __init__(self, hollow: Hollow, radius_m: float, positions_m: Floats) -> None:
         self._hollow = hollow
         self._opening_m = hollow.rim_height_m - radius_m
         self._below = self._deep(positions_m) & (hollow.clearance_m(positions_m) >= 0.0)
         self.count = 0
 
-    def look(self, positions_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def look(self, positions_m: Floats) -> Flags:
         """Take note of centres (N, 3); return which of them are inside, below the rim (N,)."""
         hollow, z = self._hollow, positions_m[:, 2]
         clearance = hollow.clearance_m(positions_m)
@@ -105,6 +103,6 @@ class WallGuard:
         """Watch further balls, which come in from outside."""
         self._below = np.append(self._below, np.zeros(n_balls, dtype=bool))
 
-    def _deep(self, positions_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _deep(self, positions_m: Floats) -> Flags:
         z = positions_m[:, 2]
         return (z < self._opening_m) & (z >= self._hollow.heights_m[0])

@@ -6,8 +6,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls.collision import wall_pieces, write_obj
 from sim_bridge.balls.hollow import Hollow
@@ -53,9 +53,7 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         """How many balls there are."""
         return len(self._balls)
 
-    def fill(
-        self, positions_m: NDArray[np.float64], velocities_m_s: NDArray[np.float64] | None = None
-    ) -> None:
+    def fill(self, positions_m: Floats, velocities_m_s: Floats | None = None) -> None:
         """Begin a fresh world with balls at (N, 3), at rest or moving (N, 3).
 
         Starting afresh makes a trial depend on its own input alone: `restoreState` is not exact.
@@ -74,9 +72,7 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         self.set_gravity(np.array([0.0, 0.0, -1.0]))
         self.add(positions_m, velocities_m_s)
 
-    def add(
-        self, positions_m: NDArray[np.float64], velocities_m_s: NDArray[np.float64] | None = None
-    ) -> None:
+    def add(self, positions_m: Floats, velocities_m_s: Floats | None = None) -> None:
         """Add balls at (N, 3), at rest or moving (N, 3)."""
         mass = DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * self.ball_radius_m**3
         for k, position in enumerate(positions_m.tolist()):
@@ -95,7 +91,7 @@ class BallWorld(AbstractContextManager["BallWorld"]):
                 self.client.resetBaseVelocity(ball, velocities_m_s[k].tolist(), [0.0] * 3)
             self._balls.append(ball)
 
-    def set_gravity(self, direction: NDArray[np.float64]) -> None:
+    def set_gravity(self, direction: Floats) -> None:
         """Let everything fall along a unit vector (3,) of the container's frame."""
         x, y, z = (GRAVITY_M_S2 * direction).tolist()
         self.client.setGravity(x, y, z)
@@ -105,12 +101,12 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         for _ in range(n_steps):
             self.client.stepSimulation()
 
-    def positions_m(self) -> NDArray[np.float64]:
+    def positions_m(self) -> Floats:
         """Centres of the balls (N, 3) in the container's frame."""
         pose = self.client.getBasePositionAndOrientation
         return np.array([pose(ball)[0] for ball in self._balls]).reshape(-1, 3)
 
-    def velocities_m_s(self) -> NDArray[np.float64]:
+    def velocities_m_s(self) -> Floats:
         """Velocities of the balls (N, 3) in the container's frame."""
         twist = self.client.getBaseVelocity
         return np.array([twist(ball)[0] for ball in self._balls]).reshape(-1, 3)

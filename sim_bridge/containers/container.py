@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.warping import Part, half_volume_angle, nearest_on_loop
 
 RIM_BAND_M = 0.0025
@@ -36,10 +37,10 @@ class Sections:
         base: outline of the base (S, 2) in metres.
     """
 
-    heights_m: NDArray[np.float64]
-    inner: NDArray[np.float64]
-    outer: NDArray[np.float64]
-    base: NDArray[np.float64]
+    heights_m: Floats
+    inner: Floats
+    outer: Floats
+    base: Floats
 
 
 @dataclass(frozen=True)
@@ -67,10 +68,10 @@ class Container:
     opening_radius_m: float
     height_m: float
     inner_volume_m3: float
-    opening_centre: NDArray[np.float64]
+    opening_centre: Floats
 
     @cached_property
-    def lip_point(self) -> NDArray[np.float64]:
+    def lip_point(self) -> Floats:
         """Lip (3,) toward +x, away from the handle."""
         return self.lip_toward(np.array([10.0, 0.0, 0.0]))
 
@@ -79,12 +80,12 @@ class Container:
         """Tilt about `lip_point` after which half of the cavity is above it."""
         return self.tilt_reference_about(self.lip_point)
 
-    def lip_toward(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lip_toward(self, point: Floats) -> Floats:
         """Point (3,) of the crest that is closest to `point` (3,), the other container's place."""
         nearest = nearest_on_loop(self.sections.outer[-1], np.asarray(point)[:2])
         return np.append(nearest, self.height_m)
 
-    def tilt_reference_about(self, lip: NDArray[np.float64]) -> float:
+    def tilt_reference_about(self, lip: Floats) -> float:
         """Tilt in radians about the lip (3,) after which half of the cavity is above it."""
         outward = (lip - self.opening_centre) * [1.0, 1.0, 0.0]
         return half_volume_angle(
@@ -95,7 +96,7 @@ class Container:
             outward / np.linalg.norm(outward),
         )
 
-    def labels(self, points: NDArray[np.float64]) -> NDArray[np.integer]:
+    def labels(self, points: Floats) -> NDArray[np.integer]:
         """Part (n,), values of `Part`, of surface points (n, 3) in the object's frame."""
         points = np.asarray(points, dtype=float)
         parts = np.full(len(points), int(Part.CONTAINER))
@@ -105,7 +106,7 @@ class Container:
         parts[(points[:, 2] > self.height_m - RIM_BAND_M) & (parts != Part.HANDLE)] = int(Part.RIM)
         return parts
 
-    def _outer_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _outer_distance(self, points: Floats) -> Floats:
         """How far (n,) points are outside of the wall, horizontally."""
         heights = np.concatenate([[0.0], self.sections.heights_m])
         outlines = np.concatenate([self.sections.base[None], self.sections.outer])

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping import surface_volume
 from sim_bridge.containers.container import Container, Sections
@@ -116,7 +116,7 @@ def build_container(name: str, shape: ContainerShape) -> Container:
     )
 
 
-def _profile(shape: ContainerShape, share: NDArray[np.float64]) -> NDArray[np.float64]:
+def _profile(shape: ContainerShape, share: Floats) -> Floats:
     """Outer radius at shares of the height."""
     return shape.base_m + (shape.top_m - shape.base_m) * share**shape.bulge
 

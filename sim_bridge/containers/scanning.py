@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 
@@ -33,9 +33,9 @@ class Camera:
 class SurfaceScan:
     """Points (n, 3) [m] with outward normals (n, 3), and where each was seen from (n, 3) [m]."""
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    viewpoints: NDArray[np.float64]
+    points: Floats
+    normals: Floats
+    viewpoints: Floats
 
 
 def scan(
@@ -88,13 +88,8 @@ def scan(
 
 
 def _view(
-    mesh: trimesh.Trimesh,
-    eye: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    radius: float,
-    n_rays: int,
-    camera: Camera,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    mesh: trimesh.Trimesh, eye: Floats, centre: Floats, radius: float, n_rays: int, camera: Camera
+) -> tuple[Floats, Floats, Floats]:
     """Points, normals and the eye for each pixel that sees a surface."""
     ahead = (centre - eye) / np.linalg.norm(centre - eye)
     aside = np.cross(ahead, [0.0, 0.0, 1.0])

@@ -3,25 +3,21 @@
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.warping import tube_faces
 
 TUBE_CORNERS = 16
 """Corners of a handle's cross section. Convention."""
 
 
-def at_heights(
-    outlines: NDArray[np.float64], heights_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def at_heights(outlines: Floats, heights_m: Floats) -> Floats:
     """Rings (R, S, 3) of outlines (R, S, 2) at heights (R,)."""
     z = np.broadcast_to(heights_m[:, None, None], (*outlines.shape[:2], 1))
     return np.concatenate([outlines, z], axis=-1)
 
 
-def pieces_between(
-    inner: NDArray[np.float64], outer: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
+def pieces_between(inner: Floats, outer: Floats) -> list[Floats]:
     """Corners (8, 3) of the pieces of a wall between rings (R, S, 3), ring by ring."""
     pieces = []
     for low in range(len(inner) - 1):
@@ -32,7 +28,7 @@ def pieces_between(
     return pieces
 
 
-def close_rings(rings: NDArray[np.float64]) -> trimesh.Trimesh:
+def close_rings(rings: Floats) -> trimesh.Trimesh:
     """Join rings to a tube and close both ends with fans.
 
     Args:
@@ -42,9 +38,7 @@ def close_rings(rings: NDArray[np.float64]) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, tube_faces(*rings.shape[:2]), process=False)
 
 
-def swept_tube(
-    path: NDArray[np.float64], radius_m: float, end_tangent: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def swept_tube(path: Floats, radius_m: float, end_tangent: Floats) -> Floats:
     """Rings of a round tube along a path in the plane y = 0.
 
     Args:

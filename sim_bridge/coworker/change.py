@@ -9,8 +9,8 @@ velocity and the acceleration it has (Flash and Henis 1991 find both in people).
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import minimum_jerk
 from sim_bridge.coworker.reach import (
@@ -36,19 +36,17 @@ def _joined(
 ) -> JoinedMovement:
     """A reach that goes over into another one, which began at `onset_s`, within `blend_s`."""
 
-    def done(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def done(time_s: Floats) -> Floats:
         """Share (T, 1) of the change that is done."""
         since_s = time_s - change_s
         share = minimum_jerk(since_s / blend_s) if blend_s else since_s >= 0.0
         return np.asarray(share, dtype=np.float64)[:, None]
 
-    def positions(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def positions(time_s: Floats) -> Floats:
         meant = first.positions(time_s)
         return meant + done(time_s) * (second.positions(time_s - onset_s) - meant)
 
-    def rotations(
-        time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def rotations(time_s: Floats, before_rad: Floats) -> Floats:
         meant = first.rotations(time_s, before_rad)
         then = first.rotations(np.array([onset_s]), before_rad)[0]
         return meant + done(time_s) * (second.rotations(time_s - onset_s, then) - meant)
@@ -68,7 +66,7 @@ def superposed(movement: WristMovement, before: WristMovement, into_s: float) ->
         into_s: time after its onset at which the movement begins.
     """
 
-    def positions(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def positions(time_s: Floats) -> Floats:
         remains = before.positions(time_s + into_s) - before.goal_m
         return movement.positions(time_s) + remains
 
@@ -145,9 +143,7 @@ def change_of_mind(
     return blend(first, second, share, blend_share)
 
 
-def draw_elsewhere(
-    rng: np.random.Generator, start_m: NDArray[np.float64], nominal_s: float
-) -> Reach:
+def draw_elsewhere(rng: np.random.Generator, start_m: Floats, nominal_s: float) -> Reach:
     """Draw a movement that belongs to no task: it ends far from where any task does."""
     while True:
         goal = rng.uniform(*ELSEWHERE_M)
@@ -160,9 +156,7 @@ def draw_elsewhere(
             return Reach("", start_m, goal, nominal_s, bow, rng.uniform(1.0, 1.8), turn)
 
 
-def _draw(
-    rng: np.random.Generator, task: str, start_m: NDArray[np.float64], nominal_s: float
-) -> Reach:
+def _draw(rng: np.random.Generator, task: str, start_m: Floats, nominal_s: float) -> Reach:
     if task:
         return draw_reach(rng, task, start_m, nominal_s)
     return draw_elsewhere(rng, start_m, nominal_s)

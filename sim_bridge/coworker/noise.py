@@ -5,8 +5,8 @@ All processes are sampled at a fixed rate and drawn from the generator handed in
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.promp import minimum_jerk
 
 TREMOR_HZ = 10.0
@@ -25,9 +25,7 @@ MARKER_ANGLE_STD_RAD = 0.006
 """Noise of a tracked orientation per axis [rad]. Convention."""
 
 
-def smooth_noise(
-    rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz: float
-) -> NDArray[np.float64]:
+def smooth_noise(rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz: float) -> Floats:
     """Gaussian noise (count, 3) of unit variance: two equal first-order low passes in series.
 
     Stationary from the first sample on, since the filter runs before the part that is returned.
@@ -38,7 +36,7 @@ def smooth_noise(
     return _recursive(white, 2.0 * decay, -(decay**2))[warm_up:]
 
 
-def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> NDArray[np.float64]:
+def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> Floats:
     """Physiological tremor (count, 3) in metres: a narrow band around 10 Hz, below a millimetre."""
     radius = np.exp(-np.pi * TREMOR_BANDWIDTH_HZ / rate_hz)
     warm_up = int(np.ceil(8.0 / (1.0 - radius)))
@@ -47,7 +45,7 @@ def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> NDArray[np.f
     return TREMOR_STD_M * _recursive(white, feedback, -(radius**2))[warm_up:]
 
 
-def _recursive(white: NDArray[np.float64], first: float, second: float) -> NDArray[np.float64]:
+def _recursive(white: Floats, first: float, second: float) -> Floats:
     """y_k = first y_{k-1} + second y_{k-2} + white_k, scaled to unit stationary variance."""
     variance = (1.0 - second) / ((1.0 + second) * ((1.0 - second) ** 2 - first**2))
     out = np.zeros_like(white)
@@ -58,9 +56,7 @@ def _recursive(white: NDArray[np.float64], first: float, second: float) -> NDArr
     return out / np.sqrt(variance)
 
 
-def signal_dependent(
-    rng: np.random.Generator, positions: NDArray[np.float64], rate_hz: float
-) -> NDArray[np.float64]:
+def signal_dependent(rng: np.random.Generator, positions: Floats, rate_hz: float) -> Floats:
     """Deviation (T, 3) of one movement whose velocity noise grows with speed (Harris and Wolpert).
 
     The person corrects on the way: the accumulated deviation is taken back smoothly, so that the
@@ -77,7 +73,7 @@ def signal_dependent(
 
 def occlusions(
     rng: np.random.Generator, count: int, rate_hz: float, gaps_per_s: float, drop_rate: float
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Which of `count` samples the tracker sees, bool (count,).
 
     Gaps of 0.05 to 0.35 s begin at random, `gaps_per_s` on average; single samples are lost with

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import minimum_jerk
 from sim_bridge.coworker.styles import (
@@ -67,34 +67,32 @@ class Reach:
     """
 
     task: str
-    start_m: NDArray[np.float64]
-    goal_m: NDArray[np.float64]
+    start_m: Floats
+    goal_m: Floats
     nominal_s: float
-    bow_m: NDArray[np.float64]
+    bow_m: Floats
     skew: float
-    turn_rad: NDArray[np.float64]
+    turn_rad: Floats
     hesitations: tuple[Hesitation, ...] = ()
-    velocity_m_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    acceleration_m_s2: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    velocity_m_s: Floats = field(default_factory=lambda: np.zeros(3))
+    acceleration_m_s2: Floats = field(default_factory=lambda: np.zeros(3))
 
     @property
     def duration_s(self) -> float:
         """Time from onset to end, hesitation included."""
         return self.nominal_s + sum(h.extra_s for h in self.hesitations)
 
-    def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def positions(self, time_s: Floats) -> Floats:
         """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
         progress = progress_at(self, time_s)[:, None]
         straight = self.start_m + (self.goal_m - self.start_m) * progress
         return straight + self.bow_m * bow_profile(progress, self.skew) + self._carried(time_s)
 
-    def rotations(
-        self, time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def rotations(self, time_s: Floats, before_rad: Floats) -> Floats:
         """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
         return before_rad + (self.turn_rad - before_rad) * progress_at(self, time_s)[:, None]
 
-    def _carried(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _carried(self, time_s: Floats) -> Floats:
         """Deviation (T, 3) of minimum jerk from the initial velocity and acceleration to rest."""
         if not (np.any(self.velocity_m_s) or np.any(self.acceleration_m_s2)):
             return np.zeros((len(time_s), 3))
@@ -124,8 +122,8 @@ class JoinedMovement:
     second: "WristMovement"
     change_s: float
     duration_s: float
-    positions: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    rotations: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+    positions: Callable[[Floats], Floats]
+    rotations: Callable[[Floats, Floats], Floats]
 
     @property
     def task(self) -> str:
@@ -133,12 +131,12 @@ class JoinedMovement:
         return self.second.task
 
     @property
-    def start_m(self) -> NDArray[np.float64]:
+    def start_m(self) -> Floats:
         """Where it begins, (3,), world."""
         return self.positions(np.zeros(1))[0]
 
     @property
-    def goal_m(self) -> NDArray[np.float64]:
+    def goal_m(self) -> Floats:
         """Where it stops, (3,), world."""
         return self.second.goal_m
 
@@ -150,9 +148,9 @@ WristMovement: TypeAlias = Reach | JoinedMovement
 class WristState(NamedTuple):
     """Position [m], velocity [m/s] and acceleration [m/s^2] of the wrist, (3,) each, world."""
 
-    position_m: NDArray[np.float64]
-    velocity_m_s: NDArray[np.float64] = np.zeros(3)
-    acceleration_m_s2: NDArray[np.float64] = np.zeros(3)
+    position_m: Floats
+    velocity_m_s: Floats = np.zeros(3)
+    acceleration_m_s2: Floats = np.zeros(3)
 
 
 def state_at(movement: WristMovement, time_s: float) -> WristState:
@@ -169,13 +167,13 @@ def depart(reach: Reach, state: WristState) -> Reach:
     )
 
 
-def bow_profile(progress: NDArray[np.float64], skew: float) -> NDArray[np.float64]:
+def bow_profile(progress: Floats, skew: float) -> Floats:
     """Deviation from the straight line: 0 at both ends, 1 at progress 1 / (1 + skew)."""
     peak = 1.0 / (1.0 + skew)
     return progress * (1.0 - progress) ** skew / (peak * (1.0 - peak) ** skew)
 
 
-def normalised_time(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def normalised_time(reach: Reach, time_s: Floats) -> Floats:
     """Undisturbed time in [0, 1] at `time_s` after the onset: slower where the person hesitates.
 
     Each hesitation stretches time by a Gaussian in undisturbed time, so that the map is smooth and
@@ -191,12 +189,12 @@ def normalised_time(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.flo
     return np.interp(time_s, elapsed, tau)
 
 
-def progress_at(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def progress_at(reach: Reach, time_s: Floats) -> Floats:
     """Progress along the straight line, 0 before the onset and 1 after the end."""
     return minimum_jerk(normalised_time(reach, time_s))
 
 
-def draw_rest(rng: np.random.Generator, side: float = 0.0) -> NDArray[np.float64]:
+def draw_rest(rng: np.random.Generator, side: float = 0.0) -> Floats:
     """A resting place of the wrist (3,), uniform in the rest region common to all tasks.
 
     Beside somebody else it is in the outer 40 % of the region on one's own side of the table: 1 for
@@ -205,7 +203,7 @@ def draw_rest(rng: np.random.Generator, side: float = 0.0) -> NDArray[np.float64
     return REST_CENTRE_M + REST_HALF_WIDTH_M * _draw_place(rng, side)
 
 
-def _draw_place(rng: np.random.Generator, side: float) -> NDArray[np.float64]:
+def _draw_place(rng: np.random.Generator, side: float) -> Floats:
     """Uniform between -1 and 1, or on one side of y (3,); see `draw_rest`."""
     place = rng.uniform(-1.0, 1.0, 3)
     if side:
@@ -216,7 +214,7 @@ def _draw_place(rng: np.random.Generator, side: float) -> NDArray[np.float64]:
 def draw_reach(
     rng: np.random.Generator,
     task: str,
-    start_m: NDArray[np.float64],
+    start_m: Floats,
     nominal_s: float | None = None,
     side: float = 0.0,
 ) -> Reach:
@@ -249,9 +247,7 @@ def draw_reach(
     return reach
 
 
-def draw_retract(
-    rng: np.random.Generator, start_m: NDArray[np.float64], side: float = 0.0
-) -> Reach:
+def draw_retract(rng: np.random.Generator, start_m: Floats, side: float = 0.0) -> Reach:
     """Draw the way back from `start_m` to a new resting place; `side` as of `draw_rest`."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.015 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)

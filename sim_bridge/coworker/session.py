@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind, superposed
 from sim_bridge.coworker.reach import WristMovement, draw_reach, draw_rest, draw_retract
@@ -70,7 +70,7 @@ class Interaction:
     task: str
     onset_s: float
     end_s: float
-    goal_m: NDArray[np.float64]
+    goal_m: Floats
     reach: WristMovement
     changed_from: str = ""
     change_s: float = np.nan
@@ -154,7 +154,7 @@ def plan_people(
 
 
 def _intended(
-    rng: np.random.Generator, intention: Intention, start_m: NDArray[np.float64], side: float
+    rng: np.random.Generator, intention: Intention, start_m: Floats, side: float
 ) -> WristMovement:
     """Draw a reach, and what it is changed to."""
     reach = draw_reach(rng, intention.task, start_m, side=side)

@@ -12,7 +12,8 @@ World frame: robot base at the origin, x toward the worker, z up; metres, radian
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 PLATE = "plate_handover"
 SCREW = "screw_handover"
@@ -43,11 +44,11 @@ class TaskStyle:
         turn_rad: rotation vector of the wrist from its rest orientation to the goal, (3,).
     """
 
-    goal_centre_m: NDArray[np.float64]
-    goal_half_width_m: NDArray[np.float64]
-    bow_m: NDArray[np.float64]
-    bow_std_m: NDArray[np.float64]
-    turn_rad: NDArray[np.float64]
+    goal_centre_m: Floats
+    goal_half_width_m: Floats
+    bow_m: Floats
+    bow_std_m: Floats
+    turn_rad: Floats
 
 
 def _style(*values: tuple[float, float, float]) -> TaskStyle:

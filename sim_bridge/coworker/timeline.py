@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from sim_bridge.coworker.noise import (
     MARKER_ANGLE_STD_RAD,
     MARKER_STD_M,
@@ -38,11 +38,11 @@ class WristSamples:
         true_positions_m: where the wrist really was (T, 3): movement, sway and tremor.
     """
 
-    times_s: NDArray[np.float64]
-    positions_m: NDArray[np.float64]
-    orientations: NDArray[np.float64]
-    visible: NDArray[np.bool_]
-    true_positions_m: NDArray[np.float64]
+    times_s: Floats
+    positions_m: Floats
+    orientations: Floats
+    visible: Flags
+    true_positions_m: Floats
 
 
 def sample_wrist(
@@ -51,7 +51,7 @@ def sample_wrist(
     length_s: float,
     *,
     gaps_per_s: float,
-    rest: NDArray[np.float64] = REST_QUATERNION,
+    rest: Floats = REST_QUATERNION,
 ) -> WristSamples:
     """Sample the wrist over `length_s` seconds of rest, movements and holds.
 
@@ -88,9 +88,7 @@ def sample_wrist(
     return WristSamples(times, measured, quaternions(rotation, rest), visible, true)
 
 
-def quaternions(
-    rotation_vectors: NDArray[np.float64], rest: NDArray[np.float64] = REST_QUATERNION
-) -> NDArray[np.float64]:
+def quaternions(rotation_vectors: Floats, rest: Floats = REST_QUATERNION) -> Floats:
     """Unit quaternions xyzw (T, 4) of the wrist in the world, without a jump of sign.
 
     Args:
@@ -106,7 +104,7 @@ def quaternions(
     return out
 
 
-def _multiply(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def _multiply(left: Floats, right: Floats) -> Floats:
     """Hamilton product of a quaternion (4,) and many (T, 4), xyzw."""
     vector, scalar = left[:3], left[3]
     xyz = scalar * right[:, :3] + right[:, 3:] * vector + np.cross(vector, right[:, :3])

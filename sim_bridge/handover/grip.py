@@ -9,7 +9,8 @@ than friction allows. Nothing here knows what the robot measures or decides.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 HAND_KG = 0.6
 """Effective mass of hand and forearm [kg] (Dolan, Friedman and Nagurka 1993: 0.5 to 1.5)."""
@@ -65,9 +66,7 @@ class CompliantHand:
         rng: of the noise.
     """
 
-    def __init__(
-        self, position_m: NDArray[np.float64], strength: Strength, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, position_m: Floats, strength: Strength, rng: np.random.Generator) -> None:
         self._strength, self._rng = strength, rng
         self.position_m = np.array(position_m, dtype=np.float64)
         self.target_m, self.velocity_m_s = self.position_m.copy(), np.zeros(3)
@@ -85,9 +84,7 @@ class CompliantHand:
         """Load on the fingers as it is felt, late [N]."""
         return self._felt_n
 
-    def grasp(
-        self, point_m: NDArray[np.float64], turn: NDArray[np.float64], ready: float = 1.0
-    ) -> None:
+    def grasp(self, point_m: Floats, turn: Floats, ready: float = 1.0) -> None:
         """Take hold of the object at a point (3,), as it is turned (quaternion xyzw).
 
         Args:
@@ -98,7 +95,7 @@ class CompliantHand:
         self.holds, self._slid_m, self._ready = True, 0.0, ready
         self._offset_m, self._turn0 = point_m - self.position_m, np.array(turn)
 
-    def turn_to(self, turn: NDArray[np.float64]) -> None:
+    def turn_to(self, turn: Floats) -> None:
         """Turn the object that it holds (quaternion xyzw)."""
         self._turn0 = np.array(turn)
 
@@ -109,12 +106,12 @@ class CompliantHand:
     def step(
         self,
         step_s: float,
-        point_m: NDArray[np.float64],
-        velocity_m_s: NDArray[np.float64],
-        turn: NDArray[np.float64],
-        spin_rad_s: NDArray[np.float64],
+        point_m: Floats,
+        velocity_m_s: Floats,
+        turn: Floats,
+        spin_rad_s: Floats,
         mass_kg: float,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Floats]:
         """Move the hand; return force (3,) [N] and torque (3,) [Nm] on the object.
 
         Args:
@@ -144,13 +141,7 @@ class CompliantHand:
         self._felt_n += step_s / FEEL_S * (float(np.linalg.norm(self.force_n)) - self._felt_n)
         return self.force_n, torque
 
-    def _grip(
-        self,
-        step_s: float,
-        point_m: NDArray[np.float64],
-        velocity_m_s: NDArray[np.float64],
-        mass_kg: float,
-    ) -> NDArray[np.float64]:
+    def _grip(self, step_s: float, point_m: Floats, velocity_m_s: Floats, mass_kg: float) -> Floats:
         reduced_kg = mass_kg * HAND_KG / (mass_kg + HAND_KG)
         damping = 2.0 * DAMPING_RATIO * np.sqrt(GRIP_N_M * reduced_kg)
         stretch = self.position_m + self._offset_m - point_m
@@ -167,9 +158,7 @@ class CompliantHand:
                 self.let_go()
         return force
 
-    def _turning(
-        self, turn: NDArray[np.float64], spin_rad_s: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _turning(self, turn: Floats, spin_rad_s: Floats) -> Floats:
         """What keeps the object turned as it was taken."""
         axis0, w0, axis, w = self._turn0[:3], self._turn0[3], turn[:3], turn[3]
         (a, b, c), (x, y, z) = axis, axis0

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from sim_bridge.handover.grip import CompliantHand
 
 REACTION_S = (0.18, 0.30)
@@ -40,8 +40,8 @@ BROUGHT_M = 0.3
 class SeenRobot(NamedTuple):
     """What the person sees now: where to hold the object, its turn, and what the robot does."""
 
-    point_m: NDArray[np.float64]
-    turn: NDArray[np.float64]
+    point_m: Floats
+    turn: Floats
     rests: bool
     closed: bool = False
 
@@ -64,8 +64,8 @@ class Manner:
     pull_s: float
     busy_s: float
     weight_n: float
-    toward: NDArray[np.float64]
-    miss_m: NDArray[np.float64]
+    toward: Floats
+    miss_m: Floats
     brought_m: float = BROUGHT_M
 
     @classmethod
@@ -118,7 +118,7 @@ class Giver:
         to_m: where the hand brings it (3,); it may change on the way.
     """
 
-    def __init__(self, hand: CompliantHand, manner: Manner, to_m: NDArray[np.float64]) -> None:
+    def __init__(self, hand: CompliantHand, manner: Manner, to_m: Floats) -> None:
         self.hand, self._manner = hand, manner
         self._from_m, self.to_m = hand.position_m.copy(), to_m
         self._closed_s: float | None = None

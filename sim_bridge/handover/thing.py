@@ -4,9 +4,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from sim_bridge.arm import TIME_STEP_S
 from sim_bridge.handover.grip import CompliantHand
 from sim_bridge.physics import BulletClient, pybullet
@@ -50,8 +50,8 @@ class HandedThing:
         self,
         client: BulletClient,
         what: TransferObject,
-        centre_m: NDArray[np.float64],
-        turn: NDArray[np.float64] = UPRIGHT,
+        centre_m: Floats,
+        turn: Floats = UPRIGHT,
         friction: float = FRICTION,
     ) -> None:
         self._client, self.what = client, what
@@ -66,22 +66,22 @@ class HandedThing:
         """Change the friction."""
         self._client.changeDynamics(self.body, -1, lateralFriction=friction)
 
-    def put(self, centre_m: NDArray[np.float64], turn: NDArray[np.float64] = UPRIGHT) -> None:
+    def put(self, centre_m: Floats, turn: Floats = UPRIGHT) -> None:
         """Put it somewhere, at rest."""
         at = centre_m.tolist(), turn.tolist()
         self._client.resetBasePositionAndOrientation(self.body, *at)
         self._client.resetBaseVelocity(self.body, [0.0] * 3, [0.0] * 3)
 
-    def pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def pose(self) -> tuple[Floats, Floats]:
         """Where it is: centre (3,) and quaternion (4,), xyzw."""
         position, turn = self._client.getBasePositionAndOrientation(self.body)
         return np.array(position), np.array(turn)
 
-    def speed_m_s(self) -> NDArray[np.float64]:
+    def speed_m_s(self) -> Floats:
         """Velocity of its centre (3,)."""
         return np.array(self._client.getBaseVelocity(self.body)[0])
 
-    def held_point(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def held_point(self) -> tuple[Floats, Floats]:
         """Where a person holds it (3,), and its orientation (4,)."""
         centre, turn = self.pose()
         return centre + self._lever(turn), turn
@@ -103,21 +103,19 @@ class HandedThing:
             self._client.applyExternalForce(*at, force.tolist(), point.tolist(), world)
             self._client.applyExternalTorque(*at, torque.tolist(), world)
 
-    def _lever(self, turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _lever(self, turn: Floats) -> Floats:
         matrix = np.reshape(self._client.getMatrixFromQuaternion(turn.tolist()), (3, 3))
         return matrix[:, 0] * HELD_SHARE * self.what.half_edges_m[2]
 
 
-def in_grip(
-    what: TransferObject, grip_m: NDArray[np.float64], grip_turn: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def in_grip(what: TransferObject, grip_m: Floats, grip_turn: Floats) -> tuple[Floats, Floats]:
     """Centre (3,) and turn (4,) of an object between the fingers of a grip (3,), (4,), xyzw."""
     hand = Rotation.from_quat(grip_turn)
     turn = hand * Rotation.from_matrix(LEVEL).inv()
     return grip_m + what.grasp_m * hand.as_matrix()[:, 2], turn.as_quat()
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross(a: Floats, b: Floats) -> Floats:
     """As numpy's cross, ten times as fast for one pair."""
     return np.array(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -6,11 +6,11 @@ from collections.abc import Callable
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model import SPILLED
 from intent_recognition.nodes.object_messages import to_labelled_cloud
@@ -48,7 +48,7 @@ class PouringScene:
         self._lay_beside = 0
 
     @property
-    def posture(self) -> NDArray[np.float64]:
+    def posture(self) -> Floats:
         """Joint angles (7,) [rad] that the arm begins in."""
         from sim_bridge.scenarios.pouring import start_posture
 

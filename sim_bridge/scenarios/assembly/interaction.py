@@ -4,8 +4,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker import Reach, draw_hesitations
 from sim_bridge.scenarios.assembly.styles import (
@@ -56,7 +56,7 @@ class AssemblyInteraction:
     task: str
     worker: tuple[Timed, ...]
     assistant: tuple[Timed, ...]
-    goal_m: NDArray[np.float64]
+    goal_m: Floats
     arrival_s: float
 
     @property
@@ -74,12 +74,7 @@ class _Person:
     """One wrist whose movements are strung together; `now_s` is when the last one ends."""
 
     def __init__(
-        self,
-        rng: np.random.Generator,
-        task: str,
-        wrist_m: NDArray[np.float64],
-        now_s: float,
-        tempo: float,
+        self, rng: np.random.Generator, task: str, wrist_m: Floats, now_s: float, tempo: float
     ):
         self._rng, self._task, self._tempo = rng, task, tempo
         self._turn = 0.15 * rng.standard_normal(3)
@@ -92,9 +87,9 @@ class _Person:
 
     def move(
         self,
-        goal_m: NDArray[np.float64],
+        goal_m: Floats,
         nominal_s: float,
-        bow_m: tuple[float, float, float] | NDArray[np.float64] = (0.0, 0.0, 0.03),
+        bow_m: tuple[float, float, float] | Floats = (0.0, 0.0, 0.03),
         *,
         hesitant: bool = True,
         not_before_s: float = 0.0,
@@ -123,11 +118,7 @@ class _Person:
 
 
 def plan_interaction(
-    rng: np.random.Generator,
-    task: str,
-    worker_m: NDArray[np.float64],
-    assistant_m: NDArray[np.float64],
-    onset_s: float,
+    rng: np.random.Generator, task: str, worker_m: Floats, assistant_m: Floats, onset_s: float
 ) -> AssemblyInteraction:
     """Draw one interaction.
 
@@ -154,15 +145,13 @@ def plan_interaction(
     )
 
 
-def _beside(
-    rng: np.random.Generator, goal_m: NDArray[np.float64], offset_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _beside(rng: np.random.Generator, goal_m: Floats, offset_m: Floats) -> Floats:
     """Where the assistant puts the wrist for the worker's goal: the rule, and who does it."""
     return goal_m + offset_m + PERSONAL_STD_M * rng.standard_normal(3)
 
 
 def _hand_over(
-    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]
+    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: Floats
 ) -> None:
     begun_s = worker.now_s
     worker.move(goal_m, 1.3)
@@ -173,7 +162,7 @@ def _hand_over(
 
 
 def _fastening(
-    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]
+    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: Floats
 ) -> None:
     worker.move(SCREWDRIVER.draw(rng), 1.0)
     taken_s = worker.now_s
@@ -186,7 +175,7 @@ def _fastening(
 
 
 def _plate_insertion(
-    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]
+    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: Floats
 ) -> None:
     worker.move(PLATE.draw(rng), 1.0)
     taken_s = worker.now_s

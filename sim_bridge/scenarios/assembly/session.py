@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker import Interaction, Reach, SessionPlan, WristSamples, sample_wrist
 from sim_bridge.scenarios.assembly.interaction import AssemblyInteraction, Timed, plan_interaction
@@ -105,7 +105,7 @@ def of_worker(session: AssemblySession) -> SessionPlan:
     return SessionPlan(session.worker, tuple(interactions))
 
 
-def _retract(rng: np.random.Generator, start_m: NDArray[np.float64], rest: Place) -> Reach:
+def _retract(rng: np.random.Generator, start_m: Floats, rest: Place) -> Reach:
     """The way back to a new resting place."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.012 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)

@@ -18,7 +18,8 @@ World frame: robot base at the origin, x toward the worker, z up; metres, radian
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intent_recognition.array_types import Floats
 
 HAND_OVER = "hand_over"
 FASTENING = "fastening"
@@ -33,15 +34,15 @@ WORKER, ASSISTANT = "wrist", "assistant"
 class Place:
     """Somewhere a wrist goes: uniform in a box about its centre, both (3,)."""
 
-    centre_m: NDArray[np.float64]
-    half_width_m: NDArray[np.float64]
+    centre_m: Floats
+    half_width_m: Floats
 
-    def draw(self, rng: np.random.Generator) -> NDArray[np.float64]:
+    def draw(self, rng: np.random.Generator) -> Floats:
         """One position, (3,)."""
         return self.centre_m + self.half_width_m * rng.uniform(-1.0, 1.0, 3)
 
 
-def _frozen(*values: float) -> NDArray[np.float64]:
+def _frozen(*values: float) -> Floats:
     array = np.array(values)
     array.setflags(write=False)
     return array

@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags
 from intent_recognition.warping import FULL_SHARE
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls import STEP_S, BallWorld, Tilted, balls_in, hollow_of, settled, tilt_along
@@ -77,7 +77,7 @@ class BallPours(AbstractContextManager["BallPours"]):
         caught = min(int(self._caught(path, start, tilted).sum()), self._capacity)
         return BallCount(len(inside), caught, left - caught, len(inside) - left)
 
-    def _caught(self, path: PourPath, start_s: float, tilted: Tilted) -> NDArray[np.bool_]:
+    def _caught(self, path: PourPath, start_s: float, tilted: Tilted) -> Flags:
         """Which of the balls that left come down through the opening.
 
         A ball has left when it is some way below the lip, at times already below the opening: then

@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import inverse_kinematics
 from intent_recognition.warping import ObjectCloud
 from sim_bridge.arm import SimulatedArm
@@ -33,7 +33,7 @@ def balls_above_m(cup: str) -> float:
     return BALLS_ABOVE * half_full_radius_m(container_named(cup))
 
 
-def start_posture(cup: str) -> NDArray[np.float64]:
+def start_posture(cup: str) -> Floats:
     """Joint angles (7,) [rad] that hold a cup upright beside the second container."""
     held = container_named(cup)
     stand = PourPath(np.zeros(1), STAND_M[None], np.zeros(1))
@@ -53,7 +53,7 @@ class LivePouring:
     """
 
     def __init__(
-        self, arm: SimulatedArm, cup: str, second: str, opening_m: NDArray[np.float64], seed: int
+        self, arm: SimulatedArm, cup: str, second: str, opening_m: Floats, seed: int
     ) -> None:
         rng = np.random.default_rng(seed)
         held, other = container_named(cup), container_named(second)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
 from intent_recognition.errors import BagError
 from intent_recognition.kinematics import forward_kinematics
@@ -71,8 +71,8 @@ class Seen(NamedTuple):
     """
 
     references: References
-    lip_m: NDArray[np.float64]
-    opening_m: NDArray[np.float64]
+    lip_m: Floats
+    opening_m: Floats
     emptying: Emptying
 
 
@@ -193,12 +193,10 @@ def plan(
     return PourPath(phase * primitive.duration_s, offset, tilt)
 
 
-def pour_of(
-    times_s: NDArray[np.float64], joints_rad: NDArray[np.float64], custom_data: Mapping[str, str]
-) -> PourPath:
+def pour_of(times_s: Floats, joints_rad: Floats, custom_data: Mapping[str, str]) -> PourPath:
     """The pour that recorded joints (T, 7) [rad] made, by the metadata of their bag."""
 
-    def vector(name: str) -> NDArray[np.float64]:
+    def vector(name: str) -> Floats:
         return np.array([float(part) for part in custom_data[name].split()])
 
     grasp = SideGrasp(vector("lip_m"), float(custom_data["height_m"]))

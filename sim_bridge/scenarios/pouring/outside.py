@@ -8,8 +8,8 @@ from another. These have their true thickness, but for what Bullet's margin take
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from sim_bridge.balls import HULL_MARGIN_M, offset
 from sim_bridge.containers import TUBE_CORNERS, Container, at_heights, pieces_between
 
@@ -21,7 +21,7 @@ THINNEST_M, LOWEST_M = 0.0004, 0.0001
 """Hulls need a thickness and a height; with Bullet's margin a wall of 2 mm would have none left."""
 
 
-def solid_pieces(container: Container) -> list[NDArray[np.float64]]:
+def solid_pieces(container: Container) -> list[Floats]:
     """Corners (V, 3) of slabs that fill a container up to its rim, and of its handle."""
     _, outer, heights = _rows(container)
     rings = at_heights(outer, heights)
@@ -29,7 +29,7 @@ def solid_pieces(container: Container) -> list[NDArray[np.float64]]:
     return slabs + _handle_pieces(container)
 
 
-def shell_pieces(container: Container) -> list[NDArray[np.float64]]:
+def shell_pieces(container: Container) -> list[Floats]:
     """Corners (V, 3) of the pieces of a container's wall, of its floor and of its handle."""
     inner, outer, heights = _rows(container)
     near, far = at_heights(inner, heights), at_heights(outer, heights)
@@ -37,9 +37,7 @@ def shell_pieces(container: Container) -> list[NDArray[np.float64]]:
     return [np.concatenate([far[0], far[1]]), *wall, *_handle_pieces(container)]
 
 
-def _rows(
-    container: Container,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _rows(container: Container) -> tuple[Floats, Floats, Floats]:
     """Inner and outer outlines (R, N_CORNERS, 2) and heights (R,), from the base to the crest.
 
     All are drawn back by Bullet's margin.
@@ -66,7 +64,7 @@ def _rows(
     return middle - thick * outward, middle + thick * outward, heights
 
 
-def _handle_pieces(container: Container) -> list[NDArray[np.float64]]:
+def _handle_pieces(container: Container) -> list[Floats]:
     """The handle's tube, ring by ring."""
     if container.handle is None:
         return []

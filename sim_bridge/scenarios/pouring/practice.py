@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition import __version__
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, BagWriter
 from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.improvement import Rollout, SearchSpace, search_space
@@ -92,7 +92,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         left = HALF_FULL * (1.0 - wanted / N_BALLS)
         self._level = PourLevel(skill.far, self._seen.emptying, HALF_FULL, left)
         self._pours = BallPours(self._cup, poured_into, radius_m, N_BALLS)
-        self._last: tuple[NDArray[np.float64], _Planned] | None = None
+        self._last: tuple[Floats, _Planned] | None = None
 
     @cached_property
     def space(self) -> SearchSpace:
@@ -103,7 +103,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         design = np.einsum("qp,mn->qmpn", np.eye(n_dofs), basis)
         return search_space(mean, primitive.spread, design.reshape(n_dofs, N_PHASES, mean.size))
 
-    def path(self, weights: NDArray[np.float64]) -> PourPath:
+    def path(self, weights: Floats) -> PourPath:
         """The path of the lip of some weights (d,)."""
         return plan(
             self.with_mean(weights).primitive,
@@ -112,12 +112,12 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
             level=self._level,
         )
 
-    def with_mean(self, weights: NDArray[np.float64]) -> PouringSkill:
+    def with_mean(self, weights: Floats) -> PouringSkill:
         """The skill with other weights (d,) in the mean."""
         primitive, far = self.skill
         return PouringSkill(replace(primitive, mean=weights), far)
 
-    def keeps_limits(self, weights: NDArray[np.float64]) -> bool:
+    def keeps_limits(self, weights: Floats) -> bool:
         """Whether the arm reaches all of the path, and is nowhere faster than it can be."""
         try:
             joints = self._planned(weights).joints
@@ -126,15 +126,15 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         fastest = np.abs(joints(joints.x, 1)).max(axis=0)
         return bool(np.all(fastest <= LWR_LIMITS.velocity))
 
-    def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> list[Rollout]:
+    def rollout(self, weights: Floats, rng: np.random.Generator) -> list[Rollout]:
         """Pour once; how the balls lie is drawn."""
         return [self._rollout(weights, int(rng.integers(N_FILLS)))]
 
-    def check(self, weights: NDArray[np.float64], count: int) -> list[Rollout]:
+    def check(self, weights: Floats, count: int) -> list[Rollout]:
         """Pour with balls that lie as they never do in `rollout`."""
         return [self._rollout(weights, N_FILLS + k) for k in range(count)]
 
-    def _rollout(self, weights: NDArray[np.float64], fill: int) -> Rollout:
+    def _rollout(self, weights: Floats, fill: int) -> Rollout:
         path, joints = self._planned(weights)
         counts = self._pours.pour(path, fill)
         times = np.arange(0.0, joints.x[-1], LOGGED_NS * 1e-9)
@@ -177,7 +177,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
                     stamp,
                 )
 
-    def _planned(self, weights: NDArray[np.float64]) -> _Planned:
+    def _planned(self, weights: Floats) -> _Planned:
         """The path of some weights; the last one is remembered."""
         if self._last is None or not np.array_equal(self._last[0], weights):
             path = self.path(weights)
@@ -211,6 +211,6 @@ def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> Pour
     return PouringSkill(primitive, reached_by(primitive, cup))
 
 
-def _vector(values: NDArray[np.float64]) -> str:
+def _vector(values: Floats) -> str:
     """As metadata write it: six decimals, separated by spaces."""
     return " ".join(f"{value:.6f}" for value in values)

@@ -5,9 +5,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Flags, Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.balls import (
     CONTACT_BREAKING_M,
@@ -66,7 +66,7 @@ class PouringTable:
         ball_radius_m: float,
         n_balls: int,
         rng: np.random.Generator,
-        opening_m: NDArray[np.float64] = OPENING_M,
+        opening_m: Floats = OPENING_M,
     ) -> None:
         self._arm, self._client = arm, arm.client
         self._radius_m = ball_radius_m
@@ -104,7 +104,7 @@ class PouringTable:
         """How many balls went into or through a wall so far."""
         return self._cup_guard.count + self._second_guard.count
 
-    def cup_pose(self) -> NDArray[np.float64]:
+    def cup_pose(self) -> Floats:
         """Where the cup truly is (4, 4), world."""
         position, orientation = self._client.getBasePositionAndOrientation(self._cup_body)
         return _pose_of(np.array(position), np.array(orientation))
@@ -116,7 +116,7 @@ class PouringTable:
         )
         return float(sum(contact[9] for contact in contacts))
 
-    def look(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def look(self) -> tuple[Flags, Flags]:
         """Which balls are in the cup and which in the second container, (N,) of bool each.
 
         Call it every few milliseconds: it also lets the arm know the weight it carries.
@@ -128,18 +128,14 @@ class PouringTable:
         self._in_cup = in_cup
         return in_cup, in_second
 
-    def _from(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _from(self, pose: Floats) -> Floats:
         """The balls' centres (N, 3) in a frame."""
         locate = self._client.getBasePositionAndOrientation
         world = np.array([locate(ball)[0] for ball in self._balls]).reshape(-1, 3)
         return (world - pose[:3, 3]) @ pose[:3, :3]
 
     def _container(
-        self,
-        hollow: Hollow,
-        outside: list[NDArray[np.float64]],
-        mass_kg: float,
-        pose: NDArray[np.float64],
+        self, hollow: Hollow, outside: list[Floats], mass_kg: float, pose: Floats
     ) -> int:
         client = self._client
         with TemporaryDirectory(prefix="pouring_") as folder:
@@ -182,7 +178,7 @@ class PouringTable:
         """Let a body's link collide with all but the containers' outsides."""
         self._client.setCollisionFilterGroupMask(body, link, 1, ~OUTSIDE_GROUP)
 
-    def _hold(self, cup_in_hand: NDArray[np.float64]) -> None:
+    def _hold(self, cup_in_hand: Floats) -> None:
         client, arm = self._client, self._arm
         centre, turn = client.getLinkState(arm.body, arm.hand_link, computeForwardKinematics=1)[:2]
         body = client.getBasePositionAndOrientation(self._cup_body)
@@ -200,7 +196,7 @@ class PouringTable:
             childFrameOrientation=(0.0, 0.0, 0.0, 1.0),
         )
 
-    def _add(self, positions_m: NDArray[np.float64]) -> list[int]:
+    def _add(self, positions_m: Floats) -> list[int]:
         shape = self._client.createCollisionShape(pybullet.GEOM_SPHERE, radius=self._radius_m)
         balls = []
         for position in positions_m.tolist():
@@ -230,7 +226,7 @@ class PouringTable:
         self._arm.set_payload(CUP_MASS_KG + n_balls * self._ball_mass_kg, tuple(centre))
 
 
-def _pose_of(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pose_of(position: Floats, quaternion: Floats) -> Floats:
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     pose[:3, 3] = position

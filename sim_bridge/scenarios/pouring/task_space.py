@@ -9,9 +9,9 @@ pouring, across it (to the left), up.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import follow_poses
 
@@ -50,9 +50,9 @@ class PourPath:
         tilt_rad: of the held container about its lip (T,).
     """
 
-    times_s: NDArray[np.float64]
-    offset_m: NDArray[np.float64]
-    tilt_rad: NDArray[np.float64]
+    times_s: Floats
+    offset_m: Floats
+    tilt_rad: Floats
 
     def __post_init__(self) -> None:
         """Check that lengths agree.
@@ -76,11 +76,11 @@ class SideGrasp:
         height_m: of the container.
     """
 
-    lip_m: NDArray[np.float64]
+    lip_m: Floats
     height_m: float
 
     @property
-    def cup_in_hand(self) -> NDArray[np.float64]:
+    def cup_in_hand(self) -> Floats:
         """Pose of the container in the hand's frame (4, 4)."""
         pose = np.eye(4)
         pose[:3, :3] = _HAND_IN_CUP.T
@@ -88,7 +88,7 @@ class SideGrasp:
         pose[:3, 3] = np.array([0.0, 0.0, FINGERS_M]) - pose[:3, :3] @ held
         return pose
 
-    def cup_poses(self, path: PourPath, opening_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def cup_poses(self, path: PourPath, opening_m: Floats) -> Floats:
         """Poses of the container along a path (T, 4, 4), world.
 
         Args:
@@ -104,17 +104,12 @@ class SideGrasp:
         poses[:, :3, 3] = lip - poses[:, :3, :3] @ self.lip_m
         return poses
 
-    def hand_poses(self, path: PourPath, opening_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def hand_poses(self, path: PourPath, opening_m: Floats) -> Floats:
         """Poses of the arm's hand along a path (T, 4, 4), world."""
         return self.cup_poses(path, opening_m) @ np.linalg.inv(self.cup_in_hand)
 
 
-def seen_path(
-    times_s: NDArray[np.float64],
-    cup_poses: NDArray[np.float64],
-    lip_m: NDArray[np.float64],
-    opening_m: NDArray[np.float64],
-) -> PourPath:
+def seen_path(times_s: Floats, cup_poses: Floats, lip_m: Floats, opening_m: Floats) -> PourPath:
     """The pour that poses of the held container make, the inverse of `Grasp.cup_poses`.
 
     Args:
@@ -128,9 +123,7 @@ def seen_path(
     return PourPath(times_s, (lip - opening_m) @ _POUR_AXES, np.arctan2(up[:, 0], up[:, 2]))
 
 
-def plan_joints(
-    path: PourPath, grasp: SideGrasp, opening_m: NDArray[np.float64] = OPENING_M
-) -> CubicSpline:
+def plan_joints(path: PourPath, grasp: SideGrasp, opening_m: Floats = OPENING_M) -> CubicSpline:
     """Joint angles as a function of time for a path of the lip.
 
     Args:

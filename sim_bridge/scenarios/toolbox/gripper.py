@@ -2,8 +2,8 @@
 """When the hand takes an object of the toolbox assembly, and when it lets it go."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, TASKS
 from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
@@ -82,7 +82,7 @@ class ToolboxGripper:
             self.objects.give_to_worker(self.task)
             self._done = True
 
-    def _at_rest(self, hand: NDArray[np.float64], speed: float) -> bool:
+    def _at_rest(self, hand: Floats, speed: float) -> bool:
         """Whether the hand has rested for a while away from where it took or began."""
         away = np.linalg.norm(hand - self._start_m) > CARRIED_M
         if not away or speed > RELEASE_SPEED_M_S:

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Sequence
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
 from sim_bridge.physics import pybullet
@@ -69,13 +69,13 @@ class ToolboxObjects:
         for task in TASKS:
             self.put_back(task)
 
-    def move_worker(self, position_m: NDArray[np.float64]) -> None:
+    def move_worker(self, position_m: Floats) -> None:
         """Put the worker's hand at a position (3,) in the world."""
         self._client.resetBasePositionAndOrientation(
             self.worker, [float(value) for value in position_m], _NO_TURN
         )
 
-    def position(self, task: str) -> NDArray[np.float64]:
+    def position(self, task: str) -> Floats:
         """Where the centre of a task's object is (3,), world."""
         return np.array(self._client.getBasePositionAndOrientation(self.bodies[task])[0])
 

@@ -3,9 +3,7 @@
 
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Arm
 from sim_bridge.arm import Robot
 from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M
@@ -19,12 +17,12 @@ class ToolboxArm:
         home_m: where its hand waits between interactions (3,), world.
     """
 
-    def __init__(self, robot: Robot, home_m: NDArray[np.float64] = HOME_HAND_M):
+    def __init__(self, robot: Robot, home_m: Floats = HOME_HAND_M):
         self.robot, self._home_m = robot, home_m
         self._arm = Arm.from_urdf(robot.description, base="world", tip=robot.tip, rest=robot.ready)
 
     @cached_property
-    def home(self) -> NDArray[np.float64]:
+    def home(self) -> Floats:
         """Posture with the hand where it waits, near the ready one (n,) [rad].
 
         Raises:
@@ -32,11 +30,11 @@ class ToolboxArm:
         """
         return self._arm.inverse_kinematics(self._home_m)
 
-    def n_reached(self, places_m: NDArray[np.float64], within_m: float) -> int:
+    def n_reached(self, places_m: Floats, within_m: float) -> int:
         """How many places (n, 3), world, the hand comes that near to."""
         near = (self._arm.nearest(place, self.home).distance_m for place in places_m)
         return sum(distance_m <= within_m for distance_m in near)
 
-    def hand(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def hand(self, q: Floats) -> Floats:
         """Positions of the hand in the world (..., 3) [m] for measured joints, fingers last."""
         return self._arm.forward_kinematics(q[..., : self.robot.n_joints])[..., :3, 3]

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Branch, solve
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 
@@ -36,7 +36,7 @@ LIFT_M = np.array([0.0, 0.0, 0.08])
 """How far the taken object is lifted off its stand [m]. Convention."""
 
 
-def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, NDArray[np.float64]]:
+def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, Floats]:
     arrays = {key: np.array(value, dtype=np.float64) for key, value in values.items()}
     for array in arrays.values():
         array.setflags(write=False)
@@ -50,7 +50,7 @@ OBJECT_MASS_KG = MappingProxyType({PLATE: 0.4, SCREW: 0.02, HOLD: 0.3})
 """The object of each task: a plate, a screw, a screwdriver."""
 
 
-def hand_rotation(yaw_rad: float, roll_rad: float) -> NDArray[np.float64]:
+def hand_rotation(yaw_rad: float, roll_rad: float) -> Floats:
     """Rotation (3, 3) of a level hand: pointing along x turned by yaw, rolled about its axis."""
     cy, sy, cr, sr = np.cos(yaw_rad), np.sin(yaw_rad), np.cos(roll_rad), np.sin(roll_rad)
     level = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -59,7 +59,7 @@ def hand_rotation(yaw_rad: float, roll_rad: float) -> NDArray[np.float64]:
     return yaw @ level @ roll
 
 
-def pose(position_m: NDArray[np.float64], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def pose(position_m: Floats, rotation: Floats) -> Floats:
     """Homogeneous transform (4, 4) of a position (3,) and a rotation (3, 3)."""
     transform = np.eye(4)
     transform[:3, :3] = rotation
@@ -67,7 +67,7 @@ def pose(position_m: NDArray[np.float64], rotation: NDArray[np.float64]) -> NDAr
     return transform
 
 
-def arm_posture(hand_pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def arm_posture(hand_pose: Floats) -> Floats:
     """Joint angles (7,) that put the hand at a pose (4, 4), on the scene's branch and swivel.
 
     Raises:
@@ -76,7 +76,7 @@ def arm_posture(hand_pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return solve(hand_pose, ARM_SWIVEL_RAD, ARM_BRANCH)
 
 
-def handover_point(task: str, goal_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def handover_point(task: str, goal_m: Floats) -> Floats:
     """The demonstrator's rule: where the robot's hand ends (3,) for the wrist's goal (3,).
 
     For plate and screwdriver it is the goal plus the task's offset; for the screw it is one place.
@@ -86,17 +86,17 @@ def handover_point(task: str, goal_m: NDArray[np.float64]) -> NDArray[np.float64
     return np.asarray(goal_m, dtype=np.float64) + _OFFSETS_M[task]
 
 
-def handover_rotation(task: str) -> NDArray[np.float64]:
+def handover_rotation(task: str) -> Floats:
     """Rotation (3, 3) of the robot's hand at the handover."""
     return hand_rotation(*_YAW_ROLL_RAD[task])
 
 
-def home_pose() -> NDArray[np.float64]:
+def home_pose() -> Floats:
     """The hand's pose (4, 4) from which every interaction starts."""
     return pose(HOME_HAND_M, hand_rotation(*_HOME_YAW_ROLL_RAD))
 
 
-def stand_pose(task: str) -> NDArray[np.float64]:
+def stand_pose(task: str) -> Floats:
     """The hand's pose (4, 4) at a task's stand, one of `STANDS_M`, turned as at home."""
     return pose(STANDS_M[task], hand_rotation(*_HOME_YAW_ROLL_RAD))
 

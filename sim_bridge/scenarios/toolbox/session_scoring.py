@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.evaluation import InteractionRecord, SessionLog, Trace
 from intent_recognition.kinematics import JOINT_NAMES, hand_position
 from intent_recognition.promp import NONE
@@ -43,12 +43,12 @@ def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
     return None
 
 
-def lwr_hand(q: NDArray[np.float64]) -> NDArray[np.float64]:
+def lwr_hand(q: Floats) -> Floats:
     """Positions of the LWR's hand (..., 3) [m] for measured joints, fingers last."""
     return hand_position(q[..., : len(JOINT_NAMES)])
 
 
-HandOf = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+HandOf = Callable[[Floats], Floats]
 """From measured joints (..., n) to the position of the hand in the world (..., 3) [m]."""
 
 
@@ -64,15 +64,15 @@ class Scoring(NamedTuple):
         passed_m: places where the hand may rest on the way, such as stands (k, 3).
     """
 
-    places_m: NDArray[np.float64]
+    places_m: Floats
     hand_of: HandOf = lwr_hand
-    home_m: NDArray[np.float64] = HOME_HAND_M
+    home_m: Floats = HOME_HAND_M
     n_joints: int = len(JOINT_NAMES)
     by_force: bool = False
-    passed_m: NDArray[np.float64] = np.empty((0, 3))
+    passed_m: Floats = np.empty((0, 3))
 
 
-def toolbox_places(plan: SessionPlan) -> NDArray[np.float64]:
+def toolbox_places(plan: SessionPlan) -> Floats:
     """Where the demonstrator's rule puts the hand in each interaction (n, 3) [m]."""
     return np.array([handover_point(one.task, one.goal_m) for one in plan.interactions])
 
@@ -214,9 +214,7 @@ def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | N
     return int(log.active_ns[last - 1]), log.active[last - 1]
 
 
-def _hand_error(
-    log: SessionLog, place_m: NDArray[np.float64], at_ns: int, scoring: Scoring
-) -> float | None:
+def _hand_error(log: SessionLog, place_m: Floats, at_ns: int, scoring: Scoring) -> float | None:
     """Distance from the measured hand to its right place at a time [m]."""
     index = np.searchsorted(log.joint_ns, at_ns) - 1
     if index < 0:
@@ -282,6 +280,6 @@ def _trace(
     return trace
 
 
-def _seconds(stamps_ns: NDArray[np.int64], onset_ns: int) -> NDArray[np.float64]:
+def _seconds(stamps_ns: Integers, onset_ns: int) -> Floats:
     """Times after an onset."""
     return np.asarray((stamps_ns - onset_ns) * 1e-9, dtype=np.float64)

@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Integers
 from intent_recognition.evaluation import ContactLog, SessionLog, Trace
 from sim_bridge.scenarios.toolbox.transfers import Holder
 
@@ -45,7 +45,7 @@ def score_transfer(contacts: ContactLog, from_ns: int, until_ns: int) -> Transfe
     return TransferScore(True, at_ns, force_n)
 
 
-def _dropped(stamps: NDArray[np.int64], holders: tuple[str, ...]) -> bool:
+def _dropped(stamps: Integers, holders: tuple[str, ...]) -> bool:
     begun: int | None = None
     for stamp, holder in zip(stamps.tolist(), holders, strict=True):
         if holder != Holder.NOBODY.value:

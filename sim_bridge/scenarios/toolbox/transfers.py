@@ -12,9 +12,9 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.transfer import FIRM_N, Holding
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import TIME_STEP_S, SimulatedArm
@@ -79,7 +79,7 @@ class HandContact(NamedTuple):
     """Ground truth of a transfer: who holds the object, and the person's force on it (3,) [N]."""
 
     holder: Holder
-    force_n: NDArray[np.float64]
+    force_n: Floats
 
 
 class ToolboxTransfers:
@@ -99,7 +99,7 @@ class ToolboxTransfers:
         self._seed, self._n_tasks, self._attended = [seed, 17], 0, ""
         self._fingers = Fingers(arm)
         self._grip = GripFollower(arm, self._fingers)
-        self._wrists_m: dict[str, NDArray[np.float64]] = {}
+        self._wrists_m: dict[str, Floats] = {}
         self._hands: dict[str, CompliantHand] = {}
         self._thing: HandedThing | None = None
         self._person: Taker | Giver | None = None
@@ -140,10 +140,10 @@ class ToolboxTransfers:
         return self._hands.get(self._attended)
 
     @property
-    def _wrist_m(self) -> NDArray[np.float64]:
+    def _wrist_m(self) -> Floats:
         return self._wrists_m[self._attended]
 
-    def move_wrist(self, position_m: NDArray[np.float64], person: str = "") -> None:
+    def move_wrist(self, position_m: Floats, person: str = "") -> None:
         """The tracker sees a person's wrist there (3,); the only one has no name."""
         self._wrists_m[person] = np.array(position_m)
         if person not in self._hands:
@@ -201,9 +201,7 @@ class ToolboxTransfers:
             self._closed_on = True
             self._tell(True)
 
-    def _make(
-        self, what: TransferObject, centre_m: NDArray[np.float64], turn: NDArray[np.float64]
-    ) -> HandedThing:
+    def _make(self, what: TransferObject, centre_m: Floats, turn: Floats) -> HandedThing:
         """Put an object into the world; of the arm it touches the fingers alone."""
         client, body = self._arm.client, self._arm.body
         thing = HandedThing(client, what, centre_m, turn)
@@ -302,14 +300,14 @@ class ToolboxTransfers:
         self._blocked_s = self._blocked_s + TIME_STEP_S if blocked and hand.holds else 0.0
         return self._manner is not None and self._blocked_s > self._manner.reaction_s
 
-    def _place(self, thing: HandedThing) -> NDArray[np.float64]:
+    def _place(self, thing: HandedThing) -> Floats:
         """Where the person's hand is with the object between the fingers (3,)."""
         pose, what = self._arm.hand_pose(), thing.what
         reach_m = what.grasp_m + HELD_SHARE * what.half_edges_m[2]
         miss_m = np.zeros(3) if self._manner is None else self._manner.miss_m
         return pose.position + reach_m * _outward(pose.orientation) + miss_m
 
-    def _aside_m(self, hand: CompliantHand, thing: HandedThing | None) -> NDArray[np.float64]:
+    def _aside_m(self, hand: CompliantHand, thing: HandedThing | None) -> Floats:
         """From the wrist to where the hand waits (3,): with an object, before the fingers."""
         if thing is None or self._served or not hand.holds:
             return np.zeros(3)
@@ -329,7 +327,7 @@ class ToolboxTransfers:
         return float(np.linalg.norm(self._arm.hand_velocity()))
 
 
-def _outward(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+def _outward(turn: Floats) -> Floats:
     """The direction in which a hand points (3,)."""
     return Rotation.from_quat(turn).as_matrix()[:, 2]
 
