@@ -6,10 +6,12 @@ expected; the caller adds which file, and the cure.
 """
 
 import json
+import math
 import stat
 import zipfile
+from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -115,6 +117,40 @@ def load_yaml(text: str) -> Any:
         raise
     except Exception as error:  # dates, numbers and keys that are none raise what they meet
         raise UntrustedError(" ".join(str(error).split()) or type(error).__name__) from error
+
+
+class YamlChecks(NamedTuple):
+    """Checks of what people write in YAML; what fails is an ArgumentError that names the place.
+
+    Attributes:
+        cure: last sentence of its message.
+    """
+
+    cure: str
+
+    def refuse(self, place: str, expected: str, got: object) -> NoReturn:
+        """Raise the error."""
+        raise ArgumentError.about(place, expected, got, self.cure)
+
+    def load(self, place: str, text: str) -> Any:
+        """As `load_yaml`."""
+        try:
+            return load_yaml(text)
+        except UntrustedError as error:
+            self.refuse(place, "YAML", error)
+
+    def keys(self, place: str, content: Iterable[object], known: Collection[str]) -> None:
+        """Make sure that all keys of a mapping are known."""
+        if unknown := sorted(set(map(str, content)).difference(known)):
+            self.refuse(place, f"keys of {', '.join(known)}", ", ".join(unknown))
+
+    def number(self, place: str, value: Any, least: float = -math.inf) -> float:
+        """A finite number, not below the least."""
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not is_number or not math.isfinite(value) or value < least:
+            limit = "" if least == -math.inf else f" from {least:g} on"
+            self.refuse(place, f"finite numbers{limit}", value)
+        return float(value)
 
 
 def load_json(text: str) -> Any:

@@ -5,17 +5,15 @@ A sequence is a prior, not a cage. Its first step begins it when that task is re
 step begins when its condition holds, or when it is recognised. Another task leads out of it.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
-from intent_recognition.untrusted import UntrustedError, load_yaml
+from intent_recognition.untrusted import YamlChecks
 
 RECOGNISED = "recognised"
 IN_REGION = "_in"
@@ -25,6 +23,7 @@ WITHIN_S = 60.0
 `recognition.FORGET_AFTER_S`, after which a habit tells nothing."""
 MOST_STEPS = 1000
 """Steps of all sequences. Convention."""
+CHECKS = YamlChecks("docs/combining.md describes sequences.")
 
 
 @dataclass(frozen=True)
@@ -200,40 +199,38 @@ def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, 
     Raises:
         ArgumentError: it is none, or there is no such task.
     """
-    try:
-        content = load_yaml(text)
-    except UntrustedError as error:
-        _refuse("sequences", "YAML", error)
+    content = CHECKS.load("sequences", text)
     if not isinstance(content, Mapping) or not content:
-        _refuse("sequences", "NAME: [steps]", content)
+        CHECKS.refuse("sequences", "NAME: [steps]", content)
     found = {str(name): _steps(str(name), steps) for name, steps in content.items()}
     if (n_steps := sum(map(len, found.values()))) > MOST_STEPS:
-        _refuse("sequences", f"at most {MOST_STEPS} steps", n_steps)
+        CHECKS.refuse("sequences", f"at most {MOST_STEPS} steps", n_steps)
     first = [steps[0].task for steps in found.values()]
     if doubled := sorted({task for task in first if first.count(task) > 1}):
-        _refuse("sequences", "each to begin with another task", f"two with {', '.join(doubled)}")
+        CHECKS.refuse(
+            "sequences", "each to begin with another task", f"two with {', '.join(doubled)}"
+        )
     unknown = {step.task for steps in found.values() for step in steps}.difference(labels or ())
     if labels is not None and unknown:
-        _refuse("sequences", f"tasks of {', '.join(labels)}", ", ".join(sorted(unknown)))
+        CHECKS.refuse("sequences", f"tasks of {', '.join(labels)}", ", ".join(sorted(unknown)))
     return found
 
 
 def _steps(name: str, content: Any) -> tuple[Step, ...]:
     place = f"sequence {name}"
     if not isinstance(content, list) or len(content) < 2:
-        _refuse(place, "a list of two steps or more", content)
+        CHECKS.refuse(place, "a list of two steps or more", content)
     steps = tuple(_step(f"{place}, step {k + 1}", one) for k, one in enumerate(content))
     if steps[0].when.by_itself:
-        _refuse(f"{place}, step 1", f"when: {RECOGNISED}", steps[0].when)
+        CHECKS.refuse(f"{place}, step 1", f"when: {RECOGNISED}", steps[0].when)
     return steps
 
 
 def _step(place: str, content: Any) -> Step:
     if not isinstance(content, Mapping) or not isinstance(content.get("task"), str):
-        _refuse(place, "a task", content)
-    if unknown := sorted(set(map(str, content)) - {"task", "when", "within"}):
-        _refuse(place, "task, when and within", ", ".join(unknown))
-    within_s = _number(place, content.get("within", WITHIN_S))
+        CHECKS.refuse(place, "a task", content)
+    CHECKS.keys(place, content, ("task", "when", "within"))
+    within_s = CHECKS.number(place, content.get("within", WITHIN_S), 0.0)
     return Step(content["task"], _condition(place, content.get("when", RECOGNISED)), within_s)
 
 
@@ -241,31 +238,19 @@ def _condition(place: str, content: Any) -> Condition:
     if content == RECOGNISED:
         return Condition()
     if not isinstance(content, Mapping) or not content:
-        _refuse(place, f"when: {RECOGNISED}, BODY_in, after or at_rest", content)
+        CHECKS.refuse(place, f"when: {RECOGNISED}, BODY_in, after or at_rest", content)
     values: dict[str, Any] = {}
     for key, value in content.items():
         if key in ("after", "at_rest"):
-            values["after_s" if key == "after" else "rest_s"] = _number(place, value)
+            values["after_s" if key == "after" else "rest_s"] = CHECKS.number(place, value, 0.0)
         elif isinstance(key, str) and key.endswith(IN_REGION) and "body" not in values:
             if not isinstance(value, Mapping) or set(value) != {"center", "radius"}:
-                _refuse(place, f"{key}: {{center: [x, y, z], radius: r}}", value)
+                CHECKS.refuse(place, f"{key}: {{center: [x, y, z], radius: r}}", value)
             if not isinstance(value["center"], list) or len(value["center"]) != 3:
-                _refuse(place, "center: [x, y, z] in metres", value["center"])
+                CHECKS.refuse(place, "center: [x, y, z] in metres", value["center"])
             values["body"] = key.removesuffix(IN_REGION)
-            values["center"] = tuple(_number(place, x, -math.inf) for x in value["center"])
-            values["radius_m"] = _number(place, value["radius"])
+            values["center"] = tuple(CHECKS.number(place, x) for x in value["center"])
+            values["radius_m"] = CHECKS.number(place, value["radius"], 0.0)
         else:
-            _refuse(place, "one BODY_in, after and at_rest", key)
+            CHECKS.refuse(place, "one BODY_in, after and at_rest", key)
     return Condition(**values)
-
-
-def _number(place: str, value: Any, least: float = 0.0) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value) or value < least:
-        _refuse(place, "finite numbers, of time and radius from 0 on", value)
-    return float(value)
-
-
-def _refuse(argument: str, expected: str, got: object) -> NoReturn:
-    cure = "docs/combining.md describes sequences."
-    raise ArgumentError.about(argument, expected, got, cure)

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Via points as people give them: by name, for a task or for all, for joints or for the hand."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
 import yaml
 
-from intent_recognition.errors import ArgumentError
-from intent_recognition.untrusted import UntrustedError, load_yaml
+from intent_recognition.untrusted import YamlChecks
 
 HAND = "hand"
 """Key of a via point of the hand."""
@@ -20,6 +18,7 @@ MOST_POINTS = 100
 """Via points in force at once. Convention."""
 LONGEST_NAME = 100
 """Characters of a name. Convention."""
+CHECKS = YamlChecks("docs/combining.md describes them.")
 KEYS = ("name", "task", "phase", "time", HAND, "dofs", "std")
 
 
@@ -73,18 +72,15 @@ def read_via_points(text: str) -> tuple[ViaPoint, ...]:
     Raises:
         ArgumentError: it is no such list.
     """
-    try:
-        content = load_yaml(text)
-    except UntrustedError as error:
-        _refuse("via_points", "a YAML list", error)
+    content = CHECKS.load("via_points", text)
     if content is None:
         return ()
     if not isinstance(content, list) or len(content) > MOST_POINTS:
-        _refuse("via_points", f"a list of at most {MOST_POINTS} points", content)
+        CHECKS.refuse("via_points", f"a list of at most {MOST_POINTS} points", content)
     points = tuple(map(_read, content))
     names = [point.name for point in points]
     if doubled := sorted({name for name in names if names.count(name) > 1}):
-        _refuse("via_points", "a name of its own for each", ", ".join(doubled))
+        CHECKS.refuse("via_points", "a name of its own for each", ", ".join(doubled))
     return points
 
 
@@ -104,27 +100,28 @@ def write_via_points(points: Sequence[ViaPoint]) -> str:
 
 def _read(content: Any) -> ViaPoint:
     if not isinstance(content, Mapping):
-        _refuse("via point", f"keys of {', '.join(KEYS)}", content)
+        CHECKS.refuse("via point", f"keys of {', '.join(KEYS)}", content)
     name = content.get("name")
     if not isinstance(name, str) or not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
-        _refuse("via point", "a name", name)
+        CHECKS.refuse("via point", "a name", name)
     place = f"via point {name}"
-    if unknown := sorted(set(map(str, content)) - set(KEYS)):
-        _refuse(place, f"keys of {', '.join(KEYS)}", ", ".join(unknown))
+    CHECKS.keys(place, content, KEYS)
     task = content.get("task", "")
     if not isinstance(task, str):
-        _refuse(place, "a label as task", task)
+        CHECKS.refuse(place, "a label as task", task)
     if ("phase" in content) == ("time" in content):
-        _refuse(place, "phase or time", "both" if "phase" in content else "neither")
-    when = _number(place, content.get("phase", content.get("time")))
+        CHECKS.refuse(place, "phase or time", "both" if "phase" in content else "neither")
+    when = CHECKS.number(place, content.get("phase", content.get("time")))
     if when < 0.0 or ("phase" in content and when > 1.0):
-        _refuse(place, "a phase from 0 to 1, or a time from 0 s on", when)
+        CHECKS.refuse(place, "a phase from 0 to 1, or a time from 0 s on", when)
     values = _values(place, content)
     size = sum(map(len, values.values()))
     std = content.get("std", USUAL_STD)
-    spread = tuple(_number(place, s) for s in (std if isinstance(std, list) else [std] * size))
+    spread = tuple(
+        CHECKS.number(place, s) for s in (std if isinstance(std, list) else [std] * size)
+    )
     if len(spread) != size or min(spread) < 0.0:
-        _refuse(place, f"a std from 0 on, or {size} of them", std)
+        CHECKS.refuse(place, f"a std from 0 on, or {size} of them", std)
     phase, time_s = (when, None) if "phase" in content else (None, when)
     return ViaPoint(name, values, spread, phase, time_s, task)
 
@@ -132,23 +129,11 @@ def _read(content: Any) -> ViaPoint:
 def _values(place: str, content: Mapping[Any, Any]) -> dict[str, tuple[float, ...]]:
     hand, dofs = content.get(HAND), content.get("dofs")
     if (hand is None) == (dofs is None):
-        _refuse(place, "hand or dofs", "neither" if hand is None else "both")
+        CHECKS.refuse(place, "hand or dofs", "neither" if hand is None else "both")
     if dofs is None:
         if not isinstance(hand, list) or len(hand) != 3:
-            _refuse(place, "hand: [x, y, z] in metres", hand)
-        return {HAND: tuple(_number(place, value) for value in hand)}
+            CHECKS.refuse(place, "hand: [x, y, z] in metres", hand)
+        return {HAND: tuple(CHECKS.number(place, value) for value in hand)}
     if not isinstance(dofs, Mapping) or not dofs or HAND in dofs:
-        _refuse(place, "dofs: {NAME: value}", dofs)
-    return {str(name): (_number(place, value),) for name, value in dofs.items()}
-
-
-def _number(place: str, value: Any) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value):
-        _refuse(place, "finite numbers", value)
-    return float(value)
-
-
-def _refuse(argument: str, expected: str, got: object) -> NoReturn:
-    cure = "docs/combining.md describes them."
-    raise ArgumentError.about(argument, expected, got, cure)
+        CHECKS.refuse(place, "dofs: {NAME: value}", dofs)
+    return {str(name): (CHECKS.number(place, value),) for name, value in dofs.items()}

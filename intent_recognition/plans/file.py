@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import yaml
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.work_plan import Pair, WorkPlan, WorkStep
-from intent_recognition.untrusted import UntrustedError, load_yaml
+from intent_recognition.untrusted import YamlChecks
 
 MOST_STEPS = 60
 """Steps of a plan. Convention: the belief and the sampled orders grow with their square."""
@@ -19,6 +18,7 @@ MOST_TASKS = 100_000
 """Tasks of all sessions of a file. Convention."""
 BEFORE = " < "
 STEP_KEYS = ("step", "task", "share", "who", "objects", "duration")
+CHECKS = YamlChecks("docs/plans.md describes plans.")
 PLAN_KEYS = ("assemblies", "repeated", "wrong", "steps", "order", "by_hand")
 
 
@@ -80,15 +80,14 @@ def read_plan(text: str) -> WorkPlan:
     Raises:
         ArgumentError: it is none.
     """
-    content = _yaml("plan", text)
+    content = CHECKS.load("plan", text)
     if not isinstance(content, Mapping) or not isinstance(content.get("steps"), list):
-        _refuse("plan", "steps: [...]", content)
-    if unknown := sorted(map(str, set(content) - set(PLAN_KEYS))):
-        _refuse("plan", f"{', '.join(PLAN_KEYS)}", ", ".join(unknown))
+        CHECKS.refuse("plan", "steps: [...]", content)
+    CHECKS.keys("plan", content, PLAN_KEYS)
     if not 0 < len(content["steps"]) <= MOST_STEPS:
-        _refuse("plan", f"1 to {MOST_STEPS} steps", len(content["steps"]))
+        CHECKS.refuse("plan", f"1 to {MOST_STEPS} steps", len(content["steps"]))
     numbers = {
-        name: _number(f"plan, {key}", content[key])
+        name: CHECKS.number(f"plan, {key}", content[key], 0.0)
         for key, name in (("repeated", "repeated"), ("wrong", "wrong"))
         if key in content
     }
@@ -96,7 +95,7 @@ def read_plan(text: str) -> WorkPlan:
         tuple(_step(f"plan, step {k + 1}", one) for k, one in enumerate(content["steps"])),
         _relations("plan, order", content.get("order")),
         _relations("plan, by_hand", content.get("by_hand")),
-        n_assemblies=int(_number("plan, assemblies", content.get("assemblies", 0))),
+        n_assemblies=int(CHECKS.number("plan, assemblies", content.get("assemblies", 0), 0.0)),
         **numbers,
     )
 
@@ -112,14 +111,14 @@ def read_assemblies(text: str) -> tuple[Assembly, ...]:
     Raises:
         ArgumentError: it is none.
     """
-    content = _yaml("session", text)
+    content = CHECKS.load("session", text)
     if not isinstance(content, list) or not content:
-        _refuse("session", "a list of tasks, or of such lists", content)
+        CHECKS.refuse("session", "a list of tasks, or of such lists", content)
     several = content if isinstance(content[0], list) else [content]
     if not all(isinstance(one, list) for one in several):
-        _refuse("session", "either tasks or lists of tasks", content)
+        CHECKS.refuse("session", "either tasks or lists of tasks", content)
     if (n_tasks := sum(map(len, several))) > MOST_TASKS:
-        _refuse("session", f"at most {MOST_TASKS} tasks", n_tasks)
+        CHECKS.refuse("session", f"at most {MOST_TASKS} tasks", n_tasks)
     return tuple(
         tuple(_done(f"assembly {a + 1}, task {k + 1}", one) for k, one in enumerate(assembly))
         for a, assembly in enumerate(several)
@@ -149,10 +148,9 @@ def _done(place: str, content: Any) -> DoneTask:
     if isinstance(content, str) and content:
         return DoneTask(content)
     if not isinstance(content, Mapping) or not isinstance(content.get("task"), str):
-        _refuse(place, "a task", content)
-    if unknown := sorted(map(str, set(content) - {"task", "who", "start", "end", "objects"})):
-        _refuse(place, "task, who, start, end and objects", ", ".join(unknown))
-    start, end = (_number(place, content.get(key, 0.0), -math.inf) for key in ("start", "end"))
+        CHECKS.refuse(place, "a task", content)
+    CHECKS.keys(place, content, ("task", "who", "start", "end", "objects"))
+    start, end = (CHECKS.number(place, content.get(key, 0.0)) for key in ("start", "end"))
     return DoneTask(
         content["task"],
         str(content.get("who", "")),
@@ -163,19 +161,18 @@ def _done(place: str, content: Any) -> DoneTask:
 
 def _step(place: str, content: Any) -> WorkStep:
     if not isinstance(content, Mapping) or not {"step", "task"} & set(content):
-        _refuse(place, "a step and its task", content)
-    if unknown := sorted(map(str, set(content) - set(STEP_KEYS))):
-        _refuse(place, ", ".join(STEP_KEYS), ", ".join(unknown))
+        CHECKS.refuse(place, "a step and its task", content)
+    CHECKS.keys(place, content, STEP_KEYS)
     name = str(content.get("step", content.get("task")))
     if not name or BEFORE.strip() in name:
-        _refuse(place, "a name without <", name)
+        CHECKS.refuse(place, "a name without <", name)
     return WorkStep(
         name,
         str(content.get("task", name)),
-        _number(f"{place}, share", content.get("share", 1.0)),
+        CHECKS.number(f"{place}, share", content.get("share", 1.0), 0.0),
         _numbers(f"{place}, who", content.get("who")),
         _numbers(f"{place}, objects", content.get("objects")),
-        _number(f"{place}, duration", content.get("duration", 0.0)),
+        CHECKS.number(f"{place}, duration", content.get("duration", 0.0), 0.0),
     )
 
 
@@ -184,7 +181,7 @@ def _relations(place: str, content: Any) -> dict[Pair, float]:
     for key, p in _numbers(place, content).items():
         first, sign, then = (part.strip() for part in key.partition(BEFORE.strip()))
         if not (first and sign and then) or BEFORE.strip() in then:
-            _refuse(place, "FIRST < THEN: probability", key)
+            CHECKS.refuse(place, "FIRST < THEN: probability", key)
         found[first, then] = p
     return found
 
@@ -193,23 +190,7 @@ def _numbers(place: str, content: Any) -> dict[str, float]:
     if content is None:
         return {}
     if not isinstance(content, Mapping):
-        _refuse(place, "names with a number each", content)
-    return {str(key): _number(f"{place}, {key}", value) for key, value in content.items()}
-
-
-def _number(place: str, value: Any, least: float = 0.0) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value) or value < least:
-        _refuse(place, "a finite number, not negative", value)
-    return float(value)
-
-
-def _yaml(place: str, text: str) -> Any:
-    try:
-        return load_yaml(text)
-    except UntrustedError as error:
-        _refuse(place, "YAML", error)
-
-
-def _refuse(argument: str, expected: str, got: object) -> NoReturn:
-    raise ArgumentError.about(argument, expected, got, "docs/plans.md describes plans.")
+        CHECKS.refuse(place, "names with a number each", content)
+    return {
+        str(key): CHECKS.number(f"{place}, {key}", value, 0.0) for key, value in content.items()
+    }

@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.file import Assembly
 from intent_recognition.plans.work_plan import SURE, USUAL_SLIP, Pair, WorkPlan, WorkStep, covering
@@ -159,8 +159,8 @@ class _Draws(NamedTuple):
         drawn: number of the step, (T,).
     """
 
-    undone: NDArray[np.float64]
-    drawn: NDArray[np.int64]
+    undone: Floats
+    drawn: Integers
 
     @classmethod
     def of(cls, sequences: Sequence[Sequence[int]], n: int) -> _Draws:
@@ -174,7 +174,7 @@ class _Draws(NamedTuple):
                 t += 1
         return cls(undone, drawn)
 
-    def log_posterior(self, order: NDArray[np.float64]) -> float:
+    def log_posterior(self, order: Floats) -> float:
         """Log probability of a partial order (n, n), 1 where i is before j, up to a constant."""
         possible = self.undone * (self.undone @ order < 0.5)
         in_turn = possible[np.arange(len(self.drawn)), self.drawn] / possible.sum(axis=1)
@@ -184,7 +184,7 @@ class _Draws(NamedTuple):
 
 def sample_orders(
     sequences: Sequence[Sequence[int]], n: int, rng: np.random.Generator, n_samples: int
-) -> NDArray[np.float64]:
+) -> Floats:
     """Posterior probability that step i must be done before step j, (n, n).
 
     Args:
@@ -212,7 +212,7 @@ def sample_orders(
     return total / max(n_samples - n_samples // 5, 1)
 
 
-def _may_change(order: NDArray[np.float64], i: int, j: int) -> bool:
+def _may_change(order: Floats, i: int, j: int) -> bool:
     """Whether an order remains one, when just the relation of i to j is added or removed."""
     if i == j or order[j, i]:
         return False
@@ -221,7 +221,7 @@ def _may_change(order: NDArray[np.float64], i: int, j: int) -> bool:
     return not (np.any(order[:, i] > order[:, j]) or np.any(order[j] > order[i]))
 
 
-def _kept_by_all(sequences: Sequence[Sequence[int]], n: int) -> NDArray[np.float64]:
+def _kept_by_all(sequences: Sequence[Sequence[int]], n: int) -> Floats:
     """1 where i came before j in every assembly that holds both, and in some, (n, n).
 
     Where few hold both, this may be no order: then what follows from it in a circle is left out.

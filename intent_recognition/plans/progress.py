@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.work_plan import WorkPlan
 
@@ -122,7 +122,7 @@ class WorkProgress:
         self._done = np.zeros((1, len(self._task)), dtype=bool)
         self._weight = np.ones(1)
 
-    def next_tasks(self, habit: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    def next_tasks(self, habit: Floats | None = None) -> Floats:
         """Probability that each task is that of the next movement, (K,); sums to one.
 
         Args:
@@ -132,9 +132,7 @@ class WorkProgress:
         p = self._weight @ (step @ self._of_task + anew @ self._of_task + idle)
         return np.asarray(p / p.sum())
 
-    def take(
-        self, probabilities: NDArray[np.float64], habit: NDArray[np.float64] | None = None
-    ) -> None:
+    def take(self, probabilities: Floats, habit: Floats | None = None) -> None:
         """Take note of a movement that has ended.
 
         Args:
@@ -154,14 +152,14 @@ class WorkProgress:
         )
         self._keep(np.concatenate(sets), np.concatenate(weights))
 
-    def _keep(self, sets: NDArray[np.bool_], weights: NDArray[np.float64]) -> None:
+    def _keep(self, sets: Flags, weights: Floats) -> None:
         """Believe in the most probable of these sets (M, n)."""
         done, where = np.unique(sets, axis=0, return_inverse=True)
         weight = np.bincount(where.ravel(), weights, minlength=len(done))
         best = np.argsort(-weight, kind="stable")[:MOST_STATES]
         self._done, self._weight = done[best], weight[best] / weight[best].sum()
 
-    def steps(self, habit: NDArray[np.float64] | None = None) -> tuple[StepState, ...]:
+    def steps(self, habit: Floats | None = None) -> tuple[StepState, ...]:
         """What is believed of each step, in the order of the plan."""
         step, anew, _ = self._choice(habit)
         columns = (
@@ -174,14 +172,12 @@ class WorkProgress:
             for one, row in zip(self.plan.steps, zip(*columns, strict=True), strict=True)
         )
 
-    def _left_out(self, done: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def _left_out(self, done: Flags) -> Floats:
         """Probability that each step was left out where these are done, (M, n)."""
         needed = 1.0 - np.exp(done.astype(np.float64) @ self._log_in_order.T)
         return np.asarray(needed * ~done)
 
-    def _due(
-        self, done: NDArray[np.bool_], habit: NDArray[np.float64] | None
-    ) -> NDArray[np.float64]:
+    def _due(self, done: Flags, habit: Floats | None) -> Floats:
         """Share of each step in what comes next where these are done, (M, n), or all zero."""
         left_out = self._left_out(done)
         present = self._share * (1.0 - left_out) * ~done
@@ -191,9 +187,7 @@ class WorkProgress:
             weight = weight * (habit[self._task] + 1e-9) ** HABIT_WEIGHT
         return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
 
-    def _choice(
-        self, habit: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _choice(self, habit: Floats | None) -> tuple[Floats, Floats, Floats]:
         """What the next movement does, from each set of done steps.
 
         Returns:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 SURE = 1.0 - 1e-6
@@ -100,7 +100,7 @@ class WorkPlan:
         return tuple(step.name for step in self.steps)
 
     @cached_property
-    def before(self) -> NDArray[np.float64]:
+    def before(self) -> Floats:
         """Probability that step i must be done before step j, (n, n), with what is implied."""
         place = {name: k for k, name in enumerate(self.names)}
         found = np.zeros((len(self.steps), len(self.steps)))
@@ -134,7 +134,7 @@ class WorkPlan:
         return replace(self, steps=steps, order=order, by_hand=by_hand)
 
 
-def closure(before: NDArray[np.float64]) -> NDArray[np.float64]:
+def closure(before: Floats) -> Floats:
     """What follows by transitivity: along the most probable chain, its links being independent.
 
     Args:
@@ -147,7 +147,7 @@ def closure(before: NDArray[np.float64]) -> NDArray[np.float64]:
     return found
 
 
-def covering(before: NDArray[np.float64], tolerance: float = FOLLOWS) -> NDArray[np.float64]:
+def covering(before: Floats, tolerance: float = FOLLOWS) -> Floats:
     """The same without the relations that follow from the others.
 
     Args:
