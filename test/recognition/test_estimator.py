@@ -225,7 +225,7 @@ def test_reset_forgets_everything(library, truth, rng):
     feed(estimator, observations[: len(observations) // 2])
     estimator.reset()
     assert estimator.predict_controlled() is None
-    assert estimator.predict_observed() is None
+    assert estimator.predict_observed() is None and estimator.predicted_end_std() is None
     for a, b in zip(feed(estimator, observations), fresh, strict=True):  # old stamps again
         same(a, b)
 

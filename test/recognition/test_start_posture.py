@@ -165,6 +165,8 @@ def test_it_equals_conditioning_by_hand(library, recording):
         library.control_noise_variance(),
     )
     np.testing.assert_allclose(prediction.trajectory.positions, expected.positions, atol=1e-12)
+    end_std = expected.std[-1].max()
+    assert estimator.predicted_end_std() == {"rad": pytest.approx(end_std, rel=1e-9)}
 
 
 @pytest.mark.slow
