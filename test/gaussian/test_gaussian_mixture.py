@@ -87,6 +87,15 @@ def test_a_fit_finds_the_components_points_were_drawn_from():
     )
 
 
+def test_one_component_has_the_moments_of_the_points(rng):
+    points = rng.normal(size=(50, 2)) * [1.0, 3.0] + 5.0
+    found = fit_gaussian_mixture(points, 1, rng, variance_floor=1e-9)
+    np.testing.assert_allclose(found.weights, [1.0])
+    np.testing.assert_allclose(found.components[0].mean, points.mean(axis=0))
+    covariance = np.cov(points.T, ddof=0)
+    np.testing.assert_allclose(found.components[0].covariance, covariance, rtol=1e-4, atol=1e-4)
+
+
 def test_a_fit_is_a_fixed_point_of_the_textbook_step():
     """One more E and M step, as printed in Eq. 7-10, changes nothing."""
     rng = np.random.default_rng(4)

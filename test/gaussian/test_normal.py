@@ -21,6 +21,7 @@ from intent_recognition.gaussian.normal import (
     condition,
     log_density,
     marginal,
+    product,
     regression,
 )
 
@@ -98,6 +99,19 @@ def test_density_factors_into_marginal_and_regression(seed, n_source, n_target):
     conditional = Gaussian(offset + matrix @ value[:n_source], covariance)
     total = log_density(source, value[:n_source]) + log_density(conditional, value[n_source:])
     assert total == pytest.approx(log_density(joint, value), rel=1e-7, abs=1e-7)
+
+
+def test_the_product_of_densities_is_the_density_of_the_product(rng):
+    factors = []
+    for _ in range(3):
+        root = rng.normal(size=(4, 4))
+        factors.append(Gaussian(rng.normal(size=4), root @ root.T + np.eye(4)))
+    powers = [0.5, 2.0, 1.0]
+    found = product(factors, powers)
+    points = rng.normal(size=(20, 4))
+    summed = sum(a * log_density(f, points) for f, a in zip(factors, powers, strict=True))
+    gap = summed - log_density(found, points)
+    np.testing.assert_allclose(gap, gap[0], atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.gaussian import Gaussian, log_density, product
+from intent_recognition.gaussian import Gaussian, product
 from intent_recognition.promp import blend, co_activate, rollout, smooth_switch, via_point
 
 HAND = (3, 4)
@@ -112,19 +112,6 @@ def test_what_is_no_point_of_the_movement_is_refused(primitive, arguments, error
         via_point(primitive, 0.5, [0.0, 0.0], covariance=[np.nan, 0.0])
     with pytest.raises(ArgumentError, match="0 to 4"):
         via_point(primitive, 0.5, [0.0], dofs=[5])
-
-
-def test_the_product_of_densities_is_the_density_of_the_product(rng):
-    factors = []
-    for _ in range(3):
-        root = rng.normal(size=(4, 4))
-        factors.append(Gaussian(rng.normal(size=4), root @ root.T + np.eye(4)))
-    powers = [0.5, 2.0, 1.0]
-    found = product(factors, powers)
-    points = rng.normal(size=(20, 4))
-    summed = sum(a * log_density(f, points) for f, a in zip(factors, powers, strict=True))
-    gap = summed - log_density(found, points)
-    np.testing.assert_allclose(gap, gap[0], atol=1e-9)
 
 
 def test_a_primitive_with_itself(primitive):
