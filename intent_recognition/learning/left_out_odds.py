@@ -9,7 +9,7 @@ of a person are left out together, so that the odds are those of somebody new; w
 recorded, one demonstration after the other.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -45,16 +45,25 @@ def learn_left_out_odds(
         tasks: statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
-    if library.n_tasks == 1:
-        return NO_ODDS
-    leaving_out = LeavingOut(library, tasks)
-    odds, groups = list[float](), list[str]()
-    for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED):
-        without = leaving_out.unseen(k, example)
-        if without is not None:
-            odds.append(largest_odds_against(without.as_library(), k, as_recorded))
-            groups.append(example.group if leaving_out.group(example.group) else "")
+    odds, groups = _of_left_out(library, tasks, recorded, largest_odds_against)
     return LeftOutOdds(tuple(odds), tuple(groups)) if len(odds) > 1 else NO_ODDS
+
+
+def _of_left_out(
+    library: TaskLibrary,
+    tasks: Mapping[str, TaskStatistics],
+    recorded: Mapping[str, TaskStatistics],
+    largest: Callable[[TaskLibrary, int, TrainingExample], float],
+) -> tuple[list[float], list[str]]:
+    """What is largest along each demonstration that was left out, and who showed it, if known."""
+    odds, groups = list[float](), list[str]()
+    leaving_out = LeavingOut(library, tasks)
+    for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED):
+        without = leaving_out.unseen(k, example) if library.n_tasks > 1 else None
+        if without is not None:
+            odds.append(largest(without.as_library(), k, as_recorded))
+            groups.append(example.group if leaving_out.group(example.group) else "")
+    return odds, groups
 
 
 def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
@@ -78,17 +87,8 @@ def learn_switch_margin(
         tasks: statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
-    if library.n_tasks == 1:
-        return 0.0
-    leaving_out = LeavingOut(library, tasks)
-    odds = [
-        largest_odds(without.as_library(), k, as_recorded)
-        for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED)
-        if (without := leaving_out.unseen(k, example)) is not None
-    ]
-    if len(odds) < 2:
-        return 0.0
-    return max(conformal_bound(np.array(odds), FALSE_SWITCHES), 0.0)
+    odds, _ = _of_left_out(library, tasks, recorded, largest_odds)
+    return max(conformal_bound(np.array(odds), FALSE_SWITCHES), 0.0) if len(odds) > 1 else 0.0
 
 
 def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
