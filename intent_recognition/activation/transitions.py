@@ -25,11 +25,7 @@ the arm is where it was told to be."""
 
 
 class Transitions:
-    """Decides what follows on a state.
-
-    Attributes:
-        interacting: begins interactions, and plans them anew.
-    """
+    """Decides what follows on a state."""
 
     def __init__(self, parts: Parts, waiting: Waiting, correcting: Correcting) -> None:
         self._parts, self._waiting, self._correcting = parts, waiting, correcting

@@ -39,12 +39,7 @@ NEVER_PLAYED = ("joint_trajectory", "clock", "diagnostics", "rosout")
 
 
 class Dashboard(Node):
-    """Serves the page and keeps it up to date.
-
-    Attributes:
-        page: what is served.
-        state: what it shows.
-    """
+    """Serves the page and keeps it up to date."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("dashboard", **kwargs)

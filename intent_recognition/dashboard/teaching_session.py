@@ -16,14 +16,7 @@ from intent_recognition.errors import KinematicsError
 
 
 class TeachingSession:
-    """Shows demonstrations and has them recorded; everything runs in the graph's thread.
-
-    Attributes:
-        busy: something is being shown, recorded or learned.
-        recording: something is being recorded.
-        recorded: demonstrations since the last time something was learned.
-        learned: whether something was.
-    """
+    """Shows demonstrations and has them recorded; everything runs in the graph's thread."""
 
     def __init__(self, teleoperation: Teleoperation, commands: Commands, rng: np.random.Generator):
         self._teleoperation, self._commands, self._rng = teleoperation, commands, rng

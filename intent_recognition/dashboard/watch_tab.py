@@ -23,12 +23,7 @@ NEXT_STEPS = (
 
 
 class WatchTab:
-    """The first tab.
-
-    Args:
-        page: as of all tabs.
-        tab: where it is shown.
-    """
+    """The first tab."""
 
     def __init__(self, page: PageAccess, tab: viser.GuiTabHandle):
         gui, commands = page.server.gui, page.commands

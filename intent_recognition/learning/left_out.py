@@ -67,12 +67,7 @@ class LeftOut(NamedTuple):
 
 
 class LeavingOut:
-    """Leaves demonstrations out of a library.
-
-    Args:
-        library: the learned tasks.
-        tasks: statistics that it was built from.
-    """
+    """Leaves demonstrations out of a library."""
 
     def __init__(self, library: TaskLibrary, tasks: Mapping[str, TaskStatistics]):
         self.library, self.tasks = library, tasks

@@ -57,9 +57,6 @@ class TopicRecorder(Node):
     clock runs. The last message of latched topics received before the start is written at it.
 
     A subclass calls `listen` once its parameters are known.
-
-    Attributes:
-        diagnostics: of the node.
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:

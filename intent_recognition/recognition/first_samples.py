@@ -32,9 +32,6 @@ LEARNED_PHASES = np.linspace(0.0, 1.0, 21)
 class FirstSamples:
     """Judges the units of the first samples of each observed signal.
 
-    Args:
-        library: that was learned.
-
     Attributes:
         misfit: of the last sample that was refused.
     """

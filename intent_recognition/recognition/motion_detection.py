@@ -69,11 +69,7 @@ def past_s(settings: OnsetSettings) -> float:
 
 
 class Stops:
-    """Notices the momentary stops of a signal: where a hand turns back, or hesitates.
-
-    Args:
-        settings: what counts as moving, and for how long.
-    """
+    """Notices the momentary stops of a signal: where a hand turns back, or hesitates."""
 
     def __init__(self, settings: OnsetSettings):
         self._settings = settings
@@ -132,10 +128,6 @@ class _Moving(NamedTuple):
 
 class MotionDetector:
     """Keeps the last seconds of each signal.
-
-    Args:
-        groups: number of DOFs of each observed signal.
-        settings: how the onset of each is detected.
 
     Attributes:
         settings: the same; see `use`.

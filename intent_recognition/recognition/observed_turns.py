@@ -12,9 +12,6 @@ class ObservedTurns:
 
     The first value of an angle is brought nearest to where the tasks begin; later ones do not jump
     by whole turns (`signals.turns`), as in training.
-
-    Args:
-        library: the learned tasks.
     """
 
     def __init__(self, library: TaskLibrary):

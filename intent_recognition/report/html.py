@@ -80,12 +80,7 @@ def _written(value: object, form: str) -> str | None:
 
 @dataclass(frozen=True)
 class Figure:
-    """An image, shown at up to its own width.
-
-    Attributes:
-        data: the bytes of an SVG or PNG file.
-        caption: what it shows, below it.
-    """
+    """An image, shown at up to its own width."""
 
     data: bytes
     caption: str = ""

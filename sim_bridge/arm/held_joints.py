@@ -15,11 +15,6 @@ FINGER_FORCE_N = 20.0
 class HeldJoints:
     """Holds fingers as far from the middle as asked for, and others near zero.
 
-    Args:
-        client: the world.
-        body: of the arm.
-        joints: beside its chain.
-
     Attributes:
         names: of the joints.
     """

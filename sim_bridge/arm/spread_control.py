@@ -25,11 +25,7 @@ HOLD_S = 1.0
 
 
 class SpreadControl:
-    """Puts the controller of the latest prediction in force, and low gains where there is none.
-
-    Args:
-        joint_names: joints of the arm.
-    """
+    """Puts the controller of the latest prediction in force, and low gains where there is none."""
 
     def __init__(self, joint_names: Sequence[str] = JOINT_NAMES) -> None:
         self._names = tuple(joint_names)

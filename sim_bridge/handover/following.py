@@ -16,12 +16,7 @@ OPEN = (Holding.EMPTY, Holding.RELEASING)
 
 
 class GripFollower:
-    """Presses the fingers, and carries the weight that the person has not taken over.
-
-    Args:
-        arm: with fingers.
-        fingers: of the arm.
-    """
+    """Presses the fingers, and carries the weight that the person has not taken over."""
 
     def __init__(self, arm: SimulatedArm, fingers: Fingers) -> None:
         self._arm, self._fingers, self._payload_n = arm, fingers, 0.0

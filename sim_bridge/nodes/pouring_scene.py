@@ -31,9 +31,6 @@ class PouringScene:
 
     Out: `balls`, a named vector of counts; `cup/cloud` and `second/cloud` while no task is active;
     `intent/feedback`: how many balls an execution spilled.
-
-    Args:
-        node: of the arm.
     """
 
     held = "cup"

@@ -50,13 +50,7 @@ def groups(blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
 
 
 class GroupReader:
-    """Reads groups of blocks to the same memory again and again, which is faster than new memory.
-
-    Args:
-        view: bytes of the file.
-        known: ids of all channels.
-        wanted: ids of those whose messages are read.
-    """
+    """Reads groups of blocks into the same memory again and again, faster than into new one."""
 
     def __init__(self, view: bytes | mmap.mmap, known: Collection[int], wanted: Collection[int]):
         self._view = view
