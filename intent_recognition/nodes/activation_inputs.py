@@ -36,6 +36,13 @@ from intent_recognition.share import share_path
 from intent_recognition.transfer import EXCHANGES
 from intent_recognition.untrusted import load_yaml, read_text
 
+TOPIC, TRANSFER = "intent/human_trajectory", "intent/transfer"
+SHIPPED = "config/deviation"
+"""Where the shipped detectors are."""
+FRESH_NS = 300_000_000
+"""A state counts for so long [ns]. Convention: as `object_transfer` takes a sensor's."""
+_STATES = {state.value for state in EXCHANGES}
+
 
 class ClearanceInput:
     """Makes the clearance for each description of the arm.
@@ -110,9 +117,6 @@ class ClearanceInput:
     def _spent_s(self) -> float:
         """Processor time; none passes where time waits for the node: a busy machine plans alike."""
         return 0.0 if self._diagnostics.answers else time.thread_time()
-
-
-TOPIC = "intent/human_trajectory"
 
 
 class PersonInput:
@@ -209,9 +213,6 @@ class PersonInput:
         self.people = tuple(self._people.values())
 
 
-SHIPPED = "config/deviation"
-
-
 class CorrectionInput:
     """Reads the detector, and knows how the tasks of a library may be corrected.
 
@@ -260,12 +261,6 @@ def load_detector(name: str) -> DeviationDetector:
         )
         raise ArgumentError.about(str(path), expected, error, "Correct the file.") from None
     return DeviationDetector(coefficients.astype(np.float64), explained, *numbers)
-
-
-TRANSFER = "intent/transfer"
-FRESH_NS = 300_000_000
-"""A state counts for so long [ns]. Convention: as `object_transfer` takes a sensor's."""
-_STATES = {state.value for state in EXCHANGES}
 
 
 class TransferInput:
