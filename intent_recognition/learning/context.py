@@ -7,7 +7,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.learning.preprocessing import SignalNames
-from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH
+from intent_recognition.learning.selection import STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import (
     CONTEXT_STRENGTH,
@@ -30,7 +30,7 @@ def fit_context(
     signals: Sequence[SignalNames],
     n_observed: int,
     floor: Floats,
-    borrowed: float,
+    chosen: Hyperparameters,
 ) -> tuple[ContextModel, Floats, Floats]:
     """Regress the weights on the context; what that leaves is shrunk as without a context.
 
@@ -42,7 +42,7 @@ def fit_context(
         signals: names of the context.
         n_observed: number of observed DOFs.
         floor: variance floor per DOF, (D,).
-        borrowed: equivalent sample size of the other tasks in the target of each.
+        chosen: how strong the target of each is, and what it borrows.
 
     Returns:
         The context, and the covariances of all weights (K, D N, D N) and of the observed ones
@@ -61,9 +61,9 @@ def fit_context(
         mean_factor = 1.0 + 1.0 / task.n
         of_context = s * (mean_factor / (task.n - 1 + CONTEXT_STRENGTH))
         explained = g @ of_context @ g.T
-        target = structured_target(own, pooled, floor, borrowed).covariance()
-        rest = own.matrix + REGRESSION_STRENGTH * target
-        rest *= mean_factor / (own.freedom + REGRESSION_STRENGTH)
+        target = structured_target(own, pooled, floor, chosen.borrowed).covariance()
+        rest = own.matrix + chosen.strength * target
+        rest *= mean_factor / (own.freedom + chosen.strength)
         covariance.append(of_context)
         whole.append(rest + explained)
         of_observed.append(mean_factor * observed + explained[:size, :size])

@@ -16,7 +16,7 @@ from intent_recognition.learning.persons import (
     log_duration_variance_of_strangers,
 )
 from intent_recognition.learning.preprocessing import Preprocessing
-from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH, Hyperparameters
+from intent_recognition.learning.selection import STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import (
     TaskStatistics,
     aligned_statistics,
@@ -114,10 +114,10 @@ def learned_from(
     none = none_primitive(means, covariance, departed)
     mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
     context = None
-    weight_covariance = predictive_covariances(over, REGRESSION_STRENGTH, floor, chosen.borrowed)
+    weight_covariance = predictive_covariances(over, chosen.strength, floor, chosen.borrowed)
     if preprocessing.context:
         context, weight_covariance, covariance = fit_context(
-            over, preprocessing.context, n_observed, floor, chosen.borrowed
+            over, preprocessing.context, n_observed, floor, chosen
         )
     return {
         "weight_mean": np.array([task.mean.ravel() for task in over.values()]),

@@ -3,8 +3,9 @@
 
 Demonstrations are left out in turn. From samples of the observed agent the filter recognises the
 task and predicts the controlled agent. What is chosen is the pace of both agents
-(`learning.timing`), the noise of an observation, and whether a task's regression borrows from the
-other tasks; the coupling of the residuals is learned beside each (`learning.coupling`). The score
+(`learning.timing`), the noise of an observation, whether a task's regression borrows from the other
+tasks, and how strong its target is; the coupling of the residuals is learned beside each
+(`learning.coupling`). The score
 of a candidate is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
 under a normal error whose variance is fitted after each share seen, Q / 2 log(mean squared error).
 """
@@ -52,9 +53,9 @@ from intent_recognition.signals import is_spatial
 STRENGTH = 4.0
 """Equivalent sample size of the target of the shared covariance, in demonstrations
 (docs/decisions/one_filter.md)."""
-REGRESSION_STRENGTH = 30.0
-"""The same for each task's own covariance, from which the controlled agent's regression comes
-(docs/decisions/one_filter.md)."""
+REGRESSION_STRENGTHS = (30.0, 100.0)
+"""The same for each task's own covariance, from which the controlled agent's regression comes; the
+first where nothing can be left out (docs/decisions/covariance_target.md)."""
 NOISE_SCALES = (1.0, 4.0, 16.0)
 """Factors of the observed DOFs' noise variance that are tried. Convention."""
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
@@ -76,6 +77,7 @@ class Hyperparameters(NamedTuple):
         duration_evidence: exponent of the evidence in the posterior of the duration.
         borrowed: equivalent sample size of the other tasks in the target of each task's own
             covariance, in demonstrations.
+        strength: equivalent sample size of this target, in demonstrations.
         task_evidence: exponent of the evidence of the tasks against each other.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
@@ -86,6 +88,7 @@ class Hyperparameters(NamedTuple):
     noise_scale: float = 4.0
     duration_evidence: float = EXPONENTS[0]
     borrowed: float = OTHERS_SAMPLE_SIZE
+    strength: float = REGRESSION_STRENGTHS[0]
     task_evidence: float = 1.0
     log_loss: float = float("nan")
     error: float = float("nan")
@@ -121,30 +124,36 @@ def choose(
         candidates: by pace a library, with the statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
-    left_out = {
-        (pace, OTHERS_SAMPLE_SIZE): _leave_out(tasks, recorded, library.units)
-        for pace, (library, tasks) in candidates.items()
-    }
-    if not all(left_out.values()):
-        return Choice(Hyperparameters(), None, (Hyperparameters(),))
+    known: dict[tuple[str, float, float], list[LeftOutExample]] = {}
+
+    def left_out(one: Hyperparameters) -> list[LeftOutExample]:
+        key = one.pace, one.borrowed, one.strength
+        if key not in known:
+            library, tasks = candidates[one.pace]
+            known[key] = _leave_out(tasks, recorded, library.units, one)
+        return known[key]
 
     def scored(one: Hyperparameters) -> Hyperparameters:
         library, tasks = candidates[one.pace]
         scaled = replace(library, noise_scale=one.noise_scale)
-        losses, errors = validate(scaled, left_out[one.pace, one.borrowed], tasks)
+        losses, errors = validate(scaled, left_out(one), tasks)
         log_loss, power = float(losses[-1].mean()), expected_power(losses)
         log_error, error = np.log(np.maximum(errors, LEAST_ERROR)).mean(), float(errors.mean())
         score = log_loss + 0.5 * library.n_controlled * float(log_error)
         return one._replace(task_evidence=power, log_loss=log_loss, error=error, score=score)
 
-    tried = [scored(Hyperparameters(pace, scale)) for pace in candidates for scale in NOISE_SCALES]
+    tried = [Hyperparameters(pace, scale) for pace in candidates for scale in NOISE_SCALES]
+    if not all(left_out(one) for one in tried):
+        return Choice(Hyperparameters(), None, (Hyperparameters(),))
+    tried = [scored(one) for one in tried]
     best = min(tried, key=lambda one: one.score)
-    library, tasks = candidates[best.pace]
-    left_out[best.pace, 0.0] = _leave_out(tasks, recorded, library.units, borrowed=0.0)
     tried.append(scored(best._replace(borrowed=0.0)))
     best = min(best, tried[-1], key=lambda one: one.score)
+    for strength in REGRESSION_STRENGTHS[1:]:
+        tried.append(scored(best._replace(strength=strength)))
+    best = min(best, *tried, key=lambda one: one.score)
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
-    at_once, of_best = _at_once(library, N_DURATIONS), left_out[best.pace, best.borrowed]
+    at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
     tried[tried.index(best)] = best = best._replace(duration_evidence=exponent)
@@ -250,7 +259,7 @@ def _leave_out(
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
     units: Sequence[str],
-    borrowed: float = OTHERS_SAMPLE_SIZE,
+    chosen: Hyperparameters,
 ) -> list[LeftOutExample]:
     """Demonstrations of tasks that have two or more, each with its task without it.
 
@@ -264,16 +273,14 @@ def _leave_out(
     pairs = paired_examples(several, recorded, MAX_VALIDATED)
     others = {name: without_group(statistics, name) for name in {e.group for _, e, _ in pairs}}
     if pairs and all(rest is not None and people(rest) > 1 for rest in others.values()):
-        found = {
-            name: _of_others(rest, floor, units, borrowed) for name, rest in others.items() if rest
-        }
+        found = {name: _of_others(rest, floor, chosen) for name, rest in others.items() if rest}
         means = {name: [task.mean for task in rest] for name, rest in found.items()}
         return [
             _left_out(statistics, k, found[one.group][k], means[one.group], units, one, as_recorded)
             for k, one, as_recorded in pairs
         ]
     return [
-        _without(statistics, k, pooled, floor, units, borrowed, example, as_recorded)
+        _without(statistics, k, pooled, floor, units, chosen, example, as_recorded)
         for k, example, as_recorded in pairs
     ]
 
@@ -288,7 +295,7 @@ class _Rest(NamedTuple):
 
 
 def _of_others(
-    rest: Sequence[TaskStatistics], floor: Floats, units: Sequence[str], borrowed: float
+    rest: Sequence[TaskStatistics], floor: Floats, chosen: Hyperparameters
 ) -> list[_Rest]:
     """Every task of other people's demonstrations."""
     n_observed = rest[0].examples[0].observed.shape[1]
@@ -298,8 +305,8 @@ def _of_others(
     shared = covariance_of_strangers(examples, *of_observed)
     found = []
     for task in rest:
-        target = structured_target(task.moments, pooled, floor, borrowed).covariance()
-        covariance = shrunk_covariance(task.scatter, task.n, target, REGRESSION_STRENGTH)
+        target = structured_target(task.moments, pooled, floor, chosen.borrowed).covariance()
+        covariance = shrunk_covariance(task.scatter, task.n, target, chosen.strength)
         gain = _gain(symmetrize(covariance), size)
         found.append(_Rest(task.mean.ravel(), shared, gain, task.log_duration_mean))
     return found
@@ -316,7 +323,7 @@ def _without(
     pooled: Scatter,
     floor: Floats,
     units: Sequence[str],
-    borrowed: float,
+    chosen: Hyperparameters,
     example: TrainingExample,
     as_recorded: TrainingExample,
 ) -> LeftOutExample:
@@ -325,12 +332,12 @@ def _without(
     deviation, own = example.weights - task.mean, task.moments
     if pooled.freedom > 1:
         part, rest = without_demonstration(pooled, own, deviation.ravel())
-        target = structured_target(part, rest, floor, borrowed).covariance()
+        target = structured_target(part, rest, floor, chosen.borrowed).covariance()
     else:  # two demonstrations in all: nothing would be left to estimate a target from
         part, rest = Scatter(np.zeros_like(own.matrix), 0), pooled
         target = structured_target(own, pooled, floor).covariance()
     shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
-    covariance = symmetrize(shrunk_covariance(part.matrix, task.n - 1, target, REGRESSION_STRENGTH))
+    covariance = symmetrize(shrunk_covariance(part.matrix, task.n - 1, target, chosen.strength))
     mean = (task.mean - deviation / (task.n - 1)).ravel()
     log_s = float(np.log(as_recorded.duration_s))
     log_duration = task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1)

@@ -11,7 +11,7 @@ from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning.accumulation import accumulate
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.interaction_promp import fit_interaction_promp
-from intent_recognition.learning.selection import REGRESSION_STRENGTH, Hyperparameters
+from intent_recognition.learning.selection import REGRESSION_STRENGTHS, Hyperparameters
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.signals.demonstration import Demonstration
@@ -29,7 +29,7 @@ def test_it_is_what_learning_makes_of_one_task(truth, rng):
     settings = TrainingSettings(n_basis=8, segmentation="recording")
     data = accumulate(recordings, settings)
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters())
-    found = fit_interaction_promp(recordings, basis=BASIS, strength=REGRESSION_STRENGTH)
+    found = fit_interaction_promp(recordings, basis=BASIS, strength=REGRESSION_STRENGTHS[0])
     expected = library.primitive(0)
     np.testing.assert_allclose(found.weights.mean, expected.weights.mean, rtol=0, atol=1e-12)
     np.testing.assert_allclose(

@@ -17,7 +17,7 @@ from intent_recognition.learning.fitting import library_from_statistics, statist
 from intent_recognition.learning.selection import (
     FRACTIONS,
     NOISE_SCALES,
-    REGRESSION_STRENGTH,
+    REGRESSION_STRENGTHS,
     STRENGTH,
     Hyperparameters,
     choose,
@@ -101,14 +101,16 @@ def scatter_of(tasks: list[np.ndarray]) -> Scatter:
 @given(
     st.integers(0, 2**32 - 1),
     st.lists(st.integers(1, 5), min_size=1, max_size=4).filter(lambda n: sum(n) - len(n) > 1),
+    st.sampled_from(REGRESSION_STRENGTHS),
 )
-def test_leaving_one_out_equals_never_having_seen_it(seed, counts):
+def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength):
     """Mean, shared covariance and regression are those of the other demonstrations."""
     parts = examples(seed, counts)
     tasks = {f"task_{k}": summarize(part) for k, part in enumerate(parts)}
     everything = np.array([example.weights for part in parts for example in part])
     floor = weight_floor(everything)  # its scale alone is that of all of them
-    found = selection._leave_out(tasks, tasks, UNITS)
+    chosen = Hyperparameters(strength=strength)
+    found = selection._leave_out(tasks, tasks, UNITS, chosen)
     assert len(found) == sum(n for n in counts if n > 1)
     turns = [
         (k, example)
@@ -130,7 +132,7 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts):
         np.testing.assert_allclose(one.covariance, shared, atol=1e-9)
         own = scatter_of([rest[k]])
         target = structured_target(own, pooled, floor).covariance()
-        joint = own.matrix + REGRESSION_STRENGTH * target
+        joint = own.matrix + strength * target
         gain = joint[size:, :size] @ np.linalg.inv(joint[:size, :size])
         np.testing.assert_allclose(one.gain, gain, rtol=1e-5, atol=1e-6)
         assert sorted(one.rivals) == [other for other in range(len(counts)) if other != k]
@@ -139,7 +141,7 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts):
 def test_two_demonstrations_in_all_leave_the_spread_of_both():
     """Nothing else would be left to learn a covariance from; the mean is the other one's."""
     task = summarize(examples(1, [2])[0])
-    found = selection._leave_out({"task_0": task}, {"task_0": task}, UNITS)
+    found = selection._leave_out({"task_0": task}, {"task_0": task}, UNITS, Hyperparameters())
     for one, other in zip(found, task.examples[::-1], strict=True):
         np.testing.assert_allclose(one.mean, other.weights.ravel(), atol=1e-12)
         assert np.linalg.eigvalsh(one.covariance).min() > 0.0
@@ -165,7 +167,7 @@ def by_hand(library, data: Accumulated) -> tuple[np.ndarray, float]:
         single = scatter_of([rest[own]])
         joint = (
             single.matrix
-            + REGRESSION_STRENGTH * structured_target(single, pooled, floor).covariance()
+            + REGRESSION_STRENGTHS[0] * structured_target(single, pooled, floor).covariance()
         )
         gain = np.linalg.solve(joint[:size, :size], joint[:size, size:]).T
         for n in range(1, len(sample_phases()) + 1):
@@ -197,7 +199,7 @@ def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning(noise_scale):
     library = replace(
         library, phase_deviation=STEADY, evidence_freedom=np.inf, noise_scale=noise_scale
     )
-    left_out = selection._leave_out(data.tasks, data.tasks, UNITS)
+    left_out = selection._leave_out(data.tasks, data.tasks, UNITS, Hyperparameters())
     losses, errors = validate(library, left_out, data.tasks)
     expected_losses, expected_error = by_hand(library, data)
     # movements of several tasks are hard to tell apart, and to predict
@@ -217,7 +219,7 @@ def test_what_the_library_has_learned_of_the_task_left_out_does_not_matter(pace)
         observed_weight_covariance=None,
     )
     tasks = statistics_of(data.tasks, pace == "aligned")
-    left_out = selection._leave_out(tasks, data.tasks, UNITS)
+    left_out = selection._leave_out(tasks, data.tasks, UNITS, Hyperparameters())
     for found, expected in zip(
         validate(blank, left_out, tasks), validate(library, left_out, tasks), strict=True
     ):
@@ -231,7 +233,7 @@ def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
         label: summarize([e._replace(group="abc"[k % 3]) for k, e in enumerate(task.examples)])
         for label, task in data.tasks.items()
     }
-    found = selection._leave_out(people, people, UNITS)
+    found = selection._leave_out(people, people, UNITS, Hyperparameters())
     everyone = [example for task in people.values() for example in task.examples]
     for one, example in zip(found, everyone, strict=True):
         rest = {
@@ -244,7 +246,9 @@ def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
         np.testing.assert_allclose(one.rival_means, observed)
         assert one.log_duration == pytest.approx(rest[example.task].log_duration_mean)
     alone = {k: summarize([e._replace(group="") for e in t.examples]) for k, t in people.items()}
-    for one, example in zip(selection._leave_out(alone, alone, UNITS), everyone, strict=True):
+    for one, example in zip(
+        selection._leave_out(alone, alone, UNITS, Hyperparameters()), everyone, strict=True
+    ):
         task = people[example.task]
         mean = task.mean - (example.weights - task.mean) / (task.n - 1)
         np.testing.assert_allclose(one.mean, mean.ravel())
@@ -254,7 +258,7 @@ def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
     data = accumulated(2, counts=(4, 2, 1))
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters("aligned"))
     tasks = statistics_of(data.tasks, True)
-    left_out = selection._leave_out(tasks, data.tasks, UNITS)
+    left_out = selection._leave_out(tasks, data.tasks, UNITS, Hyperparameters())
     whole = validate(library, left_out, tasks)
     monkeypatch.setattr(selection, "MAX_FLOATS", 1)
     for found, expected in zip(validate(library, left_out, tasks), whole, strict=True):
@@ -264,7 +268,9 @@ def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
 def test_of_very_many_demonstrations_a_bounded_number_is_left_out(monkeypatch):
     data = accumulated(2, counts=(5, 3, 1))
     monkeypatch.setattr(selection, "MAX_VALIDATED", 4)
-    assert [one.task for one in selection._leave_out(data.tasks, data.tasks, UNITS)] == [0, 0, 1, 1]
+    assert [
+        one.task for one in selection._leave_out(data.tasks, data.tasks, UNITS, Hyperparameters())
+    ] == [0, 0, 1, 1]
 
 
 def test_the_best_of_all_that_were_tried_is_chosen():
@@ -290,26 +296,30 @@ def test_where_nothing_can_be_left_out_the_defaults_are_taken():
     assert chosen[:2] == Hyperparameters()[:2]
 
 
-@pytest.mark.parametrize(
-    ("ways", "noise", "borrowed"), [((1.0, -1.0), 0.01, 0.0), ((1.0, 1.0), 0.05, 5.0)]
-)
-def test_a_regression_borrows_from_tasks_in_which_the_robot_follows_alike(ways, noise, borrowed):
-    """The robot ends where the human does, or mirrors it, more or less exactly."""
-    rng, phase = np.random.default_rng(3), np.linspace(0.0, 1.0, 81)
-    stamps, recordings = START_NS + np.round(phase * 2e9).astype(np.int64), []
-    for task, number in np.ndindex(2, 8):
-        goal = np.array([1.0, task, 0.0]) + 0.1 * rng.normal(size=3)
-        place = ways[task] * goal[:2] + noise * rng.normal(size=2)
-        human, robot = (np.outer(minimum_jerk(phase), end) for end in (goal, place))
+def recordings_of(rng, hands, robots):
+    """Demonstrations of hands (n, T, 3) and robots (n, T, 2), with noise, and their task labels."""
+    stamps = START_NS + np.linspace(0, 2_000_000_000, hands[0][1].shape[0], dtype=np.int64)
+    for number, ((task, human), robot) in enumerate(zip(hands, robots, strict=True)):
         human, robot = (part + 0.003 * rng.normal(size=part.shape) for part in (human, robot))
         signals = (
             (Signal(("x", "y", "z"), stamps, human, "m"),),
             (Signal(("q", "r"), stamps, robot, "rad"),),
         )
-        name = f"{task}_{number}"
-        whole = START_NS, int(stamps[-1])
-        recordings.append(Demonstration(name, "", f"task_{task}", *signals, *whole))
-    data = accumulate(recordings, SETTINGS)
+        yield Demonstration(str(number), "", f"task_{task}", *signals, START_NS, int(stamps[-1]))
+
+
+@pytest.mark.parametrize(
+    ("ways", "noise", "borrowed"), [((1.0, -1.0), 0.01, 0.0), ((1.0, 1.0), 0.05, 5.0)]
+)
+def test_a_regression_borrows_from_tasks_in_which_the_robot_follows_alike(ways, noise, borrowed):
+    """The robot ends where the human does, or mirrors it, more or less exactly."""
+    rng, phase, hands, robots = np.random.default_rng(3), np.linspace(0.0, 1.0, 81), [], []
+    for task, _ in np.ndindex(2, 8):
+        goal = np.array([1.0, task, 0.0]) + 0.1 * rng.normal(size=3)
+        place = ways[task] * goal[:2] + noise * rng.normal(size=2)
+        hands.append((task, np.outer(minimum_jerk(phase), goal)))
+        robots.append(np.outer(minimum_jerk(phase), place))
+    data = accumulate(recordings_of(rng, hands, robots), SETTINGS)
     chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
     assert chosen.borrowed == borrowed
     assert chosen.score == min(one.score for one in tried)
@@ -334,3 +344,27 @@ def test_identical_demonstrations_still_get_a_finite_choice():
 def test_people_of_varying_timing_are_predicted_from_aligned_primitives_others_not(timing):
     data = accumulated(1, (8, 8), timing=timing, options=LEARNING)
     assert choose_hyperparameters(data.tasks, data.preprocessing)[0].aligned == (timing > 0.0)
+
+
+def test_what_the_target_dilutes_is_learned_from_the_demonstrations():
+    """The robot ends where the hand's bow on the way was, not where the hand ends."""
+    rng, phase, hands, robots = np.random.default_rng(4), np.linspace(0.0, 1.0, 81), [], []
+    for _ in range(12):
+        goal = np.array([1.0, 0.0, 0.0]) + 0.1 * rng.normal(size=3)
+        bow = 0.1 * rng.normal(size=2)
+        place = bow + 0.05 * rng.normal(size=2)
+        arc = np.outer(np.sin(np.pi * minimum_jerk(phase)), [0.0, *bow])
+        hands.append((0, np.outer(minimum_jerk(phase), goal) + arc))
+        robots.append(np.outer(minimum_jerk(phase), place))
+    data = accumulate(recordings_of(rng, hands, robots), SETTINGS)
+    chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
+    stronger = [one for one in tried if one.strength > REGRESSION_STRENGTHS[0]]
+    assert chosen.strength == REGRESSION_STRENGTHS[0]
+    assert min(one.score for one in stronger) > chosen.score + 0.1
+    strong = library_from_statistics(data.tasks, data.preprocessing, stronger[0])
+    library = library_from_statistics(data.tasks, data.preprocessing, chosen)
+    size, gains = library.n_observed_weights, []
+    for one in (library, strong):
+        covariance = one.weight_covariance[0]
+        gains.append(np.linalg.solve(covariance[:size, :size], covariance[:size, size:]))
+    assert np.linalg.norm(gains[1]) < np.linalg.norm(gains[0])

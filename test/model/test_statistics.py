@@ -126,7 +126,7 @@ def test_what_is_damaged_is_named(written, tmp_path, name, change):
         lambda s: s.update(labels=["other"]),
         lambda s: s.update(chosen={}),
         lambda s: s.update(chosen=3),
-        lambda s: s["chosen"].update(strength=10.0),
+        lambda s: s["chosen"].update(colour=10.0),
         lambda s: s["chosen"].update(pace=None),
         lambda s: s["chosen"].update(pace="own" if s["chosen"]["pace"] == "aligned" else "aligned"),
         lambda s: s["chosen"].update(noise_scale="4"),
