@@ -57,11 +57,12 @@ STILL_M_S = 0.005
 """Speed of a finger below which it stands [m/s]. Convention."""
 EMPTY_M = 0.0015
 """Half opening below which there is nothing between the fingers [m]. Convention."""
-STEADY_S, STEADY_N = 0.5, 0.3
+STEADY_S, STEADY_N = 0.8, 0.3
 """The person has let go when the mean load of the first and of the second half of such a time [s]
 differ by less than this [N]: four standard deviations of that difference. Single loads have a noise
 of 1 N, as they come from differences of velocities with 5 mrad/s, and so it cancels in their mean
-(0.05 N at 200 Hz). A load that is given up over a second changes by more."""
+(0.05 N at 200 Hz). A load that is given up over a second changes by more, and who has lowered an
+object waits less, at most as long as that took (0.4 s: Chan et al. 2012), before the hand opens."""
 WEIGHED, REMEMBERED = 20, 400
 """Loads from which, and of which at most, an object is weighed: at 100 Hz 0.2 s, and the longest
 way of an arm. Convention."""

@@ -160,7 +160,7 @@ def test_what_a_person_holds_out_is_taken_when_the_person_lets_go():
     assert outputs[-1].grip_n > 0.0
     outputs = course.run(1.0, take, (0.3, 0, 0.2), half_opening_m=0.03)
     assert outputs[-1].holding is Holding.TAKING  # the person still has it
-    outputs = course.run(1.0, take, half_opening_m=0.03)
+    outputs = course.run(1.2, take, half_opening_m=0.03)
     assert outputs[-1].holding is Holding.CARRYING
     assert outputs[-1].weight_n == pytest.approx(WEIGHT_N)
 
@@ -208,6 +208,20 @@ def test_a_load_that_is_given_slowly_is_not_yet_the_robots():
 
     outputs = course.run(3.0, take, given, half_opening_m=0.03)
     assert 2.0 <= states(outputs).index(Holding.CARRYING) * STEP_S <= 2.6
+
+
+def test_who_pauses_before_the_hand_opens_has_not_let_go():
+    """Seen in the cell: lowered by a third in 0.4 s, held for as long, then let go."""
+    course, take, felt = Course(), Request.TAKE, Felt(1.0)
+    course.run(PRESENT_S + 0.3, take, (0, 0, 0), half_opening_m=0.03)
+
+    def lowered(t):
+        return felt((0.0, 0.0, -WEIGHT_N / 3.0 * min(t / 0.4, 1.0)))
+
+    outputs = course.run(0.8, take, lowered, half_opening_m=0.03)
+    assert Holding.CARRYING not in states(outputs)
+    outputs = course.run(1.5, take, lambda t: felt((0.0, 0.0, -WEIGHT_N)), half_opening_m=0.03)
+    assert 0.4 < states(outputs).index(Holding.CARRYING) * STEP_S < 1.0
 
 
 def noticed_s(seed, held):

@@ -262,11 +262,12 @@ class ToolboxTransfers:
         near = np.linalg.norm(grip_m - self._wrist_m) < NEAR_M
         if self._manner is None or not near or self._speed() >= REST_M_S:
             return
+        manner = replace(self._manner, toward=_turned(self._manner.toward, self._wrist_m - grip_m))
         room_m = self._fingers.half_opening_m() - thing.what.half_edges_m[1]
         if gives and room_m > ALIGNED_M > self._off_line_m(hand, thing):
-            self._person = Giver(hand, self._manner, self._place(thing))
+            self._person = Giver(hand, manner, self._place(thing))
         elif not gives and self._gripped(thing):
-            self._person = Taker(hand, self._manner)
+            self._person = Taker(hand, manner)
         self._since_m, self._since_s = self._wrist_m.copy(), self._arm.time_s
         self._blocked_s = 0.0
 
@@ -330,6 +331,11 @@ class ToolboxTransfers:
 def _outward(turn: Floats) -> Floats:
     """The direction in which a hand points (3,)."""
     return Rotation.from_quat(turn).as_matrix()[:, 2]
+
+
+def _turned(toward: Floats, way: Floats) -> Floats:
+    """A direction about x (3,) turned about z to be about the level part of a way (3,)."""
+    return Rotation.from_euler("z", np.arctan2(way[1], way[0])).apply(toward)
 
 
 def _let_rest(hand: CompliantHand) -> None:

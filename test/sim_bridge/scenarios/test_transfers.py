@@ -5,7 +5,14 @@ import numpy as np
 import pytest
 
 from intent_recognition.kinematics import Arm
-from intent_recognition.transfer import Holding, LoadEstimator, Request, Situation, TransferMachine
+from intent_recognition.transfer import (
+    Holding,
+    LoadEstimator,
+    Request,
+    Situation,
+    TransferMachine,
+    way_to,
+)
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 from sim_bridge.handover import GRIP_M, with_fingers
@@ -57,7 +64,11 @@ class Cell:
         force = self.load.update(state.time_s, state.q, state.qd, state.torque)
         request = Request.TAKE if self.task == HOLD else Request.GIVE
         half_m = float(np.mean(arm.others.positions()))
-        now = Situation(state.time_s, force, share < 1.0, self.load.speed_m_s, half_m, True)
+        toward = way_to(WRIST_M, arm.hand_pose().position)[1]
+        speed_m_s = self.load.speed_m_s
+        now = Situation(
+            state.time_s, force, share < 1.0, speed_m_s, half_m, near=True, toward=toward
+        )
         out = self.machine.step(request, now)
         self.world.follow(out.holding, out.share, out.weight_n, out.grip_n)
         contact = self.world.contact()
@@ -83,9 +94,12 @@ def cell():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task", [PLATE, SCREW])
-def test_the_worker_pulls_and_has_the_object(cell, task):
-    one = cell(task, 3)
+@pytest.mark.parametrize(
+    ("task", "off_m"), [(PLATE, (0.0, 0.0, 0.0)), (SCREW, (0.1, 0.15, 0.0))], ids=["front", "side"]
+)
+def test_the_worker_pulls_and_has_the_object(cell, task, off_m):
+    """It is pulled to the wrist, also where that is beside the fingers."""
+    one = cell(task, 3, off_m=off_m)
     one.world.set_task(task)
     one.run(lambda: one.holders[-1:] == [Holder.PERSON])
     held = [holder for holder in one.holders if holder is not Holder.NOBODY]  # fingers closing
