@@ -160,7 +160,7 @@ class _Watched:
         self.soak = soak
         self.truth, self.active, self.disturbed, self.is_ready = "", set[str](), False, True
 
-    def on_task(self, label: str) -> None:
+    def on_task(self, label: str, _: str) -> None:
         if label:
             self.truth, self.active, self.disturbed = label, set(), not self.is_ready
         elif self.truth:

@@ -119,11 +119,15 @@ class NodeWatch:
 
 
 class ProgressLine:
-    """One line with the progress of the session."""
+    """One line with the progress of the session.
+
+    Of several people, whom the arm helps in turn, nothing is counted as right: their report says.
+    """
 
     def __init__(self, total: int, console: Console):
         self.total = total
-        self._number, self._truth, self._active, self._right = 0, "", "", 0
+        self._number, self._active, self._right = 0, "", 0
+        self._truth: dict[str, str] = {}
         self._changed = False
         self._text = "waiting for the coworker"
         self._status = console.status(self._text)
@@ -138,27 +142,27 @@ class ProgressLine:
         self._news.__exit__(None, None, None)
         self._status.stop()
 
-    def on_task(self, label: str) -> None:
-        """Take note of the ground truth: a movement began, became another, or ended."""
-        self._changed = bool(label and self._truth)
-        if self._changed:
-            self._truth = label
-        elif label:
-            self._number, self._truth, self._active = self._number + 1, label, ""
-        elif self._truth:
-            self._right += self._active == self._truth
-            self._truth = ""
+    def on_task(self, label: str, person: str = "") -> None:
+        """Take note of the ground truth: a person's movement began, became another, or ended."""
+        before, self._truth[person] = self._truth.get(person, ""), label
+        self._changed = bool(label and before)
+        if label and not before:
+            self._number, self._active = self._number + 1, "" if not person else self._active
+        elif before and not label:
+            self._right += self._active == before
         self._show()
 
     def on_active(self, label: str) -> None:
-        """Take note of the active task."""
-        self._active = (label if self._changed else "") or self._active or label
+        """Take note of the active task; of one person's the first counts, or after a change."""
+        keeps = "" in self._truth and not (label and self._changed)
+        self._active = (self._active if keeps else "") or label
         self._show()
 
     def _show(self) -> None:
-        truth = self._truth or "-"
-        self._text = (
-            f"interaction {self._number}/{self.total}, {self._right} right so far;"
-            f" human: {truth}, robot: {self._active or '-'}"
+        people = ", ".join(
+            f"{person or 'human'}: {truth or '-'}" for person, truth in self._truth.items()
         )
+        right = f", {self._right} right so far" if "" in self._truth else ""
+        count = f"interaction {self._number}/{self.total}{right}"
+        self._text = f"{count}; {people}, robot: {self._active or '-'}"
         self._status.update(self._text)

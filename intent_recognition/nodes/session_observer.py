@@ -74,14 +74,14 @@ class SessionObserver(Node):
     """Collects the topics of a toolbox session until `log` is asked for.
 
     Args:
-        on_task: called with (ground truth label, or "" at the end of a movement).
+        on_task: called with the ground truth label, or "" at the end of a movement, and the person.
         on_active: called with the active task whenever it changes.
         people: names of those who work; empty: one without a name.
     """
 
     def __init__(
         self,
-        on_task: Callable[[str], None],
+        on_task: Callable[[str, str], None],
         on_active: Callable[[str], None],
         people: Sequence[str] = (),
         **kwargs: Any,
@@ -114,7 +114,7 @@ class SessionObserver(Node):
                 (JointState, f"intent/{of}tasks", self._now(seen.take_tasks), qos.STATE),
                 (JointTrajectory, f"intent/{of}robot_trajectory", predicted, qos.COMMAND),
                 (Path, f"intent/{of}human_path", self._now(seen.take_path), qos.COMMAND),
-                (String, f"coworker/{of}task", lambda message: on_task(message.data), qos.STATE),
+                (String, f"coworker/{of}task", partial(_tell, on_task, person), qos.STATE),
             ]
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
@@ -193,6 +193,10 @@ class SessionObserver(Node):
     def _keep(self, rows: list[tuple[int, str, Floats]], width: int, message: JointState) -> None:
         if len(message.position) == width:
             rows.append((stamp_ns(message), message.header.frame_id, np.array(message.position)))
+
+
+def _tell(on_task: Callable[[str, str], None], person: str, message: String) -> None:
+    on_task(message.data, person)
 
 
 def _of_person(

@@ -136,7 +136,7 @@ NODES = {
         task_teacher.TaskTeacher, library=str(folder / "t")
     ),
     "coworker": lambda harness, *_: harness.node(CoworkerSim),
-    "session": lambda harness, *_: harness.add(SessionObserver(str, str)),
+    "session": lambda harness, *_: harness.add(SessionObserver(print, print)),
     "pouring": lambda harness, *_: harness.add(PouringObserver()),
     "arm": lambda harness, *_: harness.node(LwrSim),
 }
