@@ -12,6 +12,7 @@ under a normal error whose variance is fitted after each share seen, Q / 2 log(m
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -146,12 +147,11 @@ def choose(
     if not all(left_out(one) for one in tried):
         return Choice(Hyperparameters(), None, (Hyperparameters(),))
     tried = [scored(one) for one in tried]
-    best = min(tried, key=lambda one: one.score)
-    tried.append(scored(best._replace(borrowed=0.0)))
-    best = min(best, tried[-1], key=lambda one: one.score)
-    for strength in REGRESSION_STRENGTHS[1:]:
-        tried.append(scored(best._replace(strength=strength)))
-    best = min(best, *tried, key=lambda one: one.score)
+    by_score = attrgetter("score")
+    tried.append(scored(min(tried, key=by_score)._replace(borrowed=0.0)))
+    best = min(tried, key=by_score)
+    tried += [scored(best._replace(strength=other)) for other in REGRESSION_STRENGTHS[1:]]
+    best = min(tried, key=by_score)
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)
