@@ -61,8 +61,9 @@ STEADY_S, STEADY_N = 0.8, 0.3
 """The person has let go when the mean load of the first and of the second half of such a time [s]
 differ by less than this [N]: four standard deviations of that difference. Single loads have a noise
 of 1 N, as they come from differences of velocities with 5 mrad/s, and so it cancels in their mean
-(0.05 N at 200 Hz). A load that is given up over a second changes by more, and who has lowered an
-object waits less, at most as long as that took (0.4 s: Chan et al. 2012), before the hand opens."""
+(0.05 N at 200 Hz). A load that is given up over a second changes by more. The time is twice the
+longest in which people give up a load (0.4 s: Chan et al. 2012): who has lowered an object may
+pause, as the simulated giver does, before the hand opens."""
 WEIGHED, REMEMBERED = 20, 400
 """Loads from which, and of which at most, an object is weighed: at 100 Hz 0.2 s, and the longest
 way of an arm. Convention."""
