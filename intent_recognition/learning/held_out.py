@@ -179,7 +179,13 @@ def evenly(items: Sequence[T], most: int) -> list[T]:
 def paired_examples(
     tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics], most: int
 ) -> list[tuple[int, TrainingExample, TrainingExample]]:
-    """Demonstrations, evenly drawn from all tasks: number of the task, as learned, as recorded."""
+    """Demonstrations, evenly drawn from all tasks: number of the task, as learned, as recorded.
+
+    Args:
+        tasks: statistics that primitives are built from.
+        recorded: of the same labels or more, of the examples as they were recorded.
+        most: how many.
+    """
     labels = list(recorded)
     pairs = [
         (labels.index(label), example, as_recorded)

@@ -97,7 +97,7 @@ def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) 
     """Least uncertainty of a task's predicted end, however much is observed, by unit.
 
     Largest standard deviation over the controlled DOFs of each unit when the observed weights are
-    known exactly.
+    known exactly; with `start_known` the controlled agent's start, too.
     """
     n, size = library.n_controlled, library.n_observed_weights
     known = Gaussian(np.zeros(size), np.zeros((size, size)))

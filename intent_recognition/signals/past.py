@@ -103,6 +103,10 @@ class SignalPast:
 
     Onset and rest are detected from each DOF at the times at which it was measured; nothing is
     filled in.
+
+    Args:
+        n_dofs: of the signal.
+        length_s: how much of the past is kept.
     """
 
     def __init__(self, n_dofs: int, length_s: float):

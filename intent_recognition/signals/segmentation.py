@@ -115,6 +115,7 @@ def movement_span(
 
     It starts at the observed agent's onset, as the online detector would find it, and ends when
     the last of both agents has come to rest. A recording without a detected onset is kept whole.
+    The settings say for each signal what counts as moving.
     """
     onset_s = earliest_onset(observed_settings, observed, start_ns)
     if onset_s is None:
