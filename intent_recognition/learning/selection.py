@@ -12,7 +12,6 @@ under a normal error whose variance is fitted after each share seen, Q / 2 log(m
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -147,17 +146,21 @@ def choose(
     if not all(left_out(one) for one in tried):
         return Choice(Hyperparameters(), None, (Hyperparameters(),))
     tried = [scored(one) for one in tried]
-    by_score = attrgetter("score")
-    tried.append(scored(min(tried, key=by_score)._replace(borrowed=0.0)))
-    best = min(tried, key=by_score)
+    tried.append(scored(min(tried, key=_by_score)._replace(borrowed=0.0)))
+    best = min(tried, key=_by_score)
     tried += [scored(best._replace(strength=other)) for other in REGRESSION_STRENGTHS[1:]]
-    best = min(tried, key=by_score)
+    best = min(tried, key=_by_score)
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
     tried[tried.index(best)] = best = best._replace(duration_evidence=exponent)
     return Choice(best, coupling if np.any(coupling.gain) else None, tuple(tried))
+
+
+def _by_score(one: Hyperparameters) -> float:
+    """The score by which the first of equals wins, whatever rounding adds to them."""
+    return round(one.score, 9)
 
 
 def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
