@@ -72,7 +72,8 @@ class SkipWithoutPybullet:
 if importlib.util.find_spec("pybullet") is None:
     sys.meta_path.insert(0, SkipWithoutPybullet())
 
-settings.register_profile("untimed", deadline=None, max_examples=50)  # a busy machine is no failure
+# A busy machine is no failure, and what CI refuses is the change's: it draws the same every time.
+settings.register_profile("untimed", deadline=None, max_examples=50, derandomize="CI" in os.environ)
 settings.load_profile("untimed")
 
 
