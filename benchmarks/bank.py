@@ -77,7 +77,7 @@ class Stream:
         if self._given is None:
             return partial(_each, self.run.observe, [(observation,) for observation in taken])
         dofs = np.arange(N_OBSERVED)
-        elapsed_s = np.array([(one.stamp_ns - self._start_ns) * 1e-9 for one in taken])
+        elapsed_s = np.array([[(one.stamp_ns - self._start_ns) * 1e-9] for one in taken])
         rows = self._library.basis.design_matrix(elapsed_s / self._hypotheses.duration_s)
         work = [
             (LinearMeasurement(dofs, row[:, None], observation.values, self._noise),)

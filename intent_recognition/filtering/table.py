@@ -132,8 +132,11 @@ class HypothesisTable:
         batch = GaussianBatch(self._state[: self.n], *self._shape)
         density, likelihood = batch.condition(self.linear(measurement, rows), deviation, index)
         rows["seen"] += 1
-        rows["log_evidence"] += np.where(rows["seen"] > self._settling, density, 0.0)
-        self._columns[where] = rows
+        if self._settling:
+            density = np.where(rows["seen"] > self._settling, density, 0.0)
+        rows["log_evidence"] += density
+        if index is not None:
+            self._columns[index] = rows
         if deviation.shape[1] > 1:
             index = np.arange(self.n) if index is None else index
             step = measurement.elapsed_s, index, deviation[where].copy(), likelihood

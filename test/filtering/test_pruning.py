@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from plain import bank_of
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering import births
+from intent_recognition.filtering import births, filter
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.promp.phase_deviation import PhaseDeviation
@@ -24,6 +24,15 @@ LEADING = {"phase_deviation": PhaseDeviation(0.06 * BRIDGE, 0.4, 0.5), "evidence
 ROUNDING = {"rtol": 1e-10, "atol": 1e-10}
 """Log evidences are sums of hundreds of terms, in another order in a task that was restored."""
 FILTERS = pytest.mark.parametrize("filtered", [{}, LEADING], ids=["steady", "leading"])
+
+
+@pytest.fixture(autouse=True, scope="module")
+def prune_early():
+    """Tasks lag in small banks, too, and have to catch up more often."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(filter, "PRUNE_FROM", 128)
+        patch.setattr(filter, "PRUNE_BELOW", 60.0)
+        yield
 
 
 def scene(seed: int, n_tasks: int = 40, *, filtered=(), **made):
