@@ -157,8 +157,8 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
 
 
 def yaml_value(value: object) -> str:
-    """A parameter's value as YAML that keeps its type: texts quoted, floats with a point."""
-    return json.dumps(value, ensure_ascii=False)
+    """A parameter as YAML that keeps its type: texts and paths quoted, floats with a point."""
+    return json.dumps(value, ensure_ascii=False, default=os.fspath)
 
 
 def _die_with_parent() -> None:

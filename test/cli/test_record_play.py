@@ -101,6 +101,7 @@ def test_values_keep_their_type_in_yaml(value):
     if not (isinstance(value, float) and "e" in yaml_value(value)):
         assert type(read) is type(value)
     assert type(value)(read) == value
+    assert yaml_value(Path("a b")) == yaml_value("a b")
 
 
 def test_an_existing_output_is_refused_before_ros_starts(parse, tmp_path):
