@@ -17,7 +17,6 @@ from statistics import mean
 
 import numpy as np
 
-from benchmarks import bank_peers as peers
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
 from intent_recognition.filtering import (
@@ -45,6 +44,10 @@ class Stream:
         hypotheses: the grid.
         prune: set negligible tasks aside.
         rows_given: only `GaussianBatch.condition` is timed.
+
+    Attributes:
+        run: the filter.
+        given: what is conditioned on ready rows instead; None without `rows_given`.
     """
 
     def __init__(
@@ -60,7 +63,7 @@ class Stream:
         self._library, self._hypotheses = library, hypotheses
         self.run = MovementFilter(library, hypotheses, 0, prune=prune)
         mean, covariance = library.observed_mean, library.observed_covariance
-        self._given = GaussianBatch.of(mean, covariance, N_BASIS) if rows_given else None
+        self.given = GaussianBatch.of(mean, covariance, N_BASIS) if rows_given else None
         self._noise = library.noise_covariance(np.arange(N_OBSERVED), 0.01)
         self._restart()
 
@@ -74,7 +77,7 @@ class Stream:
         if len(self._rest) < BATCH:
             self._restart()
         taken, self._rest = self._rest[:BATCH], self._rest[BATCH:]
-        if self._given is None:
+        if self.given is None:
             return partial(_each, self.run.observe, [(observation,) for observation in taken])
         dofs = np.arange(N_OBSERVED)
         elapsed_s = np.array([[(one.stamp_ns - self._start_ns) * 1e-9] for one in taken])
@@ -83,7 +86,7 @@ class Stream:
             (LinearMeasurement(dofs, row[:, None], observation.values, self._noise),)
             for row, observation in zip(rows, taken, strict=True)
         ]
-        return partial(_each, self._given.condition, work)
+        return partial(_each, self.given.condition, work)
 
 
 def _each(work: Callable[..., object], arguments: list[tuple]) -> None:
@@ -123,6 +126,8 @@ def bank() -> Iterator[Result]:
 
 
 def _beside_peers(library: TaskLibrary, required: dict[str, float]) -> Iterator[Result]:
+    from benchmarks import bank_peers as peers
+
     hypotheses = fixed_prior_grid(library, DURATION_S)
     noise = library.noise_covariance(np.arange(N_OBSERVED), np.inf)
     weights = library.observed_mean[0].reshape(N_OBSERVED, N_BASIS)

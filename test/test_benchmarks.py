@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plain import condition_bank, start_bank
+from plain import bank_of, condition_bank, start_bank
 
 from benchmarks import __main__ as command
+from benchmarks.bank import Stream
 from benchmarks.bank_memory import growth, long_run
 from benchmarks.bank_numerics import one_movement
 from benchmarks.measure import Result
 from benchmarks.soak import Soak, Usage, results
-from benchmarks.synthetic import synthetic_library
+from benchmarks.synthetic import DURATION_S, synthetic_library
 from intent_recognition.filtering.grid import fixed_prior_grid
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
@@ -47,6 +48,16 @@ def test_peers_of_the_filter_bank_compute_what_it_does(name):
     mean, covariance = getattr(peers, name)(library, noise, values, phase)()
     np.testing.assert_allclose(mean, ours.mean[0], atol=1e-6)
     np.testing.assert_allclose(covariance, ours.covariance[0], atol=1e-8)
+
+
+def test_rows_that_the_bank_is_given_are_those_that_it_finds_itself():
+    library = synthetic_library(np.random.default_rng(3), 3)
+    grid = fixed_prior_grid(library, DURATION_S)
+    streams = [Stream(library, grid, rows_given=given) for given in (False, True)]
+    for stream in streams:
+        for _ in range(3):
+            stream.next()()
+    np.testing.assert_allclose(streams[1].given.mean, bank_of(streams[0].run).mean, atol=1e-12)
 
 
 def test_a_process_of_a_soak_grows_from_the_middle_of_its_life_to_its_end():
