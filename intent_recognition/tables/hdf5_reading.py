@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 MOST_BYTES = 2**28
 """Of one array. Convention: an hour of fifty values at 100 Hz takes 0.15 GB."""
+MOST_DOFS = 20
+"""Rows of an array that may be columns which were saved as rows. Convention: two arms with a hand
+have some more, a recording has far more samples."""
 NUMBERED = re.compile(r"(.*?)[_-]?\d+")
 """A group that may be one of several demonstrations."""
 ENDS = "meta.episode_ends"
@@ -31,12 +34,12 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         names = _demonstrations(h5py, top)
         rate = 0.0
         if not names:
-            arrays = _arrays(file)
+            arrays = samples_first(_arrays(file))
             ends = arrays.get(ENDS)
             if ends is not None and ends.ndim == 1:  # of a replay buffer: rows of all on end
                 arrays = _numbered(arrays, np.diff(ends, prepend=0))
             return {**arrays, "#rate": np.array(rate)}
-        groups = [_arrays(top[name]) for name in names]
+        groups = [samples_first(_arrays(top[name])) for name in names]
         with suppress(KeyError, ValueError, TypeError):  # others note something else there
             rate = float(json.loads(top.attrs["env_args"])["env_kwargs"]["control_freq"])
     shared = [key for key in groups[0] if all(key in group for group in groups)]
@@ -53,6 +56,21 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         "#rate": np.array(rate),
         "#left_out": np.array(left_out),
     }
+
+
+def samples_first(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Arrays (d, T) as (T, d), or (T,), where others say what T is: as MATLAB keeps them in HDF5.
+
+    T is the length of others (T,) or (T, d), or the width that several wide arrays share.
+    """
+    wide = [k for k, a in arrays.items() if a.ndim == 2 and len(a) <= MOST_DOFS < a.shape[1]]
+    lengths = {len(a) for k, a in arrays.items() if a.ndim and len(a) > MOST_DOFS}
+    widths = [arrays[key].shape[1] for key in wide]
+    if not lengths:
+        lengths = {width for width in widths if widths.count(width) > 1}
+        lengths = {max(lengths, key=widths.count)} if lengths else set()
+    turned = {key: np.squeeze(arrays[key].T) for key in wide if arrays[key].shape[1] in lengths}
+    return arrays | turned
 
 
 def _demonstrations(h5py: Any, top: Any) -> list[str]:

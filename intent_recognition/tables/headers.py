@@ -56,7 +56,10 @@ def motive(rows: Rows) -> Header | None:
         return None
     said = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame")
-    above = {row[1].strip(): row for row in rows[1:at] if len(row) > 1}
+    heads = [row for row in rows[1:at] if any(cell.strip() for cell in row)]
+    above = {row[1].strip(): row for row in heads if len(row) > 1}
+    if not above.keys() & {"Name", "Type"}:  # before version 1.21 these rows are not named
+        above = dict(zip(("Type", "Name"), heads, strict=False))
     bodies, sorts, kinds, axes = above["Name"], above.get("Type"), rows[at - 1], rows[at]
     names = [*axes[:2]]
     aliases: dict[str, int] = {}

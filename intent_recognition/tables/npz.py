@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.tables.cells import Values
+from intent_recognition.tables.hdf5_reading import MOST_DOFS, samples_first
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
@@ -19,6 +20,7 @@ def open_npz(path: Path) -> Table:
     except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
+    arrays = samples_first(arrays)
     return table_of(path, flat_columns(path, arrays), notes=transposed(arrays))
 
 
@@ -50,14 +52,14 @@ def transposed(arrays: Mapping[str, Values]) -> list[str]:
     most = max((len(array) for array in arrays.values() if array.ndim), default=0)
     found = []
     for name, array in arrays.items():
-        if array.ndim not in (2, 3) or not len(array) <= 20 < array.shape[1]:
+        if array.ndim not in (2, 3) or not len(array) <= MOST_DOFS < array.shape[1]:
             continue
         if array.ndim == 3:
             found.append(
                 f"{name} has the shape {array.shape}. Likely it has {len(array)} demonstrations:"
                 " put one after the other, with a column that counts them."
             )
-        elif most in array.shape:  # as MATLAB's have in HDF5
+        elif most in array.shape:  # alone: with others `samples_first` turns it
             found.append(
                 f"{name} has {len(array)} rows and {array.shape[1]} columns. Likely its columns"
                 " are samples: transpose it."

@@ -132,7 +132,10 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
         if not all(_is_number(cell) for cell in head[titles] if cell.strip()):
             below_them = _plain_header(path, head[titles:])
             return replace(below_them, skip=below_them.skip + titles)
-    names = tuple(name.strip().lstrip("#").strip() for name in head[0])
+    first = head[0]
+    if first[0].strip() == "#" and len(head) > 1 and len(first) == len(head[1]) + 1:
+        first = first[1:]  # a mark of its own before names with blanks between them
+    names = tuple(name.strip().lstrip("#").strip() for name in first)
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
         return Header(tuple(map(str, range(len(names)))), 0)
     units = {k: found[1] for k, name in enumerate(names) if (found := UNIT_IN_NAME.search(name))}

@@ -8,6 +8,7 @@ import pytest
 from tables.odd_files import PLACE, ROWS, TIMES_S, imported
 
 from intent_recognition.tables import import_demonstrations
+from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 
 ARRAYS = {
@@ -42,6 +43,26 @@ def test_samples_along_another_axis_are_named(array, words, tmp_path):
     content = (tmp_path / "made.npz").read_bytes()
     columns = [f"w{'.0' * (array.ndim - 2)}.{k}" for k in range(3)]
     assert words in imported(tmp_path, "a.npz", content, columns, time={"rate": 100})[1]
+
+
+@pytest.mark.parametrize("times", [TIMES_S, TIMES_S[None], TIMES_S[:, None]])
+@pytest.mark.parametrize("kind", ["npz", "h5", "demonstrations"])
+def test_samples_along_the_second_axis_are_read_as_along_the_first(kind, times, tmp_path):
+    arrays = {"t": times, "w": PLACE.T / 1000, "q": np.arange(7)[:, None] + TIMES_S, "few": [1, 2]}
+    if kind == "npz":
+        np.savez(tmp_path / "a.npz", **arrays)
+    else:
+        before = "data/demo_0/" if kind == "demonstrations" else ""
+        with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+            for name, array in arrays.items():
+                file[before + name] = array
+    (path,) = tmp_path.iterdir()
+    read = open_table(path)
+    column = "t" if "t" in read.names else "t.0"
+    found = read.columns([column, *(f"w.{k}" for k in range(3)), "q.6"])
+    t, *w, q = found.values()
+    np.testing.assert_array_equal([t, q], [TIMES_S, 6 + TIMES_S])
+    np.testing.assert_array_equal(np.column_stack(w), PLACE / 1000)
 
 
 def test_a_replay_buffer_is_cut_and_fields_of_records_are_columns(tmp_path):

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from c3d_builder import c3d_file
+from tables.exported_files import PLACE as EXPORTED
 from tables.exported_files import motive
 from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, imported, nexus, table
 
@@ -17,6 +18,19 @@ def test_nexus_counts_frames_wherever_its_places_are(before, tmp_path):
     np.testing.assert_allclose(samples.values, PLACE[rows] / 1000, atol=1e-8)
     steps = np.diff(samples.stamps_ns)
     assert steps.max() == 410_000_000 and np.median(steps) == 10_000_000
+
+
+@pytest.mark.parametrize("rows", [(), ("Type", "Name", "ID")])
+@pytest.mark.parametrize("has_blank_line", [True, False])
+def test_a_header_of_motive_without_names_of_its_rows(rows, has_blank_line, tmp_path):
+    content = motive(tmp_path).read_text()
+    for name in ("Type", "Name", "ID"):
+        content = content if name in rows else content.replace(f",{name},", ",,", 1)
+    content = content if has_blank_line else content.replace("\n\n", "\n")
+    columns = [f"wrist.Position.{axis}" for axis in "XYZ"]
+    samples, said = imported(tmp_path, "a.csv", content, columns)
+    assert not said
+    np.testing.assert_allclose(samples.values, EXPORTED / 1000, atol=1e-8)
 
 
 VICON = {

@@ -25,6 +25,9 @@ PLAIN = {
     "a row of units": plain(scale=10.0, head="t,x,y,z\ns,mm,mm,mm"),
     "comments": "# by me\n# on monday\n" + plain(scale=10.0),
     "a name behind a mark": plain(scale=10.0, head="# t,x,y,z"),
+    "names with blanks between them behind a mark": plain(
+        scale=10.0, separator=" ", head="# t,x,y,z"
+    ),
     "a comment and a name behind a mark": "# by me\n" + plain(scale=10.0, head="# t,x,y,z"),
     "a last row that is cut": plain(scale=10.0) + "2.00,3",
     "zero bytes at the end": plain(scale=10.0).encode() + bytes(40),
