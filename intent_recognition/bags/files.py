@@ -54,7 +54,8 @@ def cure_of(path: Path, otherwise: str) -> str:
 def _check_file(path: Path) -> None:
     """Whether a single file can be a recording; one that ends in .mcap may be a damaged one."""
     if path.suffix != ".mcap" and kind_of(path) not in (*KINDS.values(), *PACKED):
-        cure = cure_of(path, "Give a bag: a folder with .mcap files, or one of them.")
+        give = "Give a bag: a folder with .mcap files, or one of them."
+        cure = cure_of(path, f"{give} docs/import.md lists the tables that can be made bags.")
         raise BagError.about(str(path), "a recording", "another kind of file", cure)
 
 

@@ -174,9 +174,13 @@ def _demonstrations(
         texts_ = {key: _text_at(t, data[main], first) for key, t in mapping.metadata.items()}
         origin = {"imported_from": ", ".join(p.name for p in recording.paths.values())}
         custom = {**labels, **origin, **{k: text for k, text in texts_.items() if text}}
-        if task:
-            check_label(task, "Give it another under labels in the map.")
-            custom["task"] = task
+        try:
+            if task:
+                check_label(task, "Give it another under labels in the map.")
+                custom["task"] = task
+        except BagError as error:  # of this demonstration: the others are taken
+            yield Rejection.of(name, error)
+            continue
         parts = [_samples(row, pick, mapping.every) for row, pick in zip(rows, picks, strict=True)]
         few = [s for s, _ in parts if _count(s) < (1 if s.entry.context else 2)]
         if few:

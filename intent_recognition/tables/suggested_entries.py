@@ -81,7 +81,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     farthest = max(joint.farthest for joint in joints)
     unit, note = _unit_of(table, joints[0].name, farthest, "rad")
     return [
-        "  - topic: /joint_states  # they move; not a position",
+        "  - topic: /joint_states  # they move; taken for joints",
         f"    type: {JOINT_STATE}",
         f"    joints: {flow(names)}",
         "    unit: rad",
@@ -93,7 +93,8 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
 def is_angle(table: Table, name: str) -> bool:
     """Whether a column may be an angle, by the unit that the file says."""
     number = table.find(name)
-    return spelled(table.units.get(number if number is not None else -1, "")) in ("", *ANGLES)
+    said = table.units.get(number if number is not None else -1, "") or table.unit
+    return spelled(said) in ("", *ANGLES)
 
 
 def _unit_of(table: Table, name: str, farthest: float, base: str) -> tuple[str, str]:

@@ -14,6 +14,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
+from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task
 from intent_recognition.tables.cells import numbers, texts
 from intent_recognition.tables.file_kinds import FileKind, file_kinds
 from intent_recognition.tables.files import find_tables, has_tables
@@ -24,6 +25,17 @@ from intent_recognition.tables.suggested_entries import (
     flow,
     is_angle,
     joints_entry,
+)
+from intent_recognition.tables.suggested_names import (
+    NO_JOINT,
+    NO_TASK,
+    SEGMENT_NAME,
+    TASK_NAME,
+    array_of,
+    bodies_of,
+    counts_rows,
+    is_marker_of,
+    orientations_of,
 )
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, stamps_ns, usual_unit
@@ -41,26 +53,10 @@ MOST_BODIES = 8
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
 TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|times?|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)")
-NO_JOINT = re.compile(
-    r"(?i)stamp|time|\bobject|\bacc|gyr|mag|secs?\b|header|(?:^|[./])actions?(?:[./]|$)|vel|effort"
-    r"|torque|current|temp|force|quality|error|gripper|\bjaw|[XYZ]position$"
-)
-"""What columns are called that move and are no position of a joint of an arm."""
-COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
 LATER = re.compile(r"(?i)next(_obs)?[./]")
 """What columns are called that hold the next row's, as robomimic and LeRobot have them."""
 NO_RATE = "not in the file: give the rate in Hz"
 """Comment of a time that is not used until somebody corrects it."""
-ELEMENTS = re.compile(
-    r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
-    r"[._\[](?P<element>\d)\]?$"
-)
-POSE_SIZES = (3, 6, 7)
-"""Elements of a place: x, y, z, and a rotation vector or a quaternion."""
-UNIT_END = re.compile(r"\s*(?:[\[(][^\[\]()]*[\])]|(?<=[xyzXYZ])_(?:mm|cm|m))$")
-"""A unit at the end of a name."""
-NO_PLACE = re.compile(r"(?i)rotation|orientation|velocity|\bacc|gyr|mag|euler|[._ ]r$")
-PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[xXyYzZ])$")
 
 
 def suggest_map(source: Path) -> str:
@@ -80,11 +76,14 @@ def suggest_map(source: Path) -> str:
     entries = _distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
     if not entries:
         table = kinds[0].table
-        twice = [name for name, count in Counter(table.names).items() if name and count > 1]
+        twice = _twice(table)
         got = f"none but {', '.join(twice[:MOST_LISTED])}, each twice" if twice else "none"
         by_number = "Name columns by their numbers, from 0 on, in a map of your own."
-        cure = " ".join([*table.notes, *parts[0].texts, by_number if twice else "Check the file."])
-        raise BagError.about(str(table.source), "columns that move", got, cure)
+        there = [f"{line.removeprefix('# ')}." for line in parts[0].left_out if not twice]
+        cure = " ".join(
+            [*table.notes, *parts[0].texts, *there, by_number if twice else "Check the file."]
+        )
+        raise BagError.about(str(table.source), "places or angles that move", got, cure)
     others = [line for entry in entries[1:] for line in entry]
     lines = [
         *(f"# Suggested from {line}" for part in parts for line in part.sources),
@@ -100,6 +99,10 @@ def suggest_map(source: Path) -> str:
         *(line for part in parts for line in part.left_out),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _twice(table: Table) -> list[str]:
+    return [name for name, count in Counter(table.names).items() if name and count > 1]
 
 
 def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
@@ -135,20 +138,20 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     columns = {name: one for name, one in columns.items() if one.values.size == rows}
     later = [name for name in columns if LATER.match(name)]
     columns = {name: one for name, one in columns.items() if name not in later}
-    time, time_note = _time(table, columns, labels)
-    cut = table.defaults.get("segments")
-    used = {str(time.get("column", "")), str(time.get("nanoseconds", ""))}
-    used |= {str(cut.get("column"))} if isinstance(cut, Mapping) else set()
-    bodies = _bodies(columns)
+    cut = _cut(table, columns, labels)
+    time, time_note = _time(table, columns, labels, cut)
+    used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut}
+    bodies = bodies_of(columns)
     used |= {column for body in bodies.values() for column in body}
-    used |= _orientations(columns, bodies)
-    joints = [c for c in columns.values() if c.moves and c.name not in used and not _counts(c)]
+    used |= orientations_of(columns, bodies)
+    joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
     others = [c.name for c in joints if NO_JOINT.search(c.name) or not is_angle(table, c.name)]
     joints = [c for c in joints if c.name not in others]
     still = [c.name for c in columns.values() if not c.moves and c.name not in used]
     moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
-    seldom = [b for b in moving if columns[bodies[b][0]].seen < 0.5]
-    markers = [b for b in moving if b not in seldom and _is_marker_of(b, moving)]
+    often = max((columns[bodies[body][0]].seen for body in moving), default=0.0)
+    seldom = [body for body in moving if columns[bodies[body][0]].seen < 0.5 * often]
+    markers = [b for b in moving if b not in seldom and is_marker_of(b, moving)]
     moving = [b for b in moving if b not in (*seldom, *markers)]
     time_line = f"time: {flow(time)}  # {time_note}"
     time_line = f"# {time_line}" if time_note == NO_RATE else time_line
@@ -160,7 +163,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     ]
     arm = [
         joints_entry(table, list(array)) + own
-        for _, array in groupby(joints[:MOST_JOINTS], key=lambda joint: _array_of(joint.name))
+        for _, array in groupby(joints[:MOST_JOINTS], key=lambda joint: array_of(joint.name))
     ]
     left_out = []
     for title, names in (
@@ -169,6 +172,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         ("Markers of these bodies", markers),
         ("Seldom seen", seldom),
         ("The same, a step later", later),
+        ("There twice: name them by number", _twice(table)),
         ("More bodies that move", moving[MOST_BODIES:]),
         ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
     ):
@@ -181,7 +185,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         found,
         arm,
         [] if name else [time_line],
-        [*_of_texts(kind, labels, used)],
+        [*_of_texts(kind, labels, used, cut)],
         left_out,
         texts_,
     )
@@ -195,18 +199,6 @@ def _files(kinds: Sequence[FileKind]) -> Iterator[str]:
             yield f"  {kind.name}: {flow(kind.pattern)}"
     elif kinds[0].says_task:
         yield f"files: {flow(kinds[0].pattern)}"
-
-
-def _is_marker_of(body: str, bodies: Sequence[str]) -> bool:
-    """Whether a body is a marker `BODY:MARKER` of another one."""
-    owner, colon, _ = body.partition(":")
-    return bool(colon) and any(other.split(".")[0] == owner for other in bodies)
-
-
-def _array_of(name: str) -> str:
-    """The array that a column is an element of, "" for none."""
-    body, _, element = name.rpartition(".")
-    return body if element.isdigit() else ""
 
 
 def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]], list[str]]:
@@ -235,21 +227,27 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]],
     return found, labels, why
 
 
-def _counts(column: SeenColumn) -> bool:
-    """Whether a column counts rows, as frames and indices do."""
-    by_one = bool(np.all(np.diff(column.values) == 1.0)) and column.values[0] in (0.0, 1.0)
-    return by_one or bool(COUNT_NAME.search(column.name))
+def _cut(
+    table: Table, columns: Mapping[str, SeenColumn], labels: Mapping[str, Sequence[str]]
+) -> str:
+    """The column whose value changes with the demonstration, "" for none."""
+    said = table.defaults.get("segments")
+    if isinstance(said, Mapping):
+        return str(said.get("column"))
+    whole = [n for n, c in columns.items() if c.moves and np.all(np.floor(c.values) == c.values)]
+    return next((name for name in (*whole, *labels) if SEGMENT_NAME.fullmatch(name)), "")
 
 
 def _time(
-    table: Table, columns: Mapping[str, SeenColumn], labels: Mapping[str, Sequence[str]]
+    table: Table,
+    columns: Mapping[str, SeenColumn],
+    labels: Mapping[str, Sequence[str]],
+    cut: str,
 ) -> tuple[dict[str, object], str]:
     said = table.defaults.get("time")
     if isinstance(said, Mapping):
         rate = said.get("rate")
         return dict(said), f"from the file{f', {rate:g} Hz' if isinstance(rate, float) else ''}"
-    segments = table.defaults.get("segments")
-    cut = str(segments["column"]) if isinstance(segments, Mapping) else ""
     of = np.array(labels.get(cut) or (columns[cut].values if cut in columns else []))
     inside = of[1:] == of[:-1] if of.size else slice(None)  # each may begin at time 0
     for column in columns.values():
@@ -282,46 +280,45 @@ def _are_nanoseconds(values: Floats) -> bool:
     return bool(np.all(inside) and values.max() >= NANOSECONDS // 1000)
 
 
-def _bodies(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
-    """Columns x, y, z of each body, or x, y of one in an image."""
-    found: dict[str, dict[str, str]] = {}
-    for name in columns:
-        if match := ELEMENTS.match(name):
-            found.setdefault(match["body"], {})[match["element"]] = name
-        match = PLACES.match(UNIT_END.sub("", name))
-        if match and not NO_PLACE.search(match["body"]):
-            found.setdefault(match["body"], {})[match["axis"].lower()] = name
-    bodies = {}
-    for body, axes in found.items():
-        sizes = POSE_SIZES if "pose" in body.lower() else POSE_SIZES[:1]
-        is_pose = len(axes) in sizes and set(axes) == set(map(str, range(len(axes))))
-        in_image = set(axes) == set("xy") and body.rstrip("._ ")
-        if set(axes) == set("xyz") or is_pose or in_image:
-            bodies[body] = [axes[a] for a in sorted(axes)][:3]
-    return bodies
-
-
-def _orientations(columns: Mapping[str, SeenColumn], bodies: Collection[str]) -> set[str]:
-    """Columns of an array that is a place and an orientation, which are of the latter."""
-    matches = {name: match for name in columns if (match := ELEMENTS.match(name))}
-    return {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
-
-
 def _of_texts(
-    kind: FileKind, labels: Mapping[str, Sequence[str]], used: Collection[str]
+    kind: FileKind, labels: Mapping[str, Sequence[str]], used: Collection[str], cut: str
 ) -> Iterator[str]:
     """Where demonstrations begin, and what their label is."""
     table = kind.table
     for key in ("segments", "task"):
         if isinstance(said := table.defaults.get(key), Mapping):
             yield f"{key}: {flow(dict(said))}  # from the file"
+            if key == "task":
+                yield from _new_labels(labels.get(str(said.get("column")), []))
+    if cut and "segments" not in table.defaults:
+        yield f"segments: {flow({'column': cut})}  # by its name"
     if "task" in table.defaults:
         return
+    has_task = kind.says_task
     for name, values in labels.items():
-        if name in used:
-            continue
         kinds = sorted(set(filter(None, values)))
-        shown = printable(", ".join(kinds[:MOST_LISTED]))
-        yield f"# task: {flow({'column': name})}  # it says: {shown}"[:200]
-    if not set(labels) - set(used) and not kind.says_task:
+        if name in used or NO_TASK.search(name) or len(kinds) > MOST_LISTED:
+            continue
+        is_task = bool(TASK_NAME.fullmatch(name)) and not has_task
+        has_task |= is_task
+        shown = printable(", ".join(kinds))
+        line = f"task: {flow({'column': name})}  # it says: {shown}"[:200]
+        yield line if is_task else f"# {line}"
+        if is_task:
+            yield from _new_labels(kinds)
+    if not has_task:
         yield "task: give_it_a_name"
+
+
+def _new_labels(said: Sequence[str]) -> Iterator[str]:
+    """Labels instead of those that cannot name a task, such as sentences that are too long."""
+    new: dict[str, str] = {}
+    for text in dict.fromkeys(filter(None, said)):
+        if not can_name_task(text):
+            label = re.sub(r"[^\w ,.'-]+", "_", text).strip(" ._-")
+            if len(label) > LONGEST_LABEL:
+                label = label[: LONGEST_LABEL - 10].rpartition(" ")[0]
+            taken = not label or label == NONE or label in (*said, *new.values())
+            new[text] = f"{label or 'task'} {len(new)}" if taken else label
+    if new:
+        yield f"labels: {flow(new)}  # these cannot name a task"

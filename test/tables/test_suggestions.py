@@ -160,7 +160,7 @@ def test_names_that_are_there_twice_are_named(tmp_path):
 
 def test_what_is_no_number_is_named(tmp_path):
     (tmp_path / "a.csv").write_text(plain() + plain())
-    with pytest.raises(BagError, match=r"columns that move, got none\..* got 't' in row 201"):
+    with pytest.raises(BagError, match=r"angles that move, got none\..* got 't' in row 201"):
         suggest_map(tmp_path / "a.csv")
 
 
@@ -182,3 +182,64 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
     (tmp_path / "a.csv").write_text(content.lstrip())
     _, _, (found,) = suggested(tmp_path / "a.csv")
     assert found.samples[0].stamps_ns[3] == 1_700_000_000_003_000_000
+
+
+@pytest.mark.parametrize(
+    ("head", "place"),
+    [
+        ("t,tx,ty,tz,qx,qy,qz,qw", "tx"),
+        ("t,x,y,z,rx,ry,rz", "x"),
+        ("t,vx,vy,vz,p_x,p_y,p_z", "p_x"),
+        ("t,p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],v_x [m s^-1],v_y [m s^-1],v_z [m s^-1]", "p_RS"),
+        ("t,elbow_angles.x,elbow_angles.y,elbow_angles.z,hand.x,hand.y,hand.z", "hand"),
+        ("t,action.x,action.y,action.z,state.x,state.y,state.z", "state.x"),
+    ],
+)
+def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_path):
+    def row(k):
+        return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 2, "0.5"][: head.count(",") + 1]
+
+    (tmp_path / "a.csv").write_text(table(head, row))
+    content, *_ = suggested(tmp_path / "a.csv")
+    entries = content["observed"] + content.get("controlled", [])
+    (first,) = [entry["columns"][0] for entry in entries if "PoseStamped" in entry["type"]]
+    assert first.startswith(place)
+
+
+def test_trials_and_labels_are_known_by_their_names(tmp_path):
+    """Neither a trial that is counted nor a time code that differs everywhere is anything else."""
+    head = "t,time_code,world.frame_id,trial_id,task,x,y,z"
+
+    def row(k):
+        label = "give/it" if k < 120 else "take"
+        return [f"{TIMES_S[k]}", f"c{k}", "world", f"{k // 40}", label, *cells(k, scale=1e-3)]
+
+    (tmp_path / "a.csv").write_text(table(head, row))
+    content, text, found = suggested(tmp_path / "a.csv")
+    assert content["segments"] == {"column": "trial_id"} and "/joint_states" not in text
+    assert "time_code" not in text and "frame_id" not in text
+    labels = [one.custom_data["task"] for one in found]
+    assert labels == ["give_it"] * 3 + ["take"] * 2
+
+
+def test_a_label_that_names_no_task_leaves_its_demonstrations_out_alone(tmp_path):
+    long = "put the black bowl between the plate and the ramekin onto the plate beside the stove"
+    tasks = np.repeat([long, long + ".", "a/b", "a_b"], 50)
+    trial = np.repeat(range(4), 50)
+    np.savez(tmp_path / "a.npz", t=TIMES_S, w=PLACE / 1000, trial=trial, task=tasks)
+    content, _, found = suggested(tmp_path / "a.npz")
+    labels = [one.custom_data["task"] for one in found]
+    assert len(set(labels)) == 4 and labels[3] == "a_b"
+    del content["labels"]
+    taken = import_demonstrations(tmp_path / "a.npz", ImportMap.from_dict(content))
+    assert [isinstance(one, Rejection) for one in taken] == [True, True, True, False]
+
+
+def test_what_is_measured_in_few_rows_is_seen_and_columns_that_are_twice_are_named(tmp_path):
+    def row(k):
+        return [f"{TIMES_S[k]}", *(cells(k, scale=1e-3) if k % 4 == 0 else [""] * 3), "1", f"{k}"]
+
+    (tmp_path / "a.csv").write_text(table("t,x,y,z,a,a", row))
+    content, text, _ = suggested(tmp_path / "a.csv")
+    assert content["observed"][0]["columns"] == ["x", "y", "z"]
+    assert "# There twice: name them by number: a" in text

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the names of columns say of them, by which a map is suggested."""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from intent_recognition.tables.scales import PER_BASE, spelled
+from intent_recognition.tables.suggested_entries import SeenColumn
+
+COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
+COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
+"""What columns are called that were commanded, not measured."""
+NO_JOINT = re.compile(
+    r"(?i)stamp|time|\bobject|\bacc|gyr|mag|secs?\b|header|vel|effort|torque|current|temp|force"
+    rf"|quality|error|gripper|\bjaw|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
+)
+"""What columns are called that move and are no position of a joint of an arm."""
+SEGMENT_NAME = re.compile(
+    r"(?i)(?:.*[\W_])?(?:trial|episode|demo(?:nstration)?|repetition|segment)"
+    r"(?:[\W_]?(?:id|index|idx|number|nr|no))?"
+)
+"""What columns are called that count demonstrations."""
+TASK_NAME = re.compile(
+    r"(?i)(?:.*[\W_])?(?:task|label|class|gesture|activity|skill)(?:[\W_]?name)?"
+)
+"""What columns are called that say the task."""
+NO_TASK = re.compile(r"(?i)frame_?id|(?:^|[\W_])(?:date|time)")
+"""What columns of texts are called that say no task."""
+ELEMENTS = re.compile(
+    r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
+    r"[._\[](?P<element>\d)\]?$"
+)
+POSE_SIZES = (3, 6, 7)
+"""Elements of a place: x, y, z, and a rotation vector or a quaternion."""
+UNIT_END = re.compile(r"\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])]|(?<=[xyzXYZ])_(?:mm|cm|m))$")
+"""A unit at the end of a name."""
+PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
+NO_PLACE = re.compile(
+    r"(?i)rotation|orientation|velocity|\bacc|gyr|mag|euler"
+    r"|(?:angle|force|moment|power|torque)s?$"
+)
+NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmg]$")
+"""Letters right before an axis that speak of an angle, a velocity, a force, ..., as in `rx`."""
+
+
+def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
+    """Columns x, y, z of each body, or x, y of one in an image."""
+    found: dict[str, dict[str, str]] = {}
+    for name in columns:
+        if COMMANDED.search(name):
+            continue
+        if match := ELEMENTS.match(name):
+            found.setdefault(match["body"], {})[match["element"]] = name
+        end = UNIT_END.search(name)
+        if end and end["unit"] and PER_BASE.get(spelled(end["unit"]), (1, 180)) == (1, 180):
+            continue
+        match = PLACES.match(UNIT_END.sub("", name))
+        if match and not NO_PLACE.search(match["body"]):
+            if not match["between"] and NO_PLACE_BEFORE_AXIS.search(match["body"]):
+                continue
+            found.setdefault(match["body"], {})[match["axis"].lower()] = name
+    bodies = {}
+    for body, axes in found.items():
+        sizes = POSE_SIZES if "pose" in body.lower() else POSE_SIZES[:1]
+        is_pose = len(axes) in sizes and set(axes) == set(map(str, range(len(axes))))
+        in_image = set(axes) == set("xy") and body.rstrip("._ ")
+        if set(axes) == set("xyz") or is_pose or in_image:  # with w it is a quaternion
+            bodies[body] = [axes[a] for a in sorted(axes)][:3]
+    return bodies
+
+
+def orientations_of(columns: Mapping[str, SeenColumn], bodies: Collection[str]) -> set[str]:
+    """Columns of an array that is a place and an orientation, which are of the latter."""
+    matches = {name: match for name in columns if (match := ELEMENTS.match(name))}
+    return {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
+
+
+def is_marker_of(body: str, bodies: Sequence[str]) -> bool:
+    """Whether a body is a marker `BODY:MARKER` of another one."""
+    owner, colon, _ = body.partition(":")
+    return bool(colon) and any(other.split(".")[0] == owner for other in bodies)
+
+
+def array_of(name: str) -> str:
+    """The array that a column is an element of, `q` for `q.0`, `q_0` and `q[0]`; "" for none."""
+    match = re.fullmatch(r"(.*?)[._\[]\d+\]?", name)
+    return match[1] if match else ""
+
+
+def counts_rows(column: SeenColumn) -> bool:
+    """Whether a column counts rows, as frames and indices do."""
+    by_one = bool(np.all(np.diff(column.values) == 1.0)) and column.values[0] in (0.0, 1.0)
+    return by_one or bool(COUNT_NAME.search(column.name))
