@@ -120,6 +120,7 @@ class RobotSide:
             near,
             speed,
             toward,
+            self._estimator.rise_m_s2,
         )
         output = self.machine.step(self.request, situation)
         asked = output.holding, output.share, output.weight_n, output.grip_n

@@ -122,6 +122,7 @@ class ObjectTransfer(Node):
             near,
             speed,
             toward,
+            estimator.rise_m_s2,
         )
 
     def _request(self) -> Request:

@@ -4,7 +4,8 @@
 What the model does not explain of the torques comes from outside (De Luca and Mattone 2005,
 "Sensorless robot collision detection and hybrid force/motion control", ICRA). Here it is computed
 from differences of the measured velocity instead of the momentum: the same first-order filter of
-the same residual, without the Coriolis matrix.
+the same residual, without the Coriolis matrix. A difference is the acceleration halfway between two
+measurements; so torque and posture are taken there, too.
 """
 
 import numpy as np
@@ -35,15 +36,16 @@ class LoadEstimator:
 
     def __init__(self, arm: Arm, bandwidth_rad_s: float = BANDWIDTH_RAD_S) -> None:
         self.arm, self._bandwidth_rad_s = arm, bandwidth_rad_s
-        self._last: tuple[float, Floats] | None = None
+        self._last: tuple[float, Floats, Floats] | None = None
         self._residual = np.zeros(arm.n_joints)
         self.wrench = np.zeros(6)
-        self.speed_m_s = 0.0
+        self.speed_m_s = self.rise_m_s2 = 0.0
 
     def update(self, time_s: float, q: Floats, velocity: Floats, torque: Floats) -> Floats:
         """The force on the hand (3,) [N] in the axes of the base, after a joint state.
 
-        Also kept: `wrench` (6,) [N, Nm] with the moment about the tip, and `speed_m_s` of the tip.
+        Also kept: `wrench` (6,) [N, Nm] with the moment about the tip, `speed_m_s` of the tip, and
+        `rise_m_s2`, its acceleration upward through the same filter.
 
         Args:
             time_s: of the measurement; one that is no later changes nothing.
@@ -59,16 +61,21 @@ class LoadEstimator:
             raise ShapeError.about("torque", shape, np.shape(torque), "Give one value per joint.")
         if self._last is not None and time_s <= self._last[0]:
             return self.wrench[:3]
-        gap_s = np.inf if self._last is None else time_s - self._last[0]
-        anew = gap_s > LONGEST_GAP_S
-        acceleration = np.zeros_like(velocity) if anew else (velocity - self._last[1]) / gap_s  # type: ignore[index]
-        residual = self.arm.inverse_dynamics(q, velocity, acceleration) - torque
-        share = 1.0 if anew else 1.0 - np.exp(-self._bandwidth_rad_s * gap_s)
-        self._residual = self._residual + share * (residual - self._residual)
-        self._last = time_s, np.array(velocity)
         J = self.arm.jacobian(q)
+        state, tip_m_s = np.array([q, velocity, torque]), J[:3] @ velocity
+        share, halfway, acceleration, rise_m_s2 = 1.0, state, np.zeros(len(q)), 0.0
+        if self._last is not None and (gap_s := time_s - self._last[0]) <= LONGEST_GAP_S:
+            _, before, before_m_s = self._last
+            share = 1.0 - np.exp(-self._bandwidth_rad_s * gap_s)
+            halfway, acceleration = 0.5 * (before + state), (velocity - before[1]) / gap_s
+            rise_m_s2 = float(tip_m_s[2] - before_m_s[2]) / gap_s
+        at, moving, held = halfway
+        residual = self.arm.inverse_dynamics(at, moving, acceleration) - held
+        self._residual = self._residual + share * (residual - self._residual)
+        self.rise_m_s2 += share * (rise_m_s2 - self.rise_m_s2)
+        self._last = time_s, state, tip_m_s
         self.wrench = wrench_from_torques(J, self._residual)
-        self.speed_m_s = float(np.linalg.norm(J[:3] @ velocity))
+        self.speed_m_s = float(np.linalg.norm(tip_m_s))
         return self.wrench[:3]
 
 

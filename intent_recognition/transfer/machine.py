@@ -20,6 +20,8 @@ from intent_recognition.transfer.sharing import (
     offering_grip,
 )
 
+GRAVITY_M_S2 = 9.81
+"""Standard gravity [m/s^2]."""
 SETTLED_M_S, SETTLED_S = 0.05, 0.1
 """Speed of the hand, and how long below it, from which on an object is offered [m/s], [s]: the
 simulated arm's overshoot is over. Convention."""
@@ -36,10 +38,11 @@ PATIENCE_S = 4.0
 """Time after which what nobody takes is brought back [s]. Convention."""
 OPENING_S = 0.3
 """Time in which the fingers open [s]: 40 mm at 0.15 m/s."""
-SLIP_SHARE, SLIP_NS = 0.25, 0.015
-"""Share of the weight that may be missing: more than an arm's acceleration (2 m/s^2) takes off it;
-and the impulse beyond it that is a slip [N s] (a cumulative sum: Page 1954). Single loads have a
-noise of 1 N, whose sum stays within 0.04 N s, as it comes from differences of the velocity."""
+SLIP_SHARE, SLIP_NS = 0.2, 0.015
+"""Share of the weight that may be missing while the arm moves: what its model and the acceleration
+leave unexplained; and the impulse beyond it that is a slip [N s] (a cumulative sum: Page 1954).
+Single loads have a noise of 1 N, but its sum stays small, as it comes from differences of the
+velocity."""
 LIGHT_N = 2.0
 """What weighs less is held by the least grip [N]."""
 SLIP_GRIP = 2.0
@@ -110,6 +113,7 @@ class Situation(NamedTuple):
         near: whether the person's hand is at the object; None if nobody tracks it.
         person_m_s: speed of the person's hand; 0 if nobody tracks it.
         toward: horizontal unit vector to the person (3,); None if unknown.
+        rise_m_s2: acceleration of the hand upward, as late as the force.
     """
 
     time_s: float
@@ -120,6 +124,12 @@ class Situation(NamedTuple):
     near: bool | None = None
     person_m_s: float = 0.0
     toward: Floats | None = None
+    rise_m_s2: float = 0.0
+
+    @property
+    def heaviness(self) -> float:
+        """Vertical load of an object by its weight, as the hand accelerates; at least 0.5."""
+        return max(1.0 + self.rise_m_s2 / GRAVITY_M_S2, 0.5)
 
 
 class TransferOutput(NamedTuple):
@@ -276,12 +286,13 @@ class TransferMachine:
         if self._share > 0.0 or self.weight_n < LIGHT_N:
             self._missing_ns = 0.0
             return False
-        missing_n = (1.0 - SLIP_SHARE) * self.weight_n + float(now.force_n[2])
+        expected_n = self.weight_n * now.heaviness
+        missing_n = (1.0 - SLIP_SHARE) * expected_n + float(now.force_n[2])
         self._missing_ns = min(max(self._missing_ns + missing_n * step_s, 0.0), 2.0 * SLIP_NS)
         slips = self._missing_ns > SLIP_NS
         if slips:  # what is still carried shows the friction
-            carried = max(-float(now.force_n[2]), 0.1 * self.weight_n)
-            self._factor = max(self._factor, SLIP_GRIP * self.weight_n / carried)
+            carried = max(-float(now.force_n[2]), 0.1 * expected_n)
+            self._factor = max(self._factor, SLIP_GRIP * expected_n / carried)
         return slips
 
     def _weigh(self, now: Situation) -> None:
@@ -291,7 +302,7 @@ class TransferMachine:
         """
         if self.holding is not Holding.CARRYING or -now.force_n[2] < 0.25 * LIGHTEST_N:
             return
-        self._remember(now, np.inf)
+        self._remember(now._replace(force_n=now.force_n / now.heaviness), np.inf)
         if len(self._loads) >= WEIGHED:
             self.weight_n = -float(np.median([force[2] for _, force in self._loads]))
 

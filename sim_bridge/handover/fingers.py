@@ -33,10 +33,10 @@ PAD_FRICTION = 1.0
 PAD_RADIUS_M = 0.015
 """Radius of the patch in which a soft pad touches [m]: a finger holds a torque of two thirds of it
 times its friction. Without it the corners of boxes touch, and what hangs off its centre creeps."""
-PAD_N_M, PAD_NS_M = 2e4, 200.0
+PAD_N_M, PAD_NS_M = 2e4, 1000.0
 """Stiffness and damping of a pad at each point that touches [N/m], [N s/m]: it yields by a
-millimetre to the strongest grip, and so presses evenly. What hard faces hold turns about one edge.
-"""
+millimetre to the strongest grip, and so presses evenly. What hard faces hold turns about one edge,
+and what slides between pads with less damping rocks (this is that of the Panda's URDF)."""
 GEAR_N = 500.0
 """Force that keeps the fingers alike apart from the middle [N]: much more than they press."""
 OPENED_M = 0.002
@@ -83,6 +83,7 @@ class Fingers:
                 self._body,
                 link,
                 lateralFriction=PAD_FRICTION,
+                frictionAnchor=False,
                 spinningFriction=PAD_RADIUS_M * 2.0 / 3.0,
                 contactStiffness=PAD_N_M,
                 contactDamping=PAD_NS_M,

@@ -70,12 +70,15 @@ def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, 
 
 
 @pytest.mark.slow
-def test_a_wet_bottle_is_gripped_before_it_is_lost_also_after_another_world():
+@pytest.mark.parametrize(
+    ("thing", "robot", "seed"), [("bottle", "lwr", 103), ("bottle", "panda", 11)]
+)
+def test_a_wet_bottle_is_gripped_before_it_is_lost_also_after_another_world(thing, robot, seed):
     """PyBullet has one threshold of contacts for all worlds of a process."""
     other = start_world()
     other.setPhysicsEngineParameter(contactBreakingThreshold=0.001)
     end_world(other)
-    outcome = run_trial(TransferTrial("slippery", "bottle", "lwr", 103))
+    outcome = run_trial(TransferTrial("slippery", thing, robot, seed))
     assert outcome.success
     assert outcome.slip_s <= NOTICED_S
 

@@ -7,6 +7,7 @@ import pytest
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import Arm
 from intent_recognition.transfer import LoadEstimator
+from intent_recognition.transfer.load import BANDWIDTH_RAD_S
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.handover import with_fingers
 
@@ -49,6 +50,26 @@ def test_static_torques_are_the_jacobian_times_the_force():
     torque = held - arm.jacobian(robot.ready).T @ wrench
     force = LoadEstimator(arm).update(0.0, robot.ready, zero, torque)
     np.testing.assert_allclose(force, wrench[:3], atol=0.1)
+
+
+def test_a_quick_motion_is_no_load():
+    """A joint that swings at up to 15 rad/s^2 within half a second, and nothing at the hand."""
+    robot, length_s = find_robot("lwr"), 0.5
+    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
+    estimator, swing = LoadEstimator(arm), 15.0 * np.eye(arm.n_joints)[1]
+    per_rad_s = length_s / (2.0 * np.pi)
+    forces, speeds, rises = [], [], []
+    for t in np.arange(0.0, length_s, 0.005):
+        qdd, qd = swing * np.sin(t / per_rad_s), swing * per_rad_s * (1.0 - np.cos(t / per_rad_s))
+        q = robot.ready + swing * per_rad_s * (t - per_rad_s * np.sin(t / per_rad_s))
+        forces.append(estimator.update(t, q, qd, arm.inverse_dynamics(q, qd, qdd)))
+        speeds.append(arm.jacobian(q)[2] @ qd)
+        rises.append(estimator.rise_m_s2)
+    late = round(1.0 / (BANDWIDTH_RAD_S * 0.005))  # of the filter
+    accelerations = np.gradient(speeds, 0.005)
+    assert np.abs(accelerations).max() > 5.0
+    np.testing.assert_allclose(rises[20 + late :], accelerations[20:-late], atol=0.5)
+    assert np.abs(forces).max() < 0.1  # 1.6 N with torques of the later measurement
 
 
 def test_gravity_torques_are_the_gradient_of_the_potential_energy():

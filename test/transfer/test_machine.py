@@ -28,8 +28,8 @@ class Course:
         self.rng, self.noise_n = np.random.default_rng(0), noise_n
         self.outputs = []
 
-    def run(self, length_s, request, force=(0.0, 0.0, -WEIGHT_N), **known):
-        """The outputs while a force, or a function of time, is felt."""
+    def run(self, length_s, request, force=(0.0, 0.0, -WEIGHT_N), rise=None, **known):
+        """The outputs while a force, or a function of time, is felt; `rise` is another of time."""
         begin = len(self.outputs)
         for k in range(round(length_s / STEP_S)):
             self.time_s += STEP_S
@@ -37,6 +37,8 @@ class Course:
             felt = np.array(felt) + self.noise_n * self.rng.standard_normal(3)
             state = {"moving": False, "speed_m_s": 0.0, "near": True, "toward": AHEAD} | known
             now = Situation(self.time_s, felt, **state)
+            if rise is not None:
+                now = now._replace(rise_m_s2=rise(k * STEP_S))
             self.outputs.append(self.machine.step(request, now))
         return self.outputs[begin:]
 
@@ -163,6 +165,23 @@ def test_what_a_person_holds_out_is_taken_when_the_person_lets_go():
     outputs = course.run(1.2, take, half_opening_m=0.03)
     assert outputs[-1].holding is Holding.CARRYING
     assert outputs[-1].weight_n == pytest.approx(WEIGHT_N)
+
+
+def test_an_arm_that_accelerates_lets_nothing_slip():
+    """Up and down at 4.5 m/s^2: the load is half as much again, and half."""
+
+    def rise(t):
+        return 4.5 * np.sin(2.0 * np.pi * t / 0.4)
+
+    def inertial(t):
+        return [0.0, 0.0, -WEIGHT_N * (1.0 + rise(t) / 9.81)]
+
+    course = Course(noise_n=0.3)
+    course.machine.carry()
+    outputs = course.run(2.0, Request.GIVE, inertial, rise, moving=True, near=False)
+    assert not any(one.slip for one in outputs)
+    assert outputs[-1].weight_n == pytest.approx(WEIGHT_N, abs=0.1)
+    assert max(one.grip_n for one in outputs) <= carrying_grip(1.5 * WEIGHT_N + 1.0)
 
 
 class Felt:
