@@ -138,8 +138,9 @@ def _demonstrations(recordings: Iterable[Demonstration]) -> Iterator[Demonstrati
         if not isinstance(recorded, Demonstration):
             found = type(recordings if recorded is None else recorded).__name__
             cure = "Make them with `Demonstration.from_arrays` or `read_demonstrations`."
-            place = f"demonstrations[{number}]"
-            raise ArgumentError.about(place, "a Demonstration in a list", found, cure)
+            cure = "Put it into a list." if isinstance(recordings, Demonstration) else cure
+            place = f"demonstrations[{number}]" if recorded is not None else "demonstrations"
+            raise ArgumentError.about(place, "a list of Demonstration", found, cure)
         yield recorded
 
 

@@ -202,10 +202,16 @@ def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing 
     source = like.source if isinstance(like, Preprocessing) else like.name
     return describe(
         "DOFs",
-        f"those of {source or 'the model'}, {expected}",
-        found,
-        "Read all recordings with one DOF file.",
+        f"those of {source or 'the model'}, {_in_words(expected)}",
+        _in_words(found),
+        "Give all the same names and units; read bags with one DOF file.",
     )
+
+
+def _in_words(dofs: Iterable[Iterable[SignalNames]]) -> str:
+    """Names and units: `x, y, z [m]; q1, q2 [rad]`."""
+    signals = (signal for side in dofs for signal in side)
+    return "; ".join(f"{', '.join(signal.names)} [{signal.unit}]" for signal in signals)
 
 
 def _dofs(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...], ...]:

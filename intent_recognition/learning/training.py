@@ -123,7 +123,7 @@ def learn_with_report(
         ArgumentError: an item is not a `Demonstration`.
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
-    settings = settings or TrainingSettings()
+    settings = TrainingSettings() if settings is None else settings
     check_type("settings", settings, TrainingSettings, "Pass `TrainingSettings(...)`, or None.")
     return learn_accumulated(accumulate(demonstrations, settings), provenance)
 

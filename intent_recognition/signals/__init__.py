@@ -51,6 +51,7 @@ from intent_recognition.signals.turns import (
 from intent_recognition.signals.units import (
     OFTEN_TAKEN,
     SPATIAL_UNITS,
+    UNITS,
     Known,
     Misfit,
     Size,
@@ -64,6 +65,8 @@ from intent_recognition.signals.units import (
     other_units,
     place_misfit,
     size_of,
+    spelled,
     taken_for,
     time_misfit,
+    unit_problem,
 )

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays that a caller passes: numbers, and times in seconds."""
 
+from datetime import datetime, timezone
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,12 +22,16 @@ def as_numbers(argument: str, values: ArrayLike) -> Floats:
 
     Args:
         argument: its name, for the message.
-        values: of any shape.
+        values: of any shape; what is masked becomes NaN.
 
     Raises:
         ShapeError: they are no numbers, or rows differ in length.
     """
     try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex numbers")
+        if isinstance(values, np.ma.MaskedArray):  # what is masked was not measured
+            values = np.ma.filled(values.astype(np.float64), np.nan)
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         got, cure = f"something else ({error})", "Pass an array, with rows of the same length."
@@ -33,12 +39,15 @@ def as_numbers(argument: str, values: ArrayLike) -> Floats:
 
 
 def as_seconds(argument: str, times: ArrayLike) -> Floats:
-    """A copy of times as seconds: numbers are seconds; dates and durations of numpy become them.
+    """A copy of times as seconds: numbers are seconds; dates and durations become them.
 
     Raises:
         ShapeError: they are neither.
     """
     array = np.asarray(times)
+    if array.dtype == object and array.size and isinstance(array.flat[0], datetime):
+        utc = [one if one.tzinfo else one.replace(tzinfo=timezone.utc) for one in array.flat]
+        return np.array([one.timestamp() for one in utc]).reshape(array.shape)
     if array.dtype.kind not in "mM":
         return as_numbers(argument, times)
     return array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64).astype(np.float64) * 1e-9
@@ -66,7 +75,8 @@ def as_stamp_ns(argument: str, time_s: float) -> int:
         expected = f"seconds, a finite number below {LATEST_S:g}"
         is_number = isinstance(time_s, int | float | np.number)
         cure = _cure(float(time_s)) if is_number else "Pass the time of one measurement."
-        raise ArgumentError.about(argument, expected, repr(time_s), cure)
+        got = f"an array of shape {np.shape(time_s)}" if np.ndim(time_s) else repr(time_s)
+        raise ArgumentError.about(argument, expected, got, cure)
     return round(time_s * 1e9)
 
 

@@ -17,7 +17,7 @@ from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
 from intent_recognition.signals.turns import continuous
-from intent_recognition.signals.units import Known
+from intent_recognition.signals.units import UNITS, Known, unit_problem
 
 UNNAMED = "demonstration"
 
@@ -129,9 +129,11 @@ class Demonstration:
         if task is not None and not can_name_task(task):
             cure = "Give one such as give_cup; None where there is no label."
             raise ArgumentError.about("task", LABEL, repr(task), cure)
-        observed = _signal("human", times_s, human, observed_names, observed_unit)
-        own_times_s = times_s if robot_times_s is None else robot_times_s
-        controlled = _signal("robot", own_times_s, robot, controlled_names, controlled_unit)
+        observed = _signal("human", "times_s", times_s, human, observed_names, observed_unit)
+        its, own_times_s = "robot_times_s", robot_times_s
+        if own_times_s is None:
+            its, own_times_s = "times_s", times_s
+        controlled = _signal("robot", its, own_times_s, robot, controlled_names, controlled_unit)
         if not observed.names:
             cure = "Pass one column per DOF."
             raise ShapeError.about("human", "at least one column", observed.values.shape, cure)
@@ -189,54 +191,66 @@ def _constant(context: ArrayLike, stamp_ns: int, names: Sequence[str] | None, un
         cure = "Leave the demonstration out."
         raise ArgumentError.about("context", "finite numbers", values, cure)
     own = tuple(names or (f"context_{k}" for k in range(len(values))))
-    return Signal(own, np.array([stamp_ns]), values[None], _unit("context", unit))
+    return Signal(own, np.array([stamp_ns]), values[None], _unit("context_unit", unit))
 
 
 def _signal(
-    argument: str, times_s: ArrayLike, values: ArrayLike, names: Sequence[str] | None, unit: str
+    argument: str,
+    times_name: str,
+    times_s: ArrayLike,
+    values: ArrayLike,
+    names: Sequence[str] | None,
+    unit: str,
 ) -> Signal:
-    """The signal of one agent, its arrays checked."""
-    times, samples = as_seconds(f"times of {argument}", times_s), as_numbers(argument, values)
+    """The signal of one agent, its arrays checked; messages name the caller's arguments."""
+    side = "observed" if argument == "human" else "controlled"
+    times, samples = as_seconds(times_name, times_s), as_numbers(argument, values)
     if times.ndim != 1:
         cure = "Pass one time for each sample."
-        raise ShapeError.about(f"times of {argument}", "shape (T,)", times.shape, cure)
+        raise ShapeError.about(times_name, "shape (T,)", times.shape, cure)
     if samples.ndim != 2 or len(samples) != len(times):
         expected = f"shape ({times.size}, number of DOFs), a row for each of {times.size} times"
         cure = "Pass one row per time and one column per DOF."
+        if samples.ndim == 2 and samples.shape[1] == times.size:
+            cure = f"Pass it transposed: {argument}.T."
+        elif samples.ndim == 2 and argument == "robot":
+            cure = "Pass its own times as robot_times_s, or one row per time of the human."
         raise ShapeError.about(argument, expected, samples.shape, cure)
     n_dofs = samples.shape[1]
     names = [f"{argument}_{k}" for k in range(n_dofs)] if names is None else names
     if len(names) != n_dofs:
         expected, cure = f"{n_dofs}, one per column", "Name every DOF once."
-        raise ShapeError.about(f"names of {argument}", expected, len(names), cure)
+        raise ShapeError.about(f"{side}_names", expected, len(names), cure)
     if len({name for name in names if isinstance(name, str) and name}) != n_dofs:
         expected, cure = f"{n_dofs} different texts", "Name every DOF once."
-        raise ArgumentError.about(f"names of {argument}", expected, list(names), cure)
+        raise ArgumentError.about(f"{side}_names", expected, list(names), cure)
     measured = ~np.all(np.isnan(samples), axis=1) | (n_dofs == 0)
     times, samples = times[measured], samples[measured]
-    _check(argument, times, samples)
+    _check(argument, times_name, times, samples)
     stamps_ns = np.round(times * 1e9).astype(np.int64)
-    return Signal(tuple(names), stamps_ns, samples, _unit(argument, unit))
+    return Signal(tuple(names), stamps_ns, samples, _unit(f"{side}_unit", unit))
 
 
 def _unit(argument: str, unit: object) -> str:
     if not isinstance(unit, str) or not unit:
         cure = "Pass 'm', 'rad', or what the numbers are in."
-        raise ArgumentError.about(f"unit of {argument}", "a text", repr(unit), cure)
+        raise ArgumentError.about(argument, "a text", repr(unit), cure)
+    if cure := unit_problem(unit):
+        raise ArgumentError.about(argument, ", ".join(UNITS), unit, cure)
     return unit
 
 
-def _check(argument: str, times_s: Floats, samples: Floats) -> None:
+def _check(argument: str, times_name: str, times_s: Floats, samples: Floats) -> None:
     """Refuse what no signal can be made of."""
     if len(times_s) < MIN_SAMPLES:
-        expected = f"at least {MIN_SAMPLES} samples"
+        expected = f"at least {MIN_SAMPLES} samples that are not NaN"
         raise ArgumentError.about(argument, expected, len(times_s), "Record more.")
     if not np.all(np.isfinite(samples)):
         row, column = np.argwhere(~np.isfinite(samples))[0]
         got = f"{samples[row, column]} in column {column} at {times_s[row]:g} s"
-        cure = "Leave that sample out."
+        cure = "Leave that sample out, or make the whole row NaN."
         raise ArgumentError.about(argument, "finite numbers, or NaN in a whole row", got, cure)
-    check_times(f"times of {argument}", times_s)
+    check_times(times_name, times_s)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,18 @@ from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 SPATIAL_UNITS = ("m", "rad")
 """Units that constants are given in. Their numbers are added, too: over the reach of an arm, a
 radian at a joint is a metre at the hand. Convention."""
+UNITS = {
+    "m": ("m", "metre", "meter"),
+    "dm": ("dm", "decimetre", "decimeter"),
+    "cm": ("cm", "centimetre", "centimeter"),
+    "mm": ("mm", "millimetre", "millimeter"),
+    "um": ("um", "\u00b5m", "\u03bcm", "micrometre", "micrometer", "micron"),
+    "in": ("in", "inch", "inches"),
+    "ft": ("ft", "foot", "feet"),
+    "deg": ("deg", "degree", "\u00b0"),
+    "rad": ("rad", "radian"),
+}
+"""How people spell each unit, in lower case and but for a plural s."""
 OFTEN_TAKEN = {
     "m": {"millimetres": 1000.0, "centimetres": 100.0},
     "rad": {"degrees": 180.0 / np.pi},
@@ -96,6 +108,23 @@ class Size(NamedTuple):
     unit: str
     level: float
     extent: float
+
+
+def spelled(unit: str) -> str:
+    """A unit of length or angle as it is written here, whatever others call it; else as it is."""
+    one, slash, per = unit.strip().partition("/")
+    low = one.strip().lower()
+    for name, known in UNITS.items():
+        if low in known or low.removesuffix("s") in known:
+            return f"{name}{slash}{per.strip()}"
+    return unit.strip()
+
+
+def unit_problem(unit: str) -> str:
+    """What to write instead of a known unit that is spelled otherwise, in words; "" for nothing."""
+    return f"Write {spelled(unit)!r}: by any other name it is a unit of its own." * (
+        spelled(unit) != unit
+    )
 
 
 def commensurate(units: Sequence[str]) -> list[Integers]:

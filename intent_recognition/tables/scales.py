@@ -1,39 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units of lengths and angles as files spell them, and the factors between them."""
+"""Factors between the units of lengths and angles."""
 
 import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import DofError
+from intent_recognition.signals import UNITS, spelled
 
-UNITS = {
-    "m": ("m", "metre", "meter"),
-    "dm": ("dm", "decimetre", "decimeter"),
-    "cm": ("cm", "centimetre", "centimeter"),
-    "mm": ("mm", "millimetre", "millimeter"),
-    "um": ("um", "\u00b5m", "\u03bcm", "micrometre", "micrometer", "micron"),
-    "in": ("in", "inch", "inches"),
-    "ft": ("ft", "foot", "feet"),
-    "deg": ("deg", "degree", "\u00b0"),
-    "rad": ("rad", "radian"),
-}
-"""How files spell each unit, in lower case and but for a plural s."""
 PER_BASE = {
     "m": (1, 1), "dm": (1, 10), "cm": (1, 100), "mm": (1, 1000), "um": (1, 10**6),
     "in": (127, 5000), "ft": (381, 1250), "rad": (1, 1), "deg": (np.pi, 180),
 }  # fmt: skip
 """What each unit is, in metres or radians, as a quotient that rounds once."""
 ANGLES = ("deg", "rad")
-
-
-def spelled(unit: str) -> str:
-    """A unit of length or angle as it is written here, whatever a file calls it; else as it is."""
-    one, slash, per = unit.strip().partition("/")
-    low = one.strip().lower()
-    for name, known in UNITS.items():
-        if low in known or low.removesuffix("s") in known:
-            return f"{name}{slash}{per.strip()}"
-    return unit.strip()
+LENGTHS = tuple(unit for unit in UNITS if unit not in ANGLES)
 
 
 def check_convertible(unit: str, wanted: str, place: str) -> None:

@@ -11,9 +11,9 @@ import yaml
 
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, POSE
-from intent_recognition.signals import POSITION_FIELDS
+from intent_recognition.signals import POSITION_FIELDS, spelled
 from intent_recognition.tables.cells import without_zeros
-from intent_recognition.tables.scales import ANGLES, spelled
+from intent_recognition.tables.scales import ANGLES
 from intent_recognition.tables.table import Table
 
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}

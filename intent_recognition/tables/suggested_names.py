@@ -6,7 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from intent_recognition.tables.scales import PER_BASE, spelled
+from intent_recognition.signals import spelled
+from intent_recognition.tables.scales import LENGTHS
 from intent_recognition.tables.suggested_entries import SeenColumn
 
 COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
@@ -54,7 +55,7 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         if match := ELEMENTS.match(name):
             found.setdefault(match["body"], {})[match["element"]] = name
         end = UNIT_END.search(name)
-        if end and end["unit"] and PER_BASE.get(spelled(end["unit"]), (1, 180)) == (1, 180):
+        if end and end["unit"] and spelled(end["unit"]) not in LENGTHS:
             continue
         match = PLACES.match(UNIT_END.sub("", name))
         if match and not NO_PLACE.search(match["body"]):

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from intent_recognition.errors import BagError
+from intent_recognition.signals import spelled
 from intent_recognition.tables.cells import Values
-from intent_recognition.tables.scales import scale_between, spelled
+from intent_recognition.tables.scales import scale_between
 
 MOST_NAMED = 6
 """Missing columns that a message names. Convention."""

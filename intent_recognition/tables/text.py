@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.cells import MISSING, Values, with_point
 from intent_recognition.tables.headers import OF_VICON, Header, known_header
-from intent_recognition.tables.scales import UNITS, spelled
 from intent_recognition.tables.table import Table, check_columns, unusable
 
 DELIMITERS = ",;\t| "

@@ -47,7 +47,7 @@ def test_learn_mixture_ignores_labels(demonstrations):
         (lambda all_: all_[:1], TrainingError, "at least two demonstrations"),
         (lambda all_: [], TrainingError, "at least two usable"),
         (lambda all_: [replace(one, task=None) for one in all_], TrainingError, "no label"),
-        (lambda all_: all_[0], ArgumentError, "a Demonstration in a list"),
+        (lambda all_: all_[0], ArgumentError, "a list of Demonstration, .* Put it into a list"),
         (lambda all_: [all_[0], np.zeros((5, 3))], ArgumentError, r"demonstrations\[1\].*ndarray"),
     ],
 )

@@ -2,6 +2,7 @@
 """Demonstrations made of arrays."""
 
 import warnings
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
@@ -45,11 +46,15 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
     [
         (TIMES_S, HUMAN[:-1], ROBOT, {}, ShapeError, "human: expected shape"),
         (TIMES_S, HUMAN[:, 0], ROBOT, {}, ShapeError, "human: expected shape"),
-        (TIMES_S, HUMAN, ROBOT[:-1], {}, ShapeError, "robot: expected shape"),
-        (TIMES_S[:, None], HUMAN, ROBOT, {}, ShapeError, "times of human: expected shape"),
+        (TIMES_S, HUMAN, ROBOT[:-1], {}, ShapeError, "robot: expected shape .* robot_times_s"),
+        (TIMES_S, HUMAN.T, ROBOT, {}, ShapeError, "Pass it transposed: human.T"),
+        (TIMES_S, HUMAN + 1j, ROBOT, {}, ShapeError, "human: .*complex numbers"),
+        (TIMES_S, HUMAN, ROBOT, {"observed_unit": "Meters"}, ArgumentError, "Write 'm'"),
+        (TIMES_S, HUMAN, ROBOT, {"controlled_unit": "degrees"}, ArgumentError, "Write 'deg'"),
+        (TIMES_S[:, None], HUMAN, ROBOT, {}, ShapeError, "times_s: expected shape"),
         (TIMES_S, "abc", ROBOT, {}, ShapeError, "human: expected an array of numbers"),
         (TIMES_S, [[0.0], [0.0, 1.0]], ROBOT, {}, ShapeError, "human: expected an array"),
-        (TIMES_S, HUMAN, ROBOT, {"observed_names": ("x",)}, ShapeError, "names of human"),
+        (TIMES_S, HUMAN, ROBOT, {"observed_names": ("x",)}, ShapeError, "observed_names"),
         (TIMES_S, HUMAN, ROBOT, {"observed_names": ("x", "x")}, ArgumentError, "2 different texts"),
         (TIMES_S, HUMAN, ROBOT, {"observed_names": (1, 2)}, ArgumentError, r"got \[1, 2\]"),
         (TIMES_S[::-1], HUMAN, ROBOT, {}, ArgumentError, "got 0.9 after 1 in row 1"),
@@ -62,7 +67,7 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
             ArgumentError,
             "Likely nanoseconds since 1970",
         ),
-        (TIMES_S, HUMAN, ROBOT, {"controlled_unit": 3}, ArgumentError, "unit of robot"),
+        (TIMES_S, HUMAN, ROBOT, {"controlled_unit": 3}, ArgumentError, "controlled_unit"),
         (TIMES_S, HUMAN, ROBOT, {"task": "none"}, ArgumentError, "task: expected a label"),
         (TIMES_S, HUMAN, ROBOT, {"task": "a/b"}, ArgumentError, "task: expected a label"),
         (TIMES_S, HUMAN, ROBOT, {"task": 3}, ArgumentError, "got 3"),
@@ -127,6 +132,12 @@ def test_the_human_may_be_alone_but_not_missing():
         Demonstration.from_arrays(LONG_S, np.empty((101, 0)), reach())
 
 
+def test_what_is_masked_was_not_measured():
+    human = np.ma.masked_array(HUMAN, mask=np.isin(TIMES_S, TIMES_S[[0, 4]])[:, None] | (HUMAN < 0))
+    made = Demonstration.from_arrays(TIMES_S, human, ROBOT)
+    assert np.array_equal(made.observed[0].values, np.delete(HUMAN, [0, 4], axis=0))
+
+
 def test_a_row_that_was_measured_in_part_is_refused():
     human = HUMAN.copy()
     human[3, 1] = np.nan
@@ -139,6 +150,13 @@ def test_it_is_shown_on_one_line():
     assert shown == (
         "<Demonstration 'first': task 'reach', 1.00 s, 2 observed and 1 controlled DOFs>"
     )
+
+
+def test_dates_of_python_are_times_in_utc_where_they_have_no_zone():
+    first = datetime(2024, 1, 31, 10)
+    times = [first + timedelta(seconds=second) for second in TIMES_S.tolist()]
+    made = Demonstration.from_arrays(times, HUMAN, ROBOT)
+    assert made.start_ns == 1_706_695_200_000_000_000 and made.duration_s == 1.0
 
 
 @pytest.mark.parametrize("kind", ["M", "m"])
