@@ -15,7 +15,7 @@ from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
 from intent_recognition.errors import ArgumentError, DofError
 from intent_recognition.share import share_path
-from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS, UNITS, unit_problem
+from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS, spelled
 from intent_recognition.tracking import Extrinsics, parse_extrinsics
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
@@ -219,8 +219,8 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
     if unknown := sorted(set(map(str, item)) - set(keys)):
         raise _error(place, f"only the keys {', '.join(keys)}", ", ".join(unknown))
     texts = {key: _text(item, key, place) for key in ("topic", "type", "unit")}
-    if cure := unit_problem(texts["unit"]):
-        raise _error(f"{place}: unit", ", ".join(UNITS), texts["unit"], cure)
+    if (unit := spelled(texts["unit"])) != texts["unit"]:  # which would be a unit of its own
+        raise _error(f"{place}: unit", f"{unit}, as it is written here", texts["unit"])
     if not TYPE_NAME.fullmatch(texts["type"]):
         raise _error(f"{place}: type", "package/msg/Name", texts["type"])
     if not relative_topic(texts["topic"]):

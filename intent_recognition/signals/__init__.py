@@ -68,5 +68,4 @@ from intent_recognition.signals.units import (
     spelled,
     taken_for,
     time_misfit,
-    unit_problem,
 )

@@ -17,7 +17,7 @@ from intent_recognition.signals.labels import LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
 from intent_recognition.signals.turns import continuous
-from intent_recognition.signals.units import UNITS, Known, unit_problem
+from intent_recognition.signals.units import Known, spelled
 
 UNNAMED = "demonstration"
 
@@ -235,8 +235,9 @@ def _unit(argument: str, unit: object) -> str:
     if not isinstance(unit, str) or not unit:
         cure = "Pass 'm', 'rad', or what the numbers are in."
         raise ArgumentError.about(argument, "a text", repr(unit), cure)
-    if cure := unit_problem(unit):
-        raise ArgumentError.about(argument, ", ".join(UNITS), unit, cure)
+    if (own := spelled(unit)) != unit:
+        cure = f"Write {own!r}: by any other name it is a unit of its own."
+        raise ArgumentError.about(argument, f"the unit {own}", repr(unit), cure)
     return unit
 
 

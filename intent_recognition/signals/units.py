@@ -120,13 +120,6 @@ def spelled(unit: str) -> str:
     return unit.strip()
 
 
-def unit_problem(unit: str) -> str:
-    """What to write instead of a known unit that is spelled otherwise, in words; "" for nothing."""
-    return f"Write {spelled(unit)!r}: by any other name it is a unit of its own." * (
-        spelled(unit) != unit
-    )
-
-
 def commensurate(units: Sequence[str]) -> list[Integers]:
     """Indices of the DOFs whose numbers may be added: metres and radians, then each other unit.
 

@@ -108,7 +108,7 @@ def test_round_trip():
         (spec(topic=3), "topic"),
         (spec(type="PoseStamped"), "type"),
         (spec(unit=None), "unit"),
-        (spec(unit="Metres"), "Write 'm': by any"),
+        (spec(unit="Metres"), "unit: expected m, as it is written here"),
         (spec(fields=[]), "fields"),
         (spec(fields="pose.x"), "fields"),
         (spec(fields=["pose..x"]), "fields"),
