@@ -6,21 +6,33 @@ from pathlib import Path
 
 from intent_recognition.bags import JOINT_STATE, POSE, BagReader
 from intent_recognition.errors import BagError
-from intent_recognition.signals import POSITION_FIELDS
 from intent_recognition.tables.file_kinds import name_pattern
 from intent_recognition.tables.suggested_entries import flow
+
+PLACES = {
+    POSE: "pose.position",
+    "geometry_msgs/msg/TransformStamped": "transform.translation",
+    "nav_msgs/msg/Odometry": "pose.pose.position",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
+    "geometry_msgs/msg/PointStamped": "point",
+    "geometry_msgs/msg/Pose": "position",
+}
+"""Types of messages that hold the place of one body [m], and where."""
 
 
 def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     """The text of a map that labels recordings by their names."""
     reader = BagReader(bags[0])
-    poses = [t.name for t in reader.topics.values() if t.type == POSE and t.message_count]
-    states = [t.name for t in reader.topics.values() if t.type == JOINT_STATE and t.message_count]
-    entries = [*map(_pose, poses), *(_joints(reader, topic) for topic in states)]
+    filled = {t.name: t.type for t in reader.topics.values() if t.message_count}
+    poses = [name for name, kind in filled.items() if kind in PLACES]
+    states = [name for name, kind in filled.items() if kind == JOINT_STATE]
+    entries = [_place(topic, filled[topic]) for topic in poses]
+    entries += [_joints(reader, topic) for topic in states]
     if not entries:
         got = ", ".join(f"{t.name} ({t.type})" for t in reader.topics.values()) or "no topics"
         cure = "Write the DOF file by hand (docs/bags.md)."
-        raise BagError.about(str(bags[0]), f"{POSE} or {JOINT_STATE}", got, cure)
+        expected = f"{', '.join(PLACES)} or {JOINT_STATE}"
+        raise BagError.about(str(bags[0]), expected, got, cure)
     pattern = name_pattern(source, bags)
     others = [t.name for t in reader.topics.values() if t.name not in (*poses, *states)]
     lines = [
@@ -37,8 +49,9 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _pose(topic: str) -> list[str]:
-    return [*_head(topic, POSE), f"    fields: {flow(list(POSITION_FIELDS))}", "    unit: m"]
+def _place(topic: str, kind: str) -> list[str]:
+    fields = [f"{PLACES[kind]}.{axis}" for axis in "xyz"]
+    return [*_head(topic, kind), f"    fields: {flow(fields)}", "    unit: m"]
 
 
 def _joints(reader: BagReader, topic: str) -> list[str]:

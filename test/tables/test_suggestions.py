@@ -4,13 +4,16 @@
 import numpy as np
 import pytest
 import yaml
-from bag_builder import write_ros1
+from bag_builder import JOINTS, POSE, START_NS, write_ros1
 from tables.odd_files import PLACE, SHARE, TIMES_S, cells, day_time, plain, table
 
+from intent_recognition.bags import BagReader, BagWriter
+from intent_recognition.demonstrations import extract
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
+from intent_recognition.tables.suggested_bags import PLACES
 
 
 def test_a_suggestion_knows_joints_from_clocks(tmp_path):
@@ -47,6 +50,25 @@ def test_a_map_is_suggested_of_bags(tmp_path):
     (tmp_path / "give_00.bag").unlink()
     with pytest.raises(BagError):
         suggest_map(tmp_path)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in PLACES if kind != POSE])
+def test_a_body_in_any_message_that_holds_its_place_is_observed(kind, tmp_path):
+    content: dict = {"x": 1.0, "y": 2.0, "z": 3.0}
+    for part in reversed(PLACES[kind].split(".")):
+        content = {part: content}
+    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
+        for k in range(5):
+            states = {"header": {"stamp": START_NS + k}, "name": ["q"], "position": [k / 10]}
+            writer.write_message("/q", JOINTS, states, START_NS + k)
+            writer.write_message("/vicon/wrist", kind, content, START_NS + k)
+    content = yaml.safe_load(suggest_map(tmp_path))
+    (place,) = content["observed"]
+    assert (place["topic"], place["type"]) == ("/vicon/wrist", kind)
+    assert content["controlled"][0]["joints"] == ["q"]
+    (entry,) = ImportMap.from_dict(content).dofs.observed
+    (message, *_) = BagReader(tmp_path / "give_00").messages(["/vicon/wrist"])
+    assert extract(entry, message.message).tolist() == [1.0, 2.0, 3.0]
 
 
 def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
