@@ -40,8 +40,8 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         return None, [f"no usable {FILE_NAME}"]
 
 
-TABLES = (".csv", ".tsv", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", ".h5", ".hdf5", ".json",
-          ".jsonl")  # fmt: skip
+TABLES = (".csv", ".tsv", ".npy", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", ".h5", ".hdf5",
+          ".mat", ".json", ".jsonl")  # fmt: skip
 """Files that are no bags, but can become some."""
 
 

@@ -11,7 +11,7 @@ from intent_recognition.tables.hdf5 import open_hdf5
 from intent_recognition.tables.landmarks import FRAMES, open_frames, open_landmarks
 from intent_recognition.tables.lerobot import open_lerobot
 from intent_recognition.tables.mvnx import open_mvnx
-from intent_recognition.tables.npz import open_npz
+from intent_recognition.tables.npz import open_npy, open_npz
 from intent_recognition.tables.parquet import open_parquet
 from intent_recognition.tables.table import Table, unusable
 from intent_recognition.tables.text import MOST_CSV, TEXTS, open_text
@@ -20,10 +20,12 @@ from intent_recognition.untrusted import UntrustedError, check_regular
 LEROBOT = "meta/info.json"
 SUFFIXES: dict[str, Callable[[Path], Table]] = {
     ".npz": open_npz,
+    ".npy": open_npy,
     ".parquet": open_parquet,
     ".c3d": open_c3d,
     ".bvh": open_bvh,
     ".mvnx": open_mvnx,
+    ".mat": open_hdf5,
     ".h5": open_hdf5,
     ".hdf5": open_hdf5,
     ".json": open_landmarks,
@@ -78,7 +80,7 @@ def find_tables(source: Path) -> list[Path]:
     if not found:
         kinds = ", ".join([*TEXTS, *SUFFIXES])
         got = "nothing of that name" if not source.exists() else "none"
-        cure = "Check the path; save spreadsheets as CSV, and .npy as .npz."
+        cure = "Check the path; save spreadsheets as CSV."
         raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
     return found
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""HDF5 of robot learning: robomimic, Isaac Lab, ALOHA, and any with arrays (T, d)."""
+"""HDF5 of robot learning: robomimic, Isaac Lab, ALOHA, and any with arrays (T, d); MATLAB's MAT."""
 
 from pathlib import Path
 
@@ -21,12 +21,12 @@ def open_hdf5(path: Path) -> Table:
     demonstration, are told apart by the column `demonstration`.
     """
     optional("h5py")
-    arrays = read_isolated("hdf5_reading.py", path, "an HDF5 file")
+    arrays = read_isolated("hdf5_reading.py", path, "an HDF5 or MAT file")
     rate = float(arrays.pop("#rate"))
     left_out = arrays.pop("#left_out", np.empty(0)).tolist()
     columns = flat_columns(path, arrays)
     if not columns:
-        raise unusable(path, "arrays of numbers (T, d)", "none", "Check it with h5dump.")
+        raise unusable(path, "arrays of numbers (T, d)", "none", "Save arrays of numbers.")
     defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 else {}
     if "demonstration" in columns:
         defaults["segments"] = {"column": "demonstration"}

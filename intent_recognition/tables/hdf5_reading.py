@@ -4,6 +4,7 @@
 import importlib
 import json
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -28,7 +29,9 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     robomimic notes, 0 for none; `#left_out` names arrays that have no row for each sample. Images
     and what has more dimensions are left out.
     """
-    h5py = importlib.import_module("h5py")
+    if not (h5py := importlib.import_module("h5py")).is_hdf5(path):  # MATLAB's before 7.3
+        matlab = importlib.import_module("scipy.io").loadmat(path, simplify_cells=True)
+        return {**samples_first(dict(_of_structs(matlab, ""))), "#rate": np.array(0.0)}
     with h5py.File(path, "r") as file:
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
@@ -71,6 +74,16 @@ def samples_first(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         lengths = {max(lengths, key=widths.count)} if lengths else set()
     turned = {key: np.squeeze(arrays[key].T) for key in wide if arrays[key].shape[1] in lengths}
     return arrays | turned
+
+
+def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Arrays of numbers in structs within one another, by their paths."""
+    for key, value in content.items():
+        array = np.asarray(value)
+        if isinstance(value, dict):
+            yield from _of_structs(value, f"{before}{key}.")
+        elif array.dtype.kind in "fiub" and array.size and array.ndim in (1, 2, 3):
+            yield before + key, array
 
 
 def _demonstrations(h5py: Any, top: Any) -> list[str]:

@@ -115,6 +115,11 @@ def open_landmarks(path: Path) -> Table:
     """Frames of MediaPipe: `right_wrist.x`, ...; those in metres where the file has them."""
     content = _load(path)
     frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
+    if frames is None and isinstance(content, dict):  # rows under a name of their own
+        lists = [
+            v for v in content.values() if isinstance(v, list) and v and isinstance(v[0], dict)
+        ]
+        frames = lists[0] if len(lists) == 1 else None
     if isinstance(content, dict) and (keys := _numbered(content)):
         frames = [content[key] for key in keys]
     if isinstance(content, dict) and not isinstance(frames, list):

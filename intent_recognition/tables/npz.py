@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays of an `.npz`."""
+"""Arrays of an `.npz`, and of an `.npy`."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,6 +22,20 @@ def open_npz(path: Path) -> Table:
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
     arrays = samples_first(arrays)
     return table_of(path, flat_columns(path, arrays), notes=transposed(arrays))
+
+
+def open_npy(path: Path) -> Table:
+    """One array (T, d): columns have numbers."""
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        if array.ndim != 2:
+            raise ValueError(f"an array of shape {array.shape}")
+    except (OSError, ValueError, EOFError) as error:
+        cure = "Write it with numpy.save, or several with numpy.savez."
+        raise unusable(path, "one array (T, d) of numbers", error, cure) from error
+    check_columns(path, array.shape[1])
+    columns = {str(k): np.asarray(column) for k, column in enumerate(array.T)}
+    return table_of(path, columns, notes=transposed({"it": array}))
 
 
 def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values]:

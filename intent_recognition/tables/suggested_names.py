@@ -14,7 +14,7 @@ COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
 COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
 """What columns are called that were commanded, not measured."""
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|\bobject|\bacc|gyr|mag|secs?\b|header|vel|effort|torque|current|temp|force"
+    r"(?i)stamp|time|elapsed|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b|header|vel|effort|torque|current|temp|force"
     rf"|quality|error|gripper|\bjaw|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
 """What columns are called that move and are no position of a joint of an arm."""
@@ -29,18 +29,21 @@ TASK_NAME = re.compile(
 """What columns are called that say the task."""
 NO_TASK = re.compile(r"(?i)frame_?id|(?:^|[\W_])(?:date|time)")
 """What columns of texts are called that say no task."""
+LANDMARK = re.compile(r"(?P<body>.+\.\d+)\.(?P<element>\d)")
+"""Elements of arrays (T, n, d): of places, if d is 3."""
 ELEMENTS = re.compile(
     r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
     r"[._\[](?P<element>\d)\]?$"
 )
+POSE_NAME = re.compile(r"(?i)pose|cartesian")
 POSE_SIZES = (3, 6, 7)
 """Elements of a place: x, y, z, and a rotation vector or a quaternion."""
 UNIT_END = re.compile(r"\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])]|(?<=[xyzXYZ])_(?:mm|cm|m))$")
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
 NO_PLACE = re.compile(
-    r"(?i)rotation|orientation|velocity|\bacc|gyr|mag|euler"
-    r"|(?:angle|force|moment|power|torque)s?$"
+    r"(?i)rotation|orientation|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
+    r"|(?:rot|vel|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
 )
 NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmg]$")
 """Letters right before an axis that speak of an angle, a velocity, a force, ..., as in `rx`."""
@@ -52,7 +55,7 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
     for name in columns:
         if COMMANDED.search(name):
             continue
-        if match := ELEMENTS.match(name):
+        if match := ELEMENTS.match(name) or LANDMARK.fullmatch(name):
             found.setdefault(match["body"], {})[match["element"]] = name
         end = UNIT_END.search(name)
         if end and end["unit"] and spelled(end["unit"]) not in LENGTHS:
@@ -62,9 +65,9 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
             if not match["between"] and NO_PLACE_BEFORE_AXIS.search(match["body"]):
                 continue
             found.setdefault(match["body"], {})[match["axis"].lower()] = name
-    bodies = {}
+    bodies = _of_matrices(columns)
     for body, axes in found.items():
-        sizes = POSE_SIZES if "pose" in body.lower() else POSE_SIZES[:1]
+        sizes = POSE_SIZES if POSE_NAME.search(body) else POSE_SIZES[:1]
         is_pose = len(axes) in sizes and set(axes) == set(map(str, range(len(axes))))
         in_image = set(axes) == set("xy") and body.rstrip("._ ")
         if set(axes) == set("xyz") or is_pose or in_image:  # with w it is a quaternion
@@ -72,10 +75,26 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
     return bodies
 
 
+def _of_matrices(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
+    """Last columns of matrices of poses, arrays (T, 4, 4): `BODY.0.3`, `BODY.1.3`, `BODY.2.3`."""
+    found = {}
+    for name in columns:
+        body = name.removesuffix(".3.3")
+        places = [f"{body}.{row}.3" for row in range(3)]
+        if body != name and set(places) <= set(columns):
+            found[body] = places
+    return found
+
+
 def orientations_of(columns: Mapping[str, SeenColumn], bodies: Collection[str]) -> set[str]:
-    """Columns of an array that is a place and an orientation, which are of the latter."""
+    """Columns of an orientation: those of an array behind its place, quaternions, matrices."""
     matches = {name: match for name in columns if (match := ELEMENTS.match(name))}
-    return {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
+    rest = {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
+    axes = {name: match for name in columns if (match := PLACES.match(UNIT_END.sub("", name)))}
+    turning = {match["body"] for match in axes.values() if match["axis"] in "wW"}
+    matrices = tuple(f"{body}." for body in _of_matrices(columns))
+    rest |= {name for name in columns if matrices and name.startswith(matrices)}
+    return rest | {name for name, match in axes.items() if match["body"] in turning}
 
 
 def is_marker_of(body: str, bodies: Sequence[str]) -> bool:

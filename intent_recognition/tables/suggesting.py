@@ -52,7 +52,9 @@ MOST_BODIES = 8
 """Bodies that a suggestion has. Convention: a person is asked to delete the others."""
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
-TIME_NAME = re.compile(r"(?i)(^|[^a-z])(t|times?|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)")
+TIME_NAME = re.compile(
+    r"(?i)(^|[^a-z])(t|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)"
+)
 LATER = re.compile(r"(?i)next(_obs)?[./]")
 """What columns are called that hold the next row's, as robomimic and LeRobot have them."""
 NO_RATE = "not in the file: give the rate in Hz"

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from tables.odd_files import PLACE, ROWS, TIMES_S, imported
 
 from intent_recognition.tables import import_demonstrations
@@ -46,11 +47,14 @@ def test_samples_along_another_axis_are_named(array, words, tmp_path):
 
 
 @pytest.mark.parametrize("times", [TIMES_S, TIMES_S[None], TIMES_S[:, None]])
-@pytest.mark.parametrize("kind", ["npz", "h5", "demonstrations"])
+@pytest.mark.parametrize("kind", ["npz", "h5", "demonstrations", "mat"])
 def test_samples_along_the_second_axis_are_read_as_along_the_first(kind, times, tmp_path):
     arrays = {"t": times, "w": PLACE.T / 1000, "q": np.arange(7)[:, None] + TIMES_S, "few": [1, 2]}
     if kind == "npz":
         np.savez(tmp_path / "a.npz", **arrays)
+    elif kind == "mat":
+        pytest.importorskip("h5py")
+        savemat(tmp_path / "a.mat", {"note": "by me", "s": {"b": {"c": [1.0]}}, **arrays})
     else:
         before = "data/demo_0/" if kind == "demonstrations" else ""
         with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
@@ -63,6 +67,20 @@ def test_samples_along_the_second_axis_are_read_as_along_the_first(kind, times, 
     t, *w, q = found.values()
     np.testing.assert_array_equal([t, q], [TIMES_S, 6 + TIMES_S])
     np.testing.assert_array_equal(np.column_stack(w), PLACE / 1000)
+
+
+def test_an_npy_has_columns_by_number(tmp_path):
+    np.save(tmp_path / "made.npy", np.column_stack([TIMES_S, PLACE / 1000]))
+    content = (tmp_path / "made.npy").read_bytes()
+    samples, said = imported(tmp_path, "a.npy", content, [1, 2, 3], time={"column": 0})
+    assert not said
+    np.testing.assert_array_equal(samples.values, PLACE / 1000)
+    np.save(tmp_path / "made.npy", np.zeros((2, 3, 4)))
+    content = (tmp_path / "made.npy").read_bytes()
+    assert "(2, 3, 4)" in imported(tmp_path, "a.npy", content, [1, 2, 3])[1]
+    np.save(tmp_path / "made.npy", np.array([{}]), allow_pickle=True)
+    content = (tmp_path / "made.npy").read_bytes()
+    assert "one array (T, d)" in imported(tmp_path, "a.npy", content, [1, 2, 3])[1]
 
 
 def test_a_replay_buffer_is_cut_and_fields_of_records_are_columns(tmp_path):
@@ -200,3 +218,12 @@ def test_numbered_groups_of_hdf5_are_demonstrations(tmp_path):
 )
 def test_json_of_something_else_is_refused(content, tmp_path):
     assert imported(tmp_path, "a.json", content, time={"rate": 100})[0] is None
+
+
+def test_rows_of_json_under_any_name_are_read(tmp_path):
+    rows = [{"t": t, "w": dict(zip("xyz", p, strict=True))} for t, p in zip(TIMES_S, PLACE)]
+    content = json.dumps({"made": {"by": "me"}, "data": rows}, default=list)
+    columns = [f"w.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.json", content, columns, unit="mm", time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000)

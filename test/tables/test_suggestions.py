@@ -214,6 +214,12 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
         ("t,vx,vy,vz,p_x,p_y,p_z", "p_x"),
         ("t,p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],v_x [m s^-1],v_y [m s^-1],v_z [m s^-1]", "p_RS"),
         ("t,elbow_angles.x,elbow_angles.y,elbow_angles.z,hand.x,hand.y,hand.z", "hand"),
+        ("t,posX,posY,posZ,rotX,rotY,rotZ,rotW", "posX"),
+        ("elapsed,lin_acc_x,lin_acc_y,lin_acc_z,hand_x,hand_y,hand_z", "hand_x"),
+        ("t,vel.x,vel.y,vel.z,hand.x,hand.y,hand.z", "hand"),
+        ("t,magnet_x,magnet_y,magnet_z,image_x,image_y,image_z", "image"),
+        ("t,w.1.0,w.1.1,w.1.2,w.2.0,w.2.1,w.2.2,w.2.3", "w.1.0"),
+        ("t,cartesian_position.0,cartesian_position.1,cartesian_position.2,a.3,a.4,a.5", "cart"),
         ("t,action.x,action.y,action.z,state.x,state.y,state.z", "state.x"),
     ],
 )
@@ -226,6 +232,15 @@ def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_
     entries = content["observed"] + content.get("controlled", [])
     (first,) = [entry["columns"][0] for entry in entries if "PoseStamped" in entry["type"]]
     assert first.startswith(place)
+
+
+def test_the_place_in_a_matrix_of_a_pose_is_found(tmp_path):
+    matrices = np.tile(np.eye(4), (len(TIMES_S), 1, 1))
+    matrices[:, :3, 3] = PLACE / 1000
+    np.savez(tmp_path / "a.npz", t=TIMES_S, hand=matrices)
+    content, text, (found,) = suggested(tmp_path / "a.npz")
+    np.testing.assert_array_equal(found.samples[0].values, PLACE / 1000)
+    assert "controlled" not in content and "joints" not in text
 
 
 def test_trials_and_labels_are_known_by_their_names(tmp_path):
