@@ -2,6 +2,7 @@
 """What the names of columns say of them, by which a map is suggested."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
@@ -91,7 +92,8 @@ def orientations_of(columns: Mapping[str, SeenColumn], bodies: Collection[str]) 
     matches = {name: match for name in columns if (match := ELEMENTS.match(name))}
     rest = {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
     axes = {name: match for name in columns if (match := PLACES.match(UNIT_END.sub("", name)))}
-    turning = {match["body"] for match in axes.values() if match["axis"] in "wW"}
+    of = Counter(match["body"] for match in axes.values())
+    turning = {m["body"] for m in axes.values() if m["axis"] in "wW" and of[m["body"]] == 4}
     matrices = tuple(f"{body}." for body in _of_matrices(columns))
     rest |= {name for name in columns if matrices and name.startswith(matrices)}
     return rest | {name for name, match in axes.items() if match["body"] in turning}

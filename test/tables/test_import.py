@@ -312,7 +312,7 @@ def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
 
 def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
-    with pytest.raises(BagError, match=r"\.npz, \.parquet"):
+    with pytest.raises(BagError, match=r"\.npy, \.parquet"):
         list(import_demonstrations(tmp_path / "empty", ImportMap.from_dict(MAP)))
     source = write_csv(tmp_path / "a.csv", values)
     imported(source, tmp_path, MAP)

@@ -280,3 +280,10 @@ def test_what_is_measured_in_few_rows_is_seen_and_columns_that_are_twice_are_nam
     content, text, _ = suggested(tmp_path / "a.csv")
     assert content["observed"][0]["columns"] == ["x", "y", "z"]
     assert "# There twice: name them by number: a" in text
+
+
+def test_a_joint_whose_name_ends_like_an_axis_is_a_joint(tmp_path):
+    content = table("t,shoulder,elbow", lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2])
+    (tmp_path / "a.csv").write_text(content)
+    content, *_ = suggested(tmp_path / "a.csv")
+    assert content["observed"][0]["joints"] == ["shoulder", "elbow"]
