@@ -133,7 +133,7 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
             below_them = _plain_header(path, head[titles:])
             return replace(below_them, skip=below_them.skip + titles)
     first = head[0]
-    if first[0].strip() == "#" and len(head) > 1 and len(first) == len(head[1]) + 1:
+    if first and first[0].strip() == "#" and len(head) > 1 and len(first) == len(head[1]) + 1:
         first = first[1:]  # a mark of its own before names with blanks between them
     names = tuple(name.strip().lstrip("#").strip() for name in first)
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
