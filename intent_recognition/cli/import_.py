@@ -92,7 +92,8 @@ def run(args: argparse.Namespace) -> int:
     for topic, total in sorted(totals.items()):
         say(console, f"{topic}: {total} messages")
     dofs = args.output / DOFS
-    say(console, f"{count} demonstrations in {args.output}; learn from them with --dofs {dofs}")
+    made = f"{count} demonstration{'s' * (count != 1)} in {args.output}"
+    say(console, f"{made}; learn from them with --dofs {dofs}")
     if n_unlabelled:
         cure = "name it under task or files in the map, or learn with --unlabelled"
         say(console, f"{n_unlabelled} without a task: {cure}", "yellow")

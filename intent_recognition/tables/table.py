@@ -53,7 +53,7 @@ class Table:
                 str(self.source),
                 f"the columns of the map, {', '.join(missing[:MOST_NAMED] + more)} among them",
                 ", ".join(dict.fromkeys(self.names)) or "no columns",
-                "Correct the names in the map.",
+                "Correct the names in the map; --suggest writes one that has them.",
             )
         values = self.read([number for number in found.values() if number is not None])
         return dict(zip(names, values, strict=True))
