@@ -19,7 +19,7 @@ from typing import Any
 import viser
 import websockets.asyncio.server as websockets_server
 from websockets.asyncio.server import ServerConnection
-from websockets.exceptions import ConnectionClosedError
+from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidMessage
 from websockets.http11 import Request, Response
 
 from intent_recognition.dashboard.admission import (
@@ -59,11 +59,14 @@ _LOGGER = logging.getLogger("intent_recognition.page")
 
 @_LOGGER.addFilter
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """What is no request at all, such as a port that is probed, is told without a traceback."""
-    if record.exc_info and record.exc_info[1]:
-        record.msg = f"{record.msg}: {one_line(record.exc_info[1])}"
+    """Tell errors without a traceback, and a port that is probed to those who debug."""
+    error = record.exc_info and record.exc_info[1]
+    if error:
+        record.msg = f"{record.msg}: {one_line(error)}"
     record.exc_info = record.exc_text = None
-    return True
+    if isinstance(error, (InvalidMessage, ConnectionClosed)):
+        record.levelno, record.levelname = logging.DEBUG, "DEBUG"
+    return _LOGGER.isEnabledFor(record.levelno)
 
 
 def serve_page(

@@ -4,6 +4,7 @@
 import asyncio
 import base64
 import hashlib
+import logging
 import resource
 import socket
 from pathlib import Path
@@ -119,15 +120,34 @@ def test_every_answer_forbids_frames_and_foreign_scripts(page, changed):
     assert headers["X-Content-Type-Options"] == "nosniff"
 
 
-def test_what_is_no_request_is_one_line_in_the_log(page, caplog):
+def test_what_is_no_request_is_told_to_those_who_debug_in_one_line(page, caplog):
+    caplog.set_level(logging.DEBUG, "intent_recognition.page")
     probes = (b"", b"\x16\x03\x01\xff\n", b"GET /?token=\xff\xfe HTTP/1.1\r\nHost: a b\r\n\r\n")
     for raw in probes:
-        with socket.create_connection(("127.0.0.1", page.port), timeout=20) as probe:
-            probe.sendall(raw)
+        _answer(page, raw, half_closed=True)
+
+    def levels():
+        return [r.levelno for r in caplog.records if "opening handshake failed: " in r.getMessage()]
+
+    asyncio.run(eventually(lambda: len(levels()) >= len(probes)))
+    assert levels() == [logging.DEBUG] * len(probes) and "Traceback" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    "raw", [b"/?token=\xff\xfe HTTP/1.1\r\nHost: localhost", b"/ HTTP/1.1\r\nHost: a b"]
+)
+def test_a_request_of_any_bytes_is_refused(page, caplog, raw):
+    assert _answer(page, b"GET " + raw + b"\r\n\r\n").startswith(b"HTTP/1.1 403 ")
+    assert all(record.levelno <= logging.INFO for record in caplog.records)
+
+
+def _answer(page, raw, half_closed=False):
+    """What the page answers to bytes."""
+    with socket.create_connection(("127.0.0.1", page.port), timeout=20) as probe:
+        probe.sendall(raw)
+        if half_closed:
             probe.shutdown(socket.SHUT_WR)
-            while probe.recv(4096):
-                pass
-    assert len(caplog.records) <= len(probes) and "Traceback" not in caplog.text
+        return b"".join(iter(lambda: probe.recv(4096), b""))
 
 
 def test_one_operates_until_it_leaves_and_others_look_on():
