@@ -21,7 +21,7 @@ times the noise of encoders, less than what an arm lags behind."""
 
 _SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 """Where between stamp and arrival the arm's reference is looked at. Convention: the least that
-shows on which side of the middle an arm that lags is, while it speeds up."""
+shows an arm that lags by most of the time between both, while it speeds up."""
 
 
 class ArmClock:
@@ -55,8 +55,8 @@ class ArmClock:
     ) -> None:
         """Take where the arm was measured (n,), and what gives its reference at a time.
 
-        The arm is at its reference of some time between the stamp and the arrival by our clock;
-        the one that this is nearer to is when it was measured.
+        No arm is ahead of its reference, and real ones lag: one that is past where its reference
+        was at the stamp shows that its clock is behind.
         """
         ends = [reference(stamp_ns), reference(stamp_ns + self.offset_ns)]
         if ends[0] is None or ends[1] is None or np.abs(ends[0] - ends[1]).max() < TELLING_RAD:
@@ -65,8 +65,8 @@ class ArmClock:
         asked = [ends[0], *map(reference, times_ns.tolist()), ends[1]]
         errors = np.abs(np.array(asked) - position).max(axis=1)
         share = _SHARES[int(np.argmin(errors))]
-        if errors.min() < 0.5 * errors.max() and share != 0.5:
-            self.late = bool(share < 0.5)
+        if errors.min() < 0.5 * errors.max() and share != 0.25:
+            self.late = bool(share < 0.25)
 
     def by_stamp(self, max_age_ns: float) -> bool:
         """Whether stamps say when a joint state was measured, and not how they come in.
