@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 
+pytestmark = pytest.mark.slow
 CODE = ("intent_recognition", "sim_bridge", "launch", "setup.py")
 NOT_OURS = {
     "D205": "the summary may be two lines",
