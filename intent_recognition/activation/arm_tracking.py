@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.activation.arm_clock import TELLING_RAD, ArmClock
+from intent_recognition.activation.arm_clock import ArmClock
+from intent_recognition.activation.lateness import Lateness
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.array_types import Floats
@@ -18,9 +19,6 @@ a graph differ by less."""
 HELD_WITHIN_RAD = 0.05
 """An arm at rest farther from its reference than this in a joint [rad] was moved by others.
 Convention: 3 degrees, more than an arm sags."""
-LARGEST_LATENESS_NS = 500_000_000
-"""Commands later than this [ns] count as lost. Convention: above the delays of networks on which
-an arm should move."""
 _SLIVER_NS = 1_000_000
 """Samples nearer than this [ns] to a switch are left out. Numerical safeguard: differences of
 positions are divided by the square of it."""
@@ -62,6 +60,7 @@ class ArmTracking:
         self.last_command_ns = self.late_ns = 0
         self._reported: tuple | None = None
         self._left: Floats | None = None  # where a lost command left the arm
+        self._lateness = Lateness()
 
     def forget_joints(self) -> None:
         """Nothing has been measured yet."""
@@ -96,25 +95,15 @@ class ArmTracking:
             self._look_for_lateness(measured)
 
     def _look_for_lateness(self, measured: Measured) -> None:
-        """Learn how late commands are.
-
-        An arm that is far from its reference, and near to what it was asked for before a command
-        that is due, has not got that one.
-        """
-        error, time_ns = self._error(measured), measured.time_ns
-        due = [command for command in self._history if command.start_ns <= time_ns]
-        while error >= TELLING_RAD and due:
-            command = due.pop()
-            late_ns = time_ns - command.start_ns
-            before = due[-1].at(time_ns).position if due else command.plan.positions[0]
-            if late_ns > LARGEST_LATENESS_NS:
-                return
-            if np.abs(measured.position - before).max() < 0.5 * error:
-                if late_ns > self.late_ns:
-                    self.late_ns = late_ns
-                    text = "a command came after its start: the next ones lead by more"
-                    self._report_once("commands_late", None, text)
-                return
+        """Learn how late commands are."""
+        asked = self._asked(measured.time_ns)
+        if asked is None:
+            return
+        late_ns = self._lateness.shown_ns(measured.time_ns, measured.position, asked)
+        if late_ns > self.late_ns:
+            self.late_ns = late_ns
+            text = "a command came after its start: the next ones lead by more"
+            self._report_once("commands_late", None, text)
 
     def lost(self, now_ns: int) -> bool | None:
         """Whether the command that has ended did not reach the arm; None: not known yet.
@@ -282,6 +271,7 @@ class ArmTracking:
             return None
         self.current = None
         self._history.clear()
+        self._lateness = Lateness()
         return JointReference.at_rest(measured.position)
 
     def _recent(self, now_ns: int) -> Measured | None:

@@ -22,10 +22,14 @@ FINE_S = 0.002
 
 
 class Arm:
-    """The simulated arm's follower behind a channel that delays and loses."""
+    """The simulated arm's follower behind a channel that delays and loses.
 
-    def __init__(self, world, rng, latency_s, loss):
-        self.follower = TrajectoryFollower(HOME, LIMITS)
+    Where it is `at` follows what it executes as real position controllers do: by a lag.
+    """
+
+    def __init__(self, world, rng, latency_s, loss, lag_s=0.0):
+        self.follower, self.at = TrajectoryFollower(HOME, LIMITS), HOME
+        self._follows = 1.0 if lag_s == 0.0 else 1.0 - np.exp(-FINE_S / lag_s)
         self._world, self._rng, self._latency_s, self._loss = world, rng, latency_s, loss
         self._coming, self._last_s, self.rejected = [], 0.0, []
         self.executed = []
@@ -41,10 +45,11 @@ class Arm:
 
     def go_to(self, before_s, now_s):
         """Execute until now; what arrives in between takes over when it arrives."""
-        for t in np.arange(before_s, now_s - 1e-9, FINE_S):
+        for t in np.arange(before_s, now_s - 1e-9, FINE_S) + FINE_S:
             while self._coming and self._coming[0][0] <= t:
                 self._take(self._coming.pop(0)[1], t)
             self.executed.append(self.sample(t))
+            self.at = self.at + (self.executed[-1].q - self.at) * self._follows
 
     def _take(self, command, t):
         times_ns, q, v = command.to_send()
@@ -78,11 +83,11 @@ class ForgetfulArm(Arm):
         self.curve = CubicHermiteSpline(times_ns * 1e-9, q, v)
 
 
-def session(seed, latency_s, loss, kind=Arm, n=2):
+def session(seed, latency_s, loss, kind=Arm, n=2, **options):
     """Interactions with an arm behind such a channel, until it is at home again."""
     world, rng = World(), np.random.default_rng(seed)
-    arm = kind(world, rng, latency_s, loss)
-    world.arm = lambda: arm.sample(world.now_ns * 1e-9).q
+    arm = kind(world, rng, latency_s, loss, **options)
+    world.arm = lambda: arm.at
 
     def run(steps):
         for _ in range(steps):
@@ -118,6 +123,19 @@ def test_what_is_executed_keeps_the_limits_and_ends_at_home(latency_s, loss):
         assert ("commands_late" in world.rejected) == (late > 0.0)
 
 
+@pytest.mark.parametrize("lag_s", [0.05, 0.08, 0.12, 0.2])
+def test_an_arm_that_lags_is_not_taken_for_one_that_gets_late_commands(lag_s):
+    world, _ = session(1, (0.0, 0.0), 0.0, lag_s=lag_s)
+    assert world.rejected == [] and world.activation.clocks["commands late [s]"] == "0.000"
+    assert world.activation.mode is Mode.IDLE
+
+
+@pytest.mark.parametrize("lag_s", [0.05, 0.08])
+def test_commands_to_an_arm_that_lags_may_be_late_besides(lag_s):
+    world, _ = session(1, (0.2, 0.2), 0.0, lag_s=lag_s)
+    assert "commands_late" in world.rejected and world.activation.mode is Mode.IDLE
+
+
 def test_once_lateness_is_known_a_controller_that_forgets_goes_on_without_a_jump():
     """All it executes in the second interaction is what is in force, as commands lead by enough."""
     world, arm = session(0, (0.2, 0.2), 0.0, ForgetfulArm)
@@ -128,7 +146,7 @@ def test_once_lateness_is_known_a_controller_that_forgets_goes_on_without_a_jump
     )
     compared = 0
     for k, executed in enumerate(arm.executed):
-        time_ns = START_NS + round(k * FINE_S * 1e9)
+        time_ns = START_NS + round((k + 1) * FINE_S * 1e9)
         if time_ns > begun_ns:
             np.testing.assert_allclose(executed.q, world.reference(time_ns).position, atol=1e-5)
             compared += 1
