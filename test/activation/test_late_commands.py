@@ -106,6 +106,7 @@ def session(seed, latency_s, loss, kind=Arm, n=2, **options):
             run(100)
             if world.activation.mode is Mode.IDLE:
                 break
+    run(100)  # a command that was late may still be executed
     return world, arm
 
 
