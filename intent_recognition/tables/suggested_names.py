@@ -15,8 +15,9 @@ COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
 COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
 """What columns are called that were commanded, not measured."""
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|elapsed|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b|header|vel|effort|torque|current|temp|force"
-    rf"|quality|error|gripper|\bjaw|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
+    r"(?i)stamp|time|elapsed|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
+    r"|header|vel|effort|torque|current|temp|force|quality|error|gripper|\bjaw"
+    rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
 """What columns are called that move and are no position of a joint of an arm."""
 SEGMENT_NAME = re.compile(
