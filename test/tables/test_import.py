@@ -307,7 +307,9 @@ def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
     assert (
         "a_0.csv: expected the columns of the map, z, q0, q1 among them, got t, x, y, and 4" in said
     )
-    assert said.endswith(" alike. Correct the names in the map; --suggest writes one that has them.\n")
+    assert said.endswith(
+        " alike. Correct the names in the map; --suggest writes one that has them.\n"
+    )
 
 
 def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
