@@ -20,7 +20,7 @@ from intent_recognition.nodes.conversions import to_odometry, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput, hear_frames
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
-from intent_recognition.nodes.people import IdentityInput, meet, named_people
+from intent_recognition.nodes.people import ANYBODY, IdentityInput, meet, named_people
 from intent_recognition.nodes.runtime import (
     LeftOvers,
     elapsed_s,
@@ -88,8 +88,11 @@ class MocapIngest(Node):
         )
         self._outputs: dict[str, Publisher] = {}
         self._identity: IdentityInput | None = None
-        if named_people(self):
+        if people := named_people(self):
             self._identity = IdentityInput(bodies[0], self._ingest_of, self._diagnostics)
+            for person in people:  # those who are known by name are found before they are seen
+                for body in bodies if person != ANYBODY else ():
+                    self._tell(f"{person}/{body}")
         for body in [] if self._identity else bodies:
             self._tell(body)
             self._hear(body)

@@ -145,6 +145,19 @@ def test_what_is_left_over_is_known_by_the_trackers_label(harness):
     assert list(node._outputs) == ["a/wrist"]
 
 
+def test_people_who_are_named_have_topics_before_they_are_seen(harness):
+    """So that nobody who listens misses the first poses: simulated time waits for each."""
+    node = start(harness, persons=["anna", "ben", "*"])
+    topics = [f"human/{person}/wrist" for person in ("anna", "ben")]
+    harness.spin_until(lambda: all(map(harness.probe.count_publishers, topics)), what="the topics")
+    received = harness.collect(Odometry, topics[0], qos.SENSOR)
+    poses = harness.publisher(PoseStamped, "mocap/anna/wrist/pose", qos.SENSOR)
+    harness.connect(poses, node._outputs["anna/wrist"])
+    poses.publish(pose(0, (0.0, 0.5, 1.0)))
+    harness.spin_until(lambda: received, what="the first pose")
+    assert stamp_ns(received[0]) == T0
+
+
 def test_a_body_in_millimetres_is_named_once_and_sent_on(harness):
     node = start(harness)
     exchange(harness, [pose(i, (800.0 + i * 0.001, -400.0, 300.0)) for i in range(4)], 4)

@@ -90,7 +90,7 @@ def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
 
     totals, sent = ingest._diagnostics._totals, 0
     first = {who: path[0] for who, path in wrists.items()}
-    while not len(ingest._outputs) == len(estimator.people) == 2:  # met, and forgotten by T0
+    while not len(ingest._identity._who) == len(estimator.people) == 2:  # met, and forgotten by T0
         sent += 1
         show(T0 - 10**11 + sent * STEP_NS, first, TASKS)
         harness.spin_until(
