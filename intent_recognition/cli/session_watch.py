@@ -122,6 +122,7 @@ class ProgressLine:
     """One line with the progress of the session.
 
     Of several people, whom the arm helps in turn, nothing is counted as right: their report says.
+    Counted are the movements that have ended, as the plan on the page ticks its steps then.
     """
 
     def __init__(self, total: int, console: Console):
@@ -147,9 +148,10 @@ class ProgressLine:
         before, self._truth[person] = self._truth.get(person, ""), label
         self._changed = bool(label and before)
         if label and not before:
-            self._number, self._active = self._number + 1, "" if not person else self._active
+            self._active = self._active if person else ""
         elif before and not label:
             self._right += self._active == before
+        self._number += bool(before and not label) if person else bool(label and not before)
         self._show()
 
     def on_active(self, label: str) -> None:
@@ -163,6 +165,7 @@ class ProgressLine:
             f"{person or 'human'}: {truth or '-'}" for person, truth in self._truth.items()
         )
         right = f", {self._right} right so far" if "" in self._truth else ""
-        count = f"interaction {self._number}/{self.total}{right}"
+        what = "interaction" if right else "done"
+        count = f"{what} {self._number}/{self.total}{right}"
         self._text = f"{count}; {people}, robot: {self._active or '-'}"
         self._status.update(self._text)

@@ -116,7 +116,12 @@ class InteractionRecord:
 
     @property
     def before_end(self) -> bool:
-        """Whether the right decision fell before the end of the human's movement."""
+        """Whether the right decision fell before the end of the human's movement.
+
+        Of several people, who wait for the one arm: whether the task was the most probable then.
+        """
+        if self.person:
+            return self.believed == self.task
         return self.right and self.decision_share is not None and self.decision_share < 1.0
 
 
@@ -153,7 +158,8 @@ class DemoSummary:
         n: interactions that were not changed; all but the last three attributes are of these.
         recognised_right: of them recognised.
         decided_before_end: of them recognised before the human's movement was over.
-        median_decision_share: over those recognised, None without any.
+        median_decision_share: over those recognised, None without any; several people wait for
+            the one arm, and have none.
         hand_error: mean and two standard deviations over every task whose place depends on the
             human.
         hand_error_by_task: the same for each task, those apart too.
@@ -220,7 +226,8 @@ def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
         if record.hand_error_m is not None:
             by_task[record.task].append(record.hand_error_m)
     apart = tuple(task for task in by_task if task in TASKS_APART)
-    shares = [r.decision_share for r in records if r.right and r.decision_share is not None]
+    right = [r for r in records if r.right and not r.person]
+    shares = [r.decision_share for r in right if r.decision_share is not None]
     arrivals = [r.arrival_s for r in records if r.arrival_s is not None]
     return DemoSummary(
         n=len(records),
@@ -265,9 +272,10 @@ def _summary_of(person: str, records: Sequence[InteractionRecord]) -> PersonSumm
 
 def summary_line(summary: DemoSummary) -> str:
     """The demo's last line; +- is two standard deviations, paper's figures in brackets."""
+    helped, known = ("helped", "recognised") if summary.people else ("recognised", "decided")
     parts = [
-        f"recognised {summary.recognised_right}/{summary.n}",
-        f"decided before the end {summary.decided_before_end}/{summary.n}",
+        f"{helped} {summary.recognised_right}/{summary.n}",
+        f"{known} before the end {summary.decided_before_end}/{summary.n}",
         f"hand error {summary.hand_error}",
     ]
     for task, error in summary.hand_error_by_task.items():

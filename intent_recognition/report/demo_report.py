@@ -100,25 +100,26 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
     share, arrival = summary.median_decision_share, summary.median_arrival_s
     numbers = [
         KeyNumber(
-            "tasks recognised",
+            "tasks helped with" if summary.people else "tasks recognised",
             f"{summary.recognised_right}/{summary.n}",
             "{}/{}".format(*PAPER_RECOGNISED),
             not summary.too_many_missed,
         ),
         KeyNumber(
-            "decided before the human's end",
+            "recognised at the human's end" if summary.people else "decided before the human's end",
             f"{summary.decided_before_end}/{summary.n}",
-            good=None if summary.people else summary.decided_before_end == summary.n,
-            note="the others wait for the one arm" if summary.people else "",
+            good=summary.decided_before_end == summary.n,
         ),
-        KeyNumber(
+        KeyNumber("hand error", hand_error_text(summary.hand_error), note=_who(summary)),
+    ]
+    if not summary.people:
+        decided = KeyNumber(
             "median decision",
             _absent(share, lambda x: f"{100 * x:.0f} %"),
             good=None if share is None else share <= 0.5,
             note="of the human's movement had passed",
-        ),
-        KeyNumber("hand error", hand_error_text(summary.hand_error), note=_who(summary)),
-    ]
+        )
+        numbers.insert(2, decided)
     for task, error in summary.hand_error_by_task.items():
         paper = PAPER_HAND_ERROR.get(task)
         apart = task in summary.tasks_apart

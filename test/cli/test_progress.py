@@ -41,14 +41,14 @@ def test_the_demo_counts_a_changed_interaction_once():
     assert "interaction 2/2, 1 right so far" in console.file.getvalue()
 
 
-def test_of_two_people_the_demo_shows_both_and_counts_what_they_begin():
+def test_of_two_people_the_demo_shows_both_and_counts_what_they_have_done():
     line = ProgressLine(3, terminal())
     line.on_task("plate", "anna")
     line.on_active("plate")
     line.on_task("screw", "ben")  # no change of mind: another person's
     line.on_task("", "anna")
     line.on_active("screw")
-    assert line._text == "interaction 2/3; anna: -, ben: screw, robot: screw"
+    assert line._text == "done 1/3; anna: -, ben: screw, robot: screw"
 
 
 @pytest.mark.parametrize("bar", [progress_bar, lambda console: busy(console, "learning")])

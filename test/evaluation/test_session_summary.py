@@ -159,6 +159,18 @@ def test_the_end_itself_is_not_before_the_end():
     assert record(decision_share=np.nextafter(1.0, 0.0)).before_end
 
 
+def test_who_waits_for_the_one_arm_was_recognised_all_the_same():
+    """Of several people the decision to act says when the arm was free, not what was known."""
+    waits = record(1, HOLD, person="anna", believed=HOLD, decision_share=2.4)
+    doubted = record(2, PLATE, person="ben", believed=HOLD, decision_share=0.9)
+    summary = summarise([waits, doubted])
+    assert (summary.recognised_right, summary.decided_before_end) == (2, 1)
+    assert summary.median_decision_share is None
+    line = summary_line(summary)
+    assert line.startswith("summary: helped 2/2, recognised before the end 1/2, ")
+    assert "anna recognised 1/1, helped 1/1" in line and "ben recognised 0/1" in line
+
+
 def test_the_table_shows_the_numbers():
     one = record(3, HOLD, note="hesitated")
     texts = dict(zip((field.title for field in FIELDS), cells(one), strict=True))

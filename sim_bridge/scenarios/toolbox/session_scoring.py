@@ -227,7 +227,7 @@ def _arrival(
 ) -> float | None:
     """When the arm first rested where it was to go after the decision, since the human's end [s].
 
-    Where it did something else until then, it has moved first.
+    Where it did something else until then, it has moved first, and away from there.
     """
     first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
     stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]
@@ -236,8 +236,9 @@ def _arrival(
     step = 10
     speed = np.max(np.abs(joints[step:] - joints[:-step]), axis=1)
     speed /= (stamps[step:] - stamps[:-step]) * 1e-9
-    elsewhere_m = np.vstack([scoring.home_m, scoring.passed_m])
-    to_these = scoring.hand_of(joints[step:])[:, None] - elsewhere_m
+    hand_m = scoring.hand_of(joints)
+    elsewhere_m = np.vstack([scoring.home_m, scoring.passed_m, hand_m[0]])
+    to_these = hand_m[step:, None] - elsewhere_m
     away = np.linalg.norm(to_these, axis=2).min(axis=1)
     late = stamps[step:] > end_ns - 5e8
     moved = np.logical_or.accumulate(speed > REST_SPEED_RAD_S)

@@ -97,6 +97,26 @@ def test_an_arm_that_waits_at_a_stand_has_not_arrived():
     assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
 
 
+def test_an_arm_that_still_rests_where_it_helped_somebody_else_has_not_arrived():
+    plan, log = session()
+    interaction = plan.interactions[0]
+    end = FIRST_NS + round(interaction.end_s * 1e9)
+    aside = HOME + np.eye(len(HOME))[0]
+    decided = end + 500_000_000  # it moves for a little while, and then as the scene says
+    share = np.clip((log.joint_ns - end - 900_000_000) / 800_000_000, 0.0, 1.0)
+    swing = np.where(abs(log.joint_ns - decided - 50_000_000) < 40_000_000, 0.01, 0.0)
+    begun = aside + swing[:, None] * np.eye(len(HOME))[1]
+    log = replace(
+        log,
+        joint_rad=begun + share[:, None] * (log.joint_rad[-1] - begun),
+        active_ns=np.array([decided, end + 5_000_000_000]),
+    )
+    scoring = Scoring(toolbox_places(plan), by_force=True)
+    record = score_session(log, plan, FIRST_NS, scoring)[0][0]
+    assert record.arrival_s == pytest.approx(1.7, abs=0.08)
+    assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
+
+
 def test_nothing_activated_is_a_miss():
     plan, log = session()
     records, _ = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
