@@ -134,7 +134,7 @@ def run_trial(trial: TransferTrial) -> TransferOutcome:
         robot = RobotSide(cell, rng, machine)
         run = _Run(cell, robot, offer_m, float(rng.uniform(*WAY_S)))
         if trial.kind == "take":
-            run.receive(hand, manner)
+            run.receive(hand, manner.careful())
         else:
             if trial.kind == "give":
                 run.person = Taker(hand, manner)

@@ -174,6 +174,7 @@ class ToolboxTransfers:
                 drawn, brought_m=BROUGHT_M, busy_s=0.0, reach_s=0.5 * drawn.reach_s
             )
             if task not in STANDS_M:
+                self._manner = self._manner.careful()
                 self._bring(self._hand)
 
     def follow(self, holding: Holding, share: float, weight_n: float, grip_n: float) -> None:
