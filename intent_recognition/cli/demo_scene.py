@@ -50,8 +50,10 @@ OF_EACH = (
     *("intent/tasks", "intent/robot_trajectory", "intent/next_task"),
 )
 """Of the topics that are recorded, those that everybody with a name has."""
-CELL_HOLD_S = (10.0, 11.0)
-"""The same where two of them wait for one arm [s]. Convention: twice as long."""
+CELL_HOLD_S = (13.0, 14.0)
+"""The same where two of them wait for one arm [s]. Measured: who comes second has the object up to
+11 s after the own movement, since the arm first serves the other one (3 s), and then fetches it
+slowly past two hands (5 s)."""
 CELL_SEPARATION: Mapping[str, object] = {
     "person_dofs": [f"mocap/wrist/pose.pose.position.{axis}" for axis in "xyz"],
     "human_speed": 0.5,

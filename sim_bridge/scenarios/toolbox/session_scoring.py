@@ -237,11 +237,14 @@ def _arrival(
     speed = np.max(np.abs(joints[step:] - joints[:-step]), axis=1)
     speed /= (stamps[step:] - stamps[:-step]) * 1e-9
     hand_m = scoring.hand_of(joints)
-    elsewhere_m = np.vstack([scoring.home_m, scoring.passed_m, hand_m[0]])
+    elsewhere_m = np.vstack([scoring.home_m, scoring.passed_m])
     to_these = hand_m[step:, None] - elsewhere_m
     away = np.linalg.norm(to_these, axis=2).min(axis=1)
     late = stamps[step:] > end_ns - 5e8
-    moved = np.logical_or.accumulate(speed > REST_SPEED_RAD_S)
+    moved = speed > REST_SPEED_RAD_S
+    if scoring.by_force:  # it may still be where it helped somebody else
+        moved &= np.linalg.norm(hand_m[step:] - hand_m[0], axis=1) > AWAY_FROM_HOME_M
+    moved = np.logical_or.accumulate(moved)
     rests = (speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late & moved
     rested = np.flatnonzero(rests)
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
