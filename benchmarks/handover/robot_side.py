@@ -121,6 +121,7 @@ class RobotSide:
             speed,
             toward,
             self._estimator.rise_m_s2,
+            self._estimator.doubt_n,
         )
         output = self.machine.step(self.request, situation)
         asked = output.holding, output.share, output.weight_n, output.grip_n

@@ -123,6 +123,7 @@ class ObjectTransfer(Node):
             speed,
             toward,
             estimator.rise_m_s2,
+            estimator.doubt_n if measured is None else 0.0,
         )
 
     def _request(self) -> Request:

@@ -25,6 +25,9 @@ Convention: twice what a transfer has."""
 TORQUE_STD_NM = 0.2
 """Of the residual of a joint [Nm]: that of the simulated LWR with sensor noise."""
 
+STEP_N = 0.5
+"""Of the force of half a step of the torques, what is noise [N]: with 0.1 Nm 90 % are below."""
+
 
 class LoadEstimator:
     """Filters the wrench at an arm's hand.
@@ -39,13 +42,14 @@ class LoadEstimator:
         self._last: tuple[float, Floats, Floats] | None = None
         self._residual = np.zeros(arm.n_joints)
         self.wrench = np.zeros(6)
-        self.speed_m_s = self.rise_m_s2 = 0.0
+        self.speed_m_s = self.rise_m_s2 = self.doubt_n = 0.0
 
     def update(self, time_s: float, q: Floats, velocity: Floats, torque: Floats) -> Floats:
         """The force on the hand (3,) [N] in the axes of the base, after a joint state.
 
-        Also kept: `wrench` (6,) [N, Nm] with the moment about the tip, `speed_m_s` of the tip, and
-        `rise_m_s2`, its acceleration upward through the same filter.
+        Also kept: `wrench` (6,) [N, Nm] with the moment about the tip, `speed_m_s` of the tip;
+        and through the same filter `rise_m_s2`, its acceleration upward, and `doubt_n`, how wrong
+        the vertical force may be where torques stepped at a time between two measurements.
 
         Args:
             time_s: of the measurement; one that is no later changes nothing.
@@ -63,16 +67,20 @@ class LoadEstimator:
             return self.wrench[:3]
         J = self.arm.jacobian(q)
         state, tip_m_s = np.array([q, velocity, torque]), J[:3] @ velocity
-        share, halfway, acceleration, rise_m_s2 = 1.0, state, np.zeros(len(q)), 0.0
+        share, halfway, acceleration = 1.0, state, np.zeros(len(q))
+        rise_m_s2 = doubt_n = 0.0
         if self._last is not None and (gap_s := time_s - self._last[0]) <= LONGEST_GAP_S:
             _, before, before_m_s = self._last
             share = 1.0 - np.exp(-self._bandwidth_rad_s * gap_s)
             halfway, acceleration = 0.5 * (before + state), (velocity - before[1]) / gap_s
             rise_m_s2 = float(tip_m_s[2] - before_m_s[2]) / gap_s
+            step_n = wrench_from_torques(J, 0.5 * (torque - before[2]))[2]
+            doubt_n = max(abs(float(step_n)) - STEP_N, 0.0)
         at, moving, held = halfway
         residual = self.arm.inverse_dynamics(at, moving, acceleration) - held
         self._residual = self._residual + share * (residual - self._residual)
         self.rise_m_s2 += share * (rise_m_s2 - self.rise_m_s2)
+        self.doubt_n += share * (doubt_n - self.doubt_n)
         self._last = time_s, state, tip_m_s
         self.wrench = wrench_from_torques(J, self._residual)
         self.speed_m_s = float(np.linalg.norm(tip_m_s))

@@ -38,11 +38,11 @@ PATIENCE_S = 4.0
 """Time after which what nobody takes is brought back [s]. Convention."""
 OPENING_S = 0.3
 """Time in which the fingers open [s]: 40 mm at 0.15 m/s."""
-SLIP_SHARE, SLIP_NS = 0.2, 0.015
+SLIP_SHARE, SLIP_NS = 0.2, 0.018
 """Share of the weight that may be missing while the arm moves: what its model and the acceleration
 leave unexplained; and the impulse beyond it that is a slip [N s] (a cumulative sum: Page 1954).
-Single loads have a noise of 1 N, but its sum stays small, as it comes from differences of the
-velocity."""
+Single loads have a noise of 1 N, but its sum stays within 0.015 N s in 250 s of the cell's demo, as
+it comes from differences of the velocity."""
 LIGHT_N = 2.0
 """What weighs less is held by the least grip [N]."""
 SLIP_GRIP = 2.0
@@ -114,6 +114,7 @@ class Situation(NamedTuple):
         person_m_s: speed of the person's hand; 0 if nobody tracks it.
         toward: horizontal unit vector to the person (3,); None if unknown.
         rise_m_s2: acceleration of the hand upward, as late as the force.
+        doubt_n: how wrong the vertical force may be, as late.
     """
 
     time_s: float
@@ -125,6 +126,7 @@ class Situation(NamedTuple):
     person_m_s: float = 0.0
     toward: Floats | None = None
     rise_m_s2: float = 0.0
+    doubt_n: float = 0.0
 
     @property
     def heaviness(self) -> float:
@@ -287,7 +289,7 @@ class TransferMachine:
             self._missing_ns = 0.0
             return False
         expected_n = self.weight_n * now.heaviness
-        missing_n = (1.0 - SLIP_SHARE) * expected_n + float(now.force_n[2])
+        missing_n = (1.0 - SLIP_SHARE) * expected_n + float(now.force_n[2]) - now.doubt_n
         self._missing_ns = min(max(self._missing_ns + missing_n * step_s, 0.0), 2.0 * SLIP_NS)
         slips = self._missing_ns > SLIP_NS
         if slips:  # what is still carried shows the friction

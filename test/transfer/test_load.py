@@ -72,6 +72,22 @@ def test_a_quick_motion_is_no_load():
     assert np.abs(forces).max() < 0.1  # 1.6 N with torques of the later measurement
 
 
+@pytest.mark.parametrize("at", [0.0, 0.5, 0.99])
+def test_a_step_between_two_measurements_is_in_doubt(at):
+    """At which part of the interval the torques stepped is not known: it may look like a load."""
+    robot = find_robot("lwr")
+    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
+    estimator, step_s, q = LoadEstimator(arm), 0.005, robot.ready
+    hard, rest, doubts = np.eye(arm.n_joints)[1] * 8.0, np.zeros(arm.n_joints), []
+    for k in range(21):
+        moving = max(k - 10 - at, 0.0) * step_s
+        torque = arm.inverse_dynamics(q, hard * moving, hard if moving else rest)
+        force = estimator.update(k * step_s, q, hard * moving, torque)
+        doubts.append(estimator.doubt_n)
+        assert abs(force[2]) < doubts[-1] + 1.0
+    assert max(doubts) > 1.0 and doubts[-1] < 0.2 * max(doubts)
+
+
 def test_gravity_torques_are_the_gradient_of_the_potential_energy():
     """Of the arm's model, by differences of the work along each joint."""
     robot = find_robot("panda")
