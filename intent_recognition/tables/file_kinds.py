@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from intent_recognition.errors import BagError
 from intent_recognition.tables.files import name_below, open_table
 from intent_recognition.tables.table import Table
 
@@ -38,24 +39,41 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     """The kinds of the files in a folder: one, or several that each recording has.
 
     Folders of files with the same columns are one kind. Several kinds belong together only where
-    their files are named alike.
+    their files are named alike; else the one with most files is meant. Others beside them, such as
+    notes and calibrations, are none.
+
+    Raises:
+        BagError: nothing can be read.
     """
-    folders: dict[tuple[Path, str], list[Path]] = {}
+    folders: dict[tuple[Path, str, bool], list[Path]] = {}
     for path in paths:
-        folders.setdefault((path.parent, path.suffix.lower()), []).append(path)
+        is_numbered = NUMBERED.fullmatch(path.stem) is not None
+        folders.setdefault((path.parent, path.suffix.lower(), is_numbered), []).append(path)
     kinds: dict[tuple[str, ...], list[Path]] = {}
     tables: dict[tuple[str, ...], Table] = {}
+    errors: list[BagError] = []
     for files in folders.values():
-        table = open_table(files[0])
+        try:
+            table = open_table(files[0])
+        except BagError as error:
+            errors.append(error)
+            continue
         kinds.setdefault(table.names, []).extend(files)
         tables.setdefault(table.names, table)
+    if not kinds:
+        raise errors[0]
+    most = max(map(len, kinds.values()))
+    kinds = {names: files for names, files in kinds.items() if 2 * len(files) >= most}
     found = []
     for names, files in kinds.items():
         first, pattern = files[0], name_pattern(source, files)
         found.append(FileKind(_name(first), name_below(source, first), tables[names], pattern))
     stems = [{path.stem for path in files} for files in kinds.values()]
     together = all(kind.pattern for kind in found) and len({k.name for k in found}) == len(found)
-    return found if together and set.intersection(*stems) else found[:1]
+    if together and set.intersection(*stems):
+        return found
+    (names, _) = max(kinds.items(), key=lambda item: (len(item[1]), len(item[0])))
+    return [kind for kind in found if kind.table.names == names]
 
 
 def _name(path: Path) -> str:

@@ -287,3 +287,15 @@ def test_a_joint_whose_name_ends_like_an_axis_is_a_joint(tmp_path):
     (tmp_path / "a.csv").write_text(content)
     content, *_ = suggested(tmp_path / "a.csv")
     assert content["observed"][0]["joints"] == ["shoulder", "elbow"]
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_notes_and_other_files_beside_the_recordings_are_none(count, tmp_path):
+    for k in range(count):
+        (tmp_path / f"give_{k}.csv").write_text(plain())
+    (tmp_path / "README.txt").write_text("Recorded by Ann on Monday, with the new markers.\n")
+    (tmp_path / "ages.csv").write_text("subject,age\nAnn,30\nBob,31\n")
+    (tmp_path / "camera.json").write_text('{"K": {"k1": 0.1}}')
+    content, _, found = suggested(tmp_path)
+    assert len(found) == count and found[0].custom_data["task"] == "give"
+    assert content["observed"][0]["columns"] == ["x", "y", "z"]
