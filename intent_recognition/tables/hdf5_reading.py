@@ -18,6 +18,9 @@ MOST_DOFS = 20
 have some more, a recording has far more samples."""
 NUMBERED = re.compile(r"(.*?)[_-]?\d+")
 """A group that may be one of several demonstrations."""
+RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
+         "sample_rate", "sampling_frequency", "frame_rate", "capture_rate")  # fmt: skip
+"""Attributes of a file, in lower case, that say samples a second."""
 ENDS = "meta.episode_ends"
 """Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
 
@@ -31,13 +34,14 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     """
     if not (h5py := importlib.import_module("h5py")).is_hdf5(path):  # MATLAB's before 7.3
         matlab = importlib.import_module("scipy.io").loadmat(path, simplify_cells=True)
-        return {**samples_first(dict(_of_structs(matlab, ""))), "#rate": np.array(0.0)}
+        arrays = samples_first(on_end(dict(_of_structs(matlab, ""))))
+        return {**arrays, "#rate": np.array(0.0)}
     with h5py.File(path, "r") as file:
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
-        rate = 0.0
+        rate = _stated_rate({**top.attrs, **file.attrs})
         if not names:
-            arrays = samples_first(_arrays(file))
+            arrays = samples_first(on_end(_arrays(file)))
             ends = arrays.get(ENDS)
             if ends is not None and ends.ndim == 1:  # of a replay buffer: rows of all on end
                 arrays = _numbered(arrays, np.diff(ends, prepend=0))
@@ -59,6 +63,37 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         "#rate": np.array(rate),
         "#left_out": np.array(left_out),
     }
+
+
+def _stated_rate(attributes: dict[str, Any]) -> float:
+    """Samples a second that the attributes of a file state, 0 for none."""
+    for key, value in attributes.items():
+        if key.lower() in RATES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":
+            return float(np.ravel(value)[0])
+    return 0.0
+
+
+def on_end(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Arrays (n, T, d) of n demonstrations as (n T, d), with the column `demonstration`.
+
+    They are taken for such where n is far too few for samples, or times (T,) are there. What is
+    (n, T), (T,) or (n,) goes with them.
+    """
+    lengths = {
+        len(array) for array in arrays.values() if array.ndim == 1 and array.dtype.kind == "f"
+    }
+    shapes = {array.shape[:2] for array in arrays.values() if array.ndim == 3}
+    (count, size), *others = shapes or {(0, 0)}
+    are_few = count <= MOST_DOFS < size or (size in lengths and count not in lengths)
+    if others or not count or not are_few:
+        return arrays
+    found = {"demonstration": np.repeat(np.arange(count), size)}
+    for key, array in arrays.items():
+        if array.shape[:2] == (count, size):
+            found[key] = array.reshape(-1, *array.shape[2:])
+        elif array.shape in ((size,), (count,)):
+            found[key] = np.tile(array, count) if len(array) == size else np.repeat(array, size)
+    return found
 
 
 def samples_first(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

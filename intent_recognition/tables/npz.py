@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.tables.cells import Values
-from intent_recognition.tables.hdf5_reading import MOST_DOFS, samples_first
+from intent_recognition.tables.hdf5_reading import MOST_DOFS, on_end, samples_first
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
@@ -20,8 +20,10 @@ def open_npz(path: Path) -> Table:
     except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
-    arrays = samples_first(arrays)
-    return table_of(path, flat_columns(path, arrays), notes=transposed(arrays))
+    arrays = samples_first(on_end(arrays))
+    defaults = {"segments": {"column": "demonstration"}} if "demonstration" in arrays else {}
+    columns = flat_columns(path, arrays)
+    return table_of(path, columns, defaults=defaults, notes=transposed(arrays))
 
 
 def open_npy(path: Path) -> Table:
@@ -66,14 +68,8 @@ def transposed(arrays: Mapping[str, Values]) -> list[str]:
     most = max((len(array) for array in arrays.values() if array.ndim), default=0)
     found = []
     for name, array in arrays.items():
-        if array.ndim not in (2, 3) or not len(array) <= MOST_DOFS < array.shape[1]:
-            continue
-        if array.ndim == 3:
-            found.append(
-                f"{name} has the shape {array.shape}. Likely it has {len(array)} demonstrations:"
-                " put one after the other, with a column that counts them."
-            )
-        elif most in array.shape:  # alone: with others `samples_first` turns it
+        is_wide = array.ndim == 2 and len(array) <= MOST_DOFS < array.shape[1]
+        if is_wide and most in array.shape:  # alone: with others `samples_first` turns it
             found.append(
                 f"{name} has {len(array)} rows and {array.shape[1]} columns. Likely its columns"
                 " are samples: transpose it."

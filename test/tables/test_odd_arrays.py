@@ -32,18 +32,41 @@ def test_arrays_of_any_layout(kind, tmp_path):
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
 
 
-@pytest.mark.parametrize(
-    ("array", "words"),
-    [
-        (PLACE.T, "w has 3 rows and 200 columns. Likely its columns are samples: transpose it."),
-        (np.stack([PLACE] * 5), "w has the shape (5, 200, 3). Likely it has 5 demonstrations"),
-    ],
-)
-def test_samples_along_another_axis_are_named(array, words, tmp_path):
-    np.savez(tmp_path / "made.npz", w=array)
+def test_samples_along_another_axis_are_named_where_nothing_says_so(tmp_path):
+    np.savez(tmp_path / "made.npz", w=PLACE.T)
     content = (tmp_path / "made.npz").read_bytes()
-    columns = [f"w{'.0' * (array.ndim - 2)}.{k}" for k in range(3)]
-    assert words in imported(tmp_path, "a.npz", content, columns, time={"rate": 100})[1]
+    _, said = imported(tmp_path, "a.npz", content, ["w.0", "w.1", "w.2"], time={"rate": 100})
+    assert "w has 3 rows and 200 columns. Likely its columns are samples: transpose it." in said
+
+
+@pytest.mark.parametrize("count", [2, 50])
+@pytest.mark.parametrize("kind", ["npz", "h5"])
+def test_demonstrations_along_the_first_axis_are_cut(kind, count, tmp_path):
+    moved = PLACE / 1000 + 0.01 * np.arange(count)[:, None, None]
+    labels = np.where(np.arange(count) % 2, "take", "give")
+    arrays = {"t": TIMES_S, "w": moved, "q": moved[:, :, 0], "of": np.arange(count)}
+    if kind == "npz":
+        np.savez(tmp_path / "a.npz", task=labels, **arrays)
+    else:
+        with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+            for name, array in arrays.items():
+                file[name] = array
+    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
+    mapping = {"observed": [{**entry, "columns": ["w.0", "w.1", "w.2"]}], "time": {"column": "t"}}
+    mapping["task"] = {"column": "task"} if kind == "npz" else {"column": "of"}
+    (path,) = tmp_path.iterdir()
+    found = list(import_demonstrations(path, ImportMap.from_dict(mapping)))
+    values = np.stack([one.samples[0].values for one in found])
+    np.testing.assert_array_equal(values, moved)
+    said = labels if kind == "npz" else np.arange(count).astype(str)
+    assert [one.custom_data["task"] for one in found] == said.tolist()
+
+
+def test_a_rate_that_hdf5_states_is_used(tmp_path):
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+        file.attrs["FPS"], file.attrs["note"] = 50, "by me"
+        file["w"] = PLACE / 1000
+    assert open_table(tmp_path / "a.h5").defaults == {"time": {"rate": 50.0}}
 
 
 @pytest.mark.parametrize("times", [TIMES_S, TIMES_S[None], TIMES_S[:, None]])
