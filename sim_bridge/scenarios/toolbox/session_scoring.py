@@ -116,8 +116,10 @@ def score_interaction(
         decision_s = (decided_ns - onset) * 1e-9
         share = decision_s / movement_s
     error = arrival = None
+    transfer = score_transfer(log.contacts, onset, until_ns)
+    at_ns = None if transfer is None else transfer.at_ns
     if decided_ns is not None and recognised == interaction.task:
-        arrival = _arrival(log, decided_ns, end, until_ns, scoring)
+        arrival = _arrival(log, decided_ns, end, until_ns, scoring, at_ns)
         late_s = SCORED_AFTER_S
         if scoring.by_force and arrival is not None:  # it may have helped somebody else first
             late_s = max(late_s, arrival)
@@ -139,9 +141,7 @@ def score_interaction(
         believed=_believed(log, end),
     )
     trace = _trace(log, number, onset, end, decided_ns, scoring.n_joints)
-    transfer = score_transfer(log.contacts, onset, until_ns)
     if transfer is not None:
-        at_ns = transfer.at_ns
         record = replace(
             record,
             handed_over=transfer.handed_over and record.right,
@@ -223,11 +223,17 @@ def _hand_error(log: SessionLog, place_m: Floats, at_ns: int, scoring: Scoring) 
 
 
 def _arrival(
-    log: SessionLog, decided_ns: int, end_ns: int, until_ns: int, scoring: Scoring
+    log: SessionLog,
+    decided_ns: int,
+    end_ns: int,
+    until_ns: int,
+    scoring: Scoring,
+    transfer_ns: int | None,
 ) -> float | None:
     """When the arm first rested where it was to go after the decision, since the human's end [s].
 
-    Where it did something else until then, it has moved first, and away from there.
+    Where it did something else until then, it has moved first, and away from there. `transfer_ns`
+    is when an object changed hands, which was there and not where the arm waited on the way.
     """
     first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
     stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]
@@ -245,6 +251,9 @@ def _arrival(
     if scoring.by_force:  # it may still be where it helped somebody else
         moved &= np.linalg.norm(hand_m[step:] - hand_m[0], axis=1) > AWAY_FROM_HOME_M
     moved = np.logical_or.accumulate(moved)
+    if transfer_ns is not None:
+        there_m = hand_m[max(int(np.searchsorted(stamps, transfer_ns)) - 1, 0)]
+        late &= np.linalg.norm(hand_m[step:] - there_m, axis=1) < AWAY_FROM_HOME_M
     rests = (speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late & moved
     rested = np.flatnonzero(rests)
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.evaluation import summarise
-from intent_recognition.evaluation.session_log import SessionLog
+from intent_recognition.evaluation.session_log import ContactLog, SessionLog
 from intent_recognition.kinematics.inverse import inverse_kinematics
 from sim_bridge.coworker.session import plan_session
 from sim_bridge.scenarios.toolbox.scene import (
@@ -114,6 +114,25 @@ def test_an_arm_that_still_rests_where_it_helped_somebody_else_has_not_arrived()
     scoring = Scoring(toolbox_places(plan), by_force=True)
     record = score_session(log, plan, FIRST_NS, scoring)[0][0]
     assert record.arrival_s == pytest.approx(1.7, abs=0.08)
+    assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
+
+
+def test_an_arm_that_waits_on_the_way_has_not_arrived_where_the_object_changed_hands():
+    plan, log = session()
+    end = FIRST_NS + round(plan.interactions[0].end_s * 1e9)
+    since_s = (log.joint_ns - end) * 1e-9
+    share = 0.5 * np.clip((since_s - 0.9) / 0.4, 0.0, 1.0)  # and half a second later the rest
+    share += 0.5 * np.clip((since_s - 1.8) / 0.4, 0.0, 1.0)
+    holders = tuple(np.where(since_s < 2.5, "robot", "person"))
+    log = replace(
+        log,
+        joint_rad=HOME + share[:, None] * (log.joint_rad[-1] - HOME),
+        contacts=ContactLog(log.joint_ns, holders, np.zeros((len(holders), 3))),
+    )
+    scoring = Scoring(toolbox_places(plan), by_force=True)
+    record = score_session(log, plan, FIRST_NS, scoring)[0][0]
+    assert record.handed_over
+    assert record.arrival_s == pytest.approx(2.2, abs=0.08)
     assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
 
 
