@@ -3,6 +3,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,17 +57,15 @@ def open_lerobot(folder: Path) -> Table:
         text = np.array([tasks.get(k, "") for k in indices], object)
         return [text if k == len(table.names) else found[stored.index(k)] for k in wanted]
 
-    return Table(
-        folder,
-        (*table.names, "task"),
-        read,
-        aliases=table.aliases,
-        defaults={
-            "time": {"column": "timestamp", "unit": "s"},
-            "segments": {"column": "episode_index"},
-            "task": {"column": "task"},
-        },
-    )
+    defaults: dict[str, object] = {
+        "time": {"column": "timestamp", "unit": "s"},
+        "segments": {"column": "episode_index"},
+    }
+    if not any(path.is_file() for path in _task_files(folder)):
+        notes = ("there is no meta/tasks.jsonl or .parquet: give the tasks in the map",)
+        return replace(table, defaults=defaults, notes=notes)
+    defaults["task"] = {"column": "task"}
+    return Table(folder, (*table.names, "task"), read, aliases=table.aliases, defaults=defaults)
 
 
 def _feature_names(feature: Mapping) -> list[str]:
@@ -80,9 +79,13 @@ def _feature_names(feature: Mapping) -> list[str]:
     return named if shape == [len(named)] and len(set(named)) == len(named) else []
 
 
+def _task_files(folder: Path) -> tuple[Path, Path]:
+    return folder / "meta" / "tasks.jsonl", folder / "meta" / "tasks.parquet"
+
+
 def _tasks(folder: Path) -> dict[float, str]:
     """Text of each task by its index: `tasks.jsonl` of version 2, `tasks.parquet` of version 3."""
-    lines, table = folder / "meta" / "tasks.jsonl", folder / "meta" / "tasks.parquet"
+    lines, table = _task_files(folder)
     try:
         if lines.is_file():
             rows = [load_json(line) for line in read_text(lines, MOST_LINES).splitlines() if line]

@@ -11,7 +11,10 @@ from intent_recognition.signals import spelled
 from intent_recognition.tables.scales import LENGTHS
 from intent_recognition.tables.suggested_entries import SeenColumn
 
-COUNT_NAME = re.compile(r"(?i)(frame|index|row|sample|counter)#?$")
+COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|counter)#?$")
+TIME_NAME = re.compile(
+    r"(?i)(^|[^a-z])(t|ts|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)"
+)
 COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
 """What columns are called that were commanded, not measured."""
 NO_JOINT = re.compile(
@@ -110,6 +113,14 @@ def array_of(name: str) -> str:
     """The array that a column is an element of, `q` for `q.0`, `q_0` and `q[0]`; "" for none."""
     match = re.fullmatch(r"(.*?)[._\[]\d+\]?", name)
     return match[1] if match else ""
+
+
+def is_joint(name: str) -> bool:
+    """Whether a column that moves may be the position of a joint, by its name."""
+    axis = PLACES.match(UNIT_END.sub("", name))
+    before = axis["body"] if axis and not axis["between"] else ""
+    is_rate = before[-1:].lower() != "r" and NO_PLACE_BEFORE_AXIS.search(before) is not None
+    return not (NO_JOINT.search(name) or TIME_NAME.search(name) or is_rate)
 
 
 def counts_rows(column: SeenColumn) -> bool:

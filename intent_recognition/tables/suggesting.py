@@ -27,13 +27,14 @@ from intent_recognition.tables.suggested_entries import (
     joints_entry,
 )
 from intent_recognition.tables.suggested_names import (
-    NO_JOINT,
     NO_TASK,
     SEGMENT_NAME,
     TASK_NAME,
+    TIME_NAME,
     array_of,
     bodies_of,
     counts_rows,
+    is_joint,
     is_marker_of,
     orientations_of,
 )
@@ -52,11 +53,11 @@ MOST_BODIES = 8
 """Bodies that a suggestion has. Convention: a person is asked to delete the others."""
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
-TIME_NAME = re.compile(
-    r"(?i)(^|[^a-z])(t|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)"
-)
 LATER = re.compile(r"(?i)next(_obs)?[./]")
 """What columns are called that hold the next row's, as robomimic and LeRobot have them."""
+MOSTLY, REPEATED = 0.9, 0.3
+"""Share of times that must be later than those before: where some go back, and where some repeat.
+Convention: a file has few demonstrations on end; a clock may be three times slower than rows."""
 NO_RATE = "not in the file: give the rate in Hz"
 """Comment of a time that is not used until somebody corrects it."""
 
@@ -147,7 +148,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     used |= {column for body in bodies.values() for column in body}
     used |= orientations_of(columns, bodies)
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
-    others = [c.name for c in joints if NO_JOINT.search(c.name) or not is_angle(table, c.name)]
+    others = [c.name for c in joints if not (is_joint(c.name) and is_angle(table, c.name))]
     joints = [c for c in joints if c.name not in others]
     still = [c.name for c in columns.values() if not c.moves and c.name not in used]
     moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
@@ -257,9 +258,12 @@ def _time(
         named = column.name == "0" or TIME_NAME.search(column.name)
         if not named or not steps.size:
             continue
-        if np.all(steps > 0.0) and (unit := usual_unit(steps)):
-            rate_hz = NANOSECONDS / (PER_UNIT[unit] * float(np.median(steps)))
-            return {"column": column.name, "unit": unit}, f"{rate_hz:.4g} Hz then"
+        later = steps > 0.0
+        often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)
+        if often and (unit := usual_unit(steps[later])):
+            rate_hz = NANOSECONDS / (PER_UNIT[unit] * float(np.median(steps[later])))
+            odd = "" if np.all(later) else f", {np.sum(~later)} times repeat or go back"
+            return {"column": column.name, "unit": unit}, f"{rate_hz:.4g} Hz then{odd}"
         if np.all(steps >= 0.0) and np.all(np.floor(column.values) == column.values):
             for more in columns.values():
                 unnamed = column.name == "0" and more.name == "1" and _are_nanoseconds(more.values)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import yaml
 from bag_builder import JOINTS, POSE, START_NS, write_ros1
+from tables.exported_files import lerobot
 from tables.odd_files import PLACE, SHARE, TIMES_S, cells, day_time, plain, table
 
 from intent_recognition.bags import BagReader, BagWriter
@@ -299,3 +300,30 @@ def test_notes_and_other_files_beside_the_recordings_are_none(count, tmp_path):
     content, _, found = suggested(tmp_path)
     assert len(found) == count and found[0].custom_data["task"] == "give"
     assert content["observed"][0]["columns"] == ["x", "y", "z"]
+
+
+@pytest.mark.parametrize(
+    ("name", "at"),
+    [
+        ("ts", lambda k: 1.7e12 + 10 * k),
+        ("t", lambda k: (k - k % 2) / 100),
+        ("elapsed_s", lambda k: (k % 150) / 100),
+    ],
+)
+def test_times_are_known_where_some_repeat_or_go_back(name, at, tmp_path):
+    """Nor are they, or what counts rows from any number on, taken for joints."""
+    row = [f"{name},idx,x,y,z,vx,vy,vz"]
+    row += [",".join(map(str, [at(k), 70 + k, *cells(k, scale=1e-3), *SHARE[k], 1, k % 3]))
+            for k in range(len(TIMES_S))]  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(row))
+    text = suggest_map(tmp_path / "a.csv")
+    content = yaml.safe_load(text)
+    assert content["time"]["column"] == name and "joints" not in text
+    assert ("repeat or go back" in text) == (name != "ts")
+
+
+def test_a_lerobot_set_without_tasks_is_read_and_asks_for_them(tmp_path):
+    folder = lerobot(tmp_path)
+    (folder / "meta/tasks.parquet").unlink()
+    text = suggest_map(folder)
+    assert "# Note: there is no meta/tasks.jsonl" in text and "task: give_it_a_name" in text
