@@ -48,7 +48,8 @@ TABLES = (".csv", ".tsv", ".npy", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", "
 def cure_of(path: Path, otherwise: str) -> str:
     """What helps where a path holds no bag: to import it, if it is a table or a folder of them."""
     tables = any(file.suffix.lower() in TABLES for file in (path, *path.rglob("*")))
-    return "Make bags of tables with `intent import` (docs/import.md)." if tables else otherwise
+    first = f"`intent import {path} --suggest` writes a first map to make bags of it"
+    return f"{first} (docs/import.md)." if tables else otherwise
 
 
 def _check_file(path: Path) -> None:

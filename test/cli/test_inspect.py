@@ -208,7 +208,7 @@ def test_a_table_is_to_be_imported(words, run_command, tmp_path, model_file):
     (folder / "data/walk.csv").write_text("time,x\n0,1\n")
     more = ("--model", model_file) if words == ("replay",) else ()
     for path in (folder, folder / "data/walk.csv"):
-        with pytest.raises(IntentError, match=r"`intent import` \(docs/import.md\)"):
+        with pytest.raises(IntentError, match=r"`intent import .* --suggest` .*docs/import.md"):
             run_command(*words, path, *more)
 
 
