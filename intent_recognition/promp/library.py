@@ -139,7 +139,7 @@ class TaskLibrary:
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""
-        counts = zip(self.labels, self.n_demonstrations, strict=True)
+        counts = zip(self.labels, map(int, self.n_demonstrations), strict=True)
         tasks = first_of([f"{label} ({n} demonstration{'s' * (n != 1)})" for label, n in counts])
         return (
             f"<TaskLibrary: {tasks}; {self.n_observed} observed and {self.n_controlled} controlled"
