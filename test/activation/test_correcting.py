@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A person who holds the arm is yielded to, and goes on with what was corrected."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from activation_world import DURATION_S, GOALS, HOME, World, prediction
@@ -60,6 +62,18 @@ def test_where_the_arm_is_left_becomes_the_end_and_nothing_jumps():
     held.run(DURATION_S)
     assert activation.corrected is None  # of the next interaction
     np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
+
+
+def test_the_reference_of_a_held_arm_keeps_the_distance_that_the_controller_explains():
+    """Then an arm that sinks under its load by so much does not sink further and further."""
+    detector = replace(DETECTOR, explained=np.full(7, 0.02))
+    held = world(correction=Correction(detector, SPREADS))
+    held.run(DURATION_S + 0.5)
+    held.held = held.arm() + AWAY
+    held.run(2.0)
+    assert held.activation.mode is Mode.YIELDING
+    short = held.held - held.commands[-1].at(held.now_ns).position
+    np.testing.assert_allclose(short[[0, 2]], 0.02 * np.sign(AWAY[[0, 2]]), atol=1e-3)
 
 
 @pytest.mark.slow
