@@ -76,6 +76,18 @@ def test_the_reference_of_a_held_arm_keeps_the_distance_that_the_controller_expl
     np.testing.assert_allclose(short[[0, 2]], 0.02 * np.sign(AWAY[[0, 2]]), atol=1e-3)
 
 
+def test_an_arm_that_is_led_is_followed_no_more_often_than_a_plan_is_updated():
+    held = world()
+    held.run(DURATION_S + 0.5)
+    hold(held, AWAY, 1.0)
+    before, held.held = len(held.commands), held.arm()
+    for _ in range(50):
+        held.held = held.held + 0.02 * AWAY
+        held.run(0.02)
+    assert held.activation.mode is Mode.YIELDING
+    assert 20 <= len(held.commands) - before <= 26  # in a second
+
+
 @pytest.mark.slow
 def test_an_arm_left_on_its_way_goes_on_from_there():
     held = world()
