@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.activation.arm_clock import ArmClock
-from intent_recognition.activation.lateness import Lateness
+from intent_recognition.activation.lateness import LARGEST_LATENESS_NS, Lateness
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.array_types import Floats
@@ -96,10 +96,17 @@ class ArmTracking:
 
     def _look_for_lateness(self, measured: Measured) -> None:
         """Learn how late commands are."""
-        asked = self._asked(measured.time_ns)
+        time_ns = measured.time_ns
+        asked = self._asked(time_ns)
         if asked is None:
             return
-        late_ns = self._lateness.shown_ns(measured.time_ns, measured.position, asked)
+        due = [command for command in self._history if command.start_ns <= time_ns]
+        before = [
+            command.plan.positions[0] if last is None else last.at(time_ns).position
+            for last, command in zip([None, *due], due, strict=False)
+            if time_ns - command.start_ns <= LARGEST_LATENESS_NS
+        ]
+        late_ns = self._lateness.shown_ns(time_ns, measured.position, asked, before)
         if late_ns > self.late_ns:
             self.late_ns = late_ns
             text = "a command came after its start: the next ones lead by more"

@@ -2,7 +2,7 @@
 """How late commands reach the arm, told from how an arm follows that lags.
 
 An arm that lags is where its reference was a while ago as long as that moves. One that has not got
-a command falls behind more and more, and catches up once the command has come.
+a command goes on by the one before, falls behind, and catches up once the command has come.
 """
 
 from collections import deque
@@ -30,13 +30,14 @@ class Lateness:
         self._behind_ns = 0  # the most since the reference stood
         self._caught_up_ns: int | None = None
 
-    def shown_ns(self, time_ns: int, position: Floats, asked: Floats) -> int:
+    def shown_ns(self, time_ns: int, position: Floats, asked: Floats, before: list[Floats]) -> int:
         """By how much a command came late as the arm's motion shows now [ns]; 0 for nothing.
 
         Args:
             time_ns: of the measurement, above that of the last.
             position: measured (n,) [rad].
             asked: of the arm then (n,) [rad].
+            before: where it would be then had it not got one of the last commands, (n,) each.
         """
         if self._asked and time_ns - self._asked[0][0] < _STEP_NS:
             return 0
@@ -49,7 +50,8 @@ class Lateness:
         moved = np.abs(rows - asked).max(axis=1)
         if errors[0] >= TELLING_RAD:
             nearest = np.argmax(np.diff(errors, append=np.inf) >= 0.0)
-            self._behind_ns = max(self._behind_ns, int(ages_ns[nearest]))
+            if any(np.abs(position - one).max() < 0.5 * errors[0] for one in before):
+                self._behind_ns = max(self._behind_ns, int(ages_ns[nearest]))
         elif moved.max() < TELLING_RAD:
             self._behind_ns = 0
         lagging = moved[np.searchsorted(ages_ns, self._behind_ns, "right") - 1]

@@ -9,7 +9,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from activation_world import HOME, LIMITS, START_NS, STEP_NS, World
+from activation_world import HOME, LIMITS, START_NS, STEP_NS, World, executing
 from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.activation.states import Mode
@@ -135,6 +135,17 @@ def test_an_arm_that_lags_is_not_taken_for_one_that_gets_late_commands(lag_s):
 def test_commands_to_an_arm_that_lags_may_be_late_besides(lag_s):
     world, _ = session(1, (0.2, 0.2), 0.0, lag_s=lag_s)
     assert "commands_late" in world.rejected and world.activation.mode is Mode.IDLE
+
+
+def test_an_arm_that_is_held_on_its_way_is_not_taken_for_one_that_gets_late_commands():
+    world = executing()
+    world.run(0.5)
+    at, follow = world.arm(), world.arm
+    world.arm = lambda: at
+    world.run(0.3)
+    world.arm = follow
+    world.run(2.0)
+    assert world.rejected == [] and world.activation.mode is Mode.EXECUTING
 
 
 def test_once_lateness_is_known_a_controller_that_forgets_goes_on_without_a_jump():
