@@ -61,9 +61,9 @@ _LOGGER = logging.getLogger("intent_recognition.page")
 def _in_one_line(record: logging.LogRecord) -> bool:
     """Tell errors without a traceback, and a port that is probed to those who debug."""
     error = record.exc_info and record.exc_info[1]
-    if error:
-        record.msg = f"{record.msg}: {one_line(error)}"
-    record.exc_info = record.exc_text = None
+    text = record.getMessage() + (f": {one_line(error)}" if error else "")
+    record.msg = text.encode(errors="backslashreplace").decode()  # a request may be of any bytes
+    record.args = record.exc_info = record.exc_text = None
     if isinstance(error, (InvalidMessage, ConnectionClosed)):
         record.levelno, record.levelname = logging.DEBUG, "DEBUG"
     return _LOGGER.isEnabledFor(record.levelno)

@@ -131,6 +131,7 @@ def test_what_is_no_request_is_told_to_those_who_debug_in_one_line(page, caplog)
 
     asyncio.run(eventually(lambda: len(levels()) >= len(probes)))
     assert levels() == [logging.DEBUG] * len(probes) and "Traceback" not in caplog.text
+    assert caplog.text.encode("utf-8")  # a log of any handler takes it
 
 
 @pytest.mark.parametrize(
