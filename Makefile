@@ -13,7 +13,9 @@ BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg pyproject.toml package.xml $(shell find intent_recognition -name "*.c")
 # Four on two cores: some wait for nodes and browsers, which leaves a fifth of the time idle.
 # Each worker takes half of what remains, so that tests of one module stay together.
-PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+# The middleware rarely hangs for good as a node is destroyed, which ends the worker (conftest.py): its
+# test is run once more, and no other.
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --reruns 1 --only-rerun "^no failure$$"
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export MPLBACKEND ?= Agg
 # A demo or a test starts many processes: each would compile every module again.
