@@ -6,7 +6,7 @@ on both sides of a ratio: other programs disturb them least so. What a peer is
 given, the bank is given: filterpy and simdkalman take a ready observation matrix, so the bank
 takes ready rows; movement_primitives evaluates its basis functions, so `MovementFilter.observe`
 is timed: phase, basis functions, noise, and the update. Every update is of means, covariances and
-evidence, with its share of what is subtracted once in several observations.
+evidence.
 """
 
 import time
@@ -30,7 +30,7 @@ from intent_recognition.promp import TaskLibrary
 
 PHASE = 0.4
 BATCH = 16
-"""Observations timed at once, so that what is subtracted once in eight of them has its share."""
+"""Observations timed at once: one alone is short beside what the clock tells apart."""
 N_SCALES = 10
 USE_ALL_S = 1e-6
 """Correlation time at which no observation follows too closely on the last one to be used [s]."""
@@ -42,7 +42,7 @@ class Stream:
     Args:
         library: the tasks.
         hypotheses: the grid.
-        prune: set negligible tasks aside.
+        prune: let negligible tasks lag.
         rows_given: only `GaussianBatch.condition` is timed.
 
     Attributes:
