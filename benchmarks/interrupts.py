@@ -31,7 +31,7 @@ from intent_recognition.share import share_path
 FIRST_S, LAST_S = 0.2, 6.0
 LONGEST_S = 60.0
 """A process that has not ended this long after the interrupt [s] hangs."""
-DOMAIN = 77
+DOMAIN = 52
 
 
 class Ended(NamedTuple):

@@ -44,7 +44,7 @@ WIDTH, HEIGHT = 800, 500
 WINDOW = 1280, 800
 """That of an operator, for the first sight."""
 MOST_SIGHT_S = 3.0
-DOMAIN = 61
+DOMAIN = 53
 SHORT_S, SHORT_STEP_S = 30.0, 3.0
 """What `make bench` spends on it, beside the start of the graph."""
 STEP_S = 60.0
