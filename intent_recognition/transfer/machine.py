@@ -10,6 +10,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from scipy.constants import g
 
 from intent_recognition.array_types import Floats
 from intent_recognition.transfer.sharing import (
@@ -20,8 +21,6 @@ from intent_recognition.transfer.sharing import (
     offering_grip,
 )
 
-GRAVITY_M_S2 = 9.81
-"""Standard gravity [m/s^2]."""
 SETTLED_M_S, SETTLED_S = 0.05, 0.1
 """Speed of the hand, and how long below it, from which on an object is offered [m/s], [s]: the
 simulated arm's overshoot is over. Convention."""
@@ -132,7 +131,7 @@ class Situation(NamedTuple):
     @property
     def heaviness(self) -> float:
         """Vertical load of an object by its weight, as the hand accelerates; at least 0.5."""
-        return max(1.0 + self.rise_m_s2 / GRAVITY_M_S2, 0.5)
+        return max(1.0 + self.rise_m_s2 / g, 0.5)
 
 
 class TransferOutput(NamedTuple):
