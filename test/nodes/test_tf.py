@@ -3,12 +3,18 @@
 
 import numpy as np
 import pytest
+from estimator_graph import DOFS, Folder, Graph
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
+from scan_builder import scanned
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.object_messages import to_labelled_cloud
+from intent_recognition.nodes.object_warper import ObjectWarper
 
 pytestmark = pytest.mark.slow
 T0, STEP = 1_700_000_000_000_000_000, 10_000_000
@@ -103,3 +109,53 @@ def test_trackers_and_bodies_are_told_as_frames(ros_interfaces, harness):
     assert (told.header.frame_id, told.child_frame_id) == ("world", "human_wrist")
     assert told.transform.translation.z == pytest.approx(1.0)
     assert stamp_ns(told) == T0 + STEP
+
+
+def places(messages, child):
+    """Frame and place of a child, by the stamp."""
+    found = {}
+    for message in messages:
+        for told in message.transforms:
+            if told.child_frame_id == child:
+                at = told.transform.translation
+                found[stamp_ns(told)] = (told.header.frame_id, at.x, at.y, at.z)
+    return found
+
+
+def test_the_predicted_hand_is_told_as_a_frame(ros_interfaces, harness, tmp_path):
+    """Where the predicted path ends."""
+    ros_interfaces("tf2_msgs")
+    from tf2_msgs.msg import TFMessage
+
+    folder = Folder(tmp_path, DOFS)
+    frames = harness.collect(TFMessage, "/tf", qos.TRANSFORMS)
+    graph = Graph(harness, folder)
+    harness.spin_until(lambda: graph.node._frames.heard, what="somebody listens")
+    graph.feed(folder.observations()[:100])
+    ends = {stamp_ns(path): path.poses[-1].pose.position for path in graph.path}
+    expected = {stamp: ("world", at.x, at.y, at.z) for stamp, at in ends.items()}
+    harness.spin_until(
+        lambda: expected.keys() <= places(frames, "predicted_hand").keys(), what="each of them"
+    )
+    told = places(frames, "predicted_hand")
+    assert len(expected) > 10 and all(told[stamp] == at for stamp, at in expected.items())
+
+
+def test_a_warped_object_is_told_as_a_frame(ros_interfaces, harness):
+    """Where its pose is told, under the name of the node."""
+    ros_interfaces("tf2_msgs")
+    from tf2_msgs.msg import TFMessage
+
+    node = harness.node(ObjectWarper)
+    frames = harness.collect(TFMessage, "/tf", qos.TRANSFORMS)
+    poses = harness.collect(PoseStamped, "object/pose", qos.STATE)
+    clouds = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
+    harness.connect(clouds)
+    harness.spin_until(lambda: node._frames.heard, what="somebody listens")
+    cloud, header = scanned("tumbler"), Header(frame_id="camera", stamp=to_stamp(T0))
+    clouds.publish(
+        to_labelled_cloud(header, cloud.points, cloud.normals, np.zeros(len(cloud.points)))
+    )
+    harness.spin_until(lambda: poses and places(frames, "object_warper"), what="its frame")
+    at = poses[0].pose.position
+    assert places(frames, "object_warper") == {T0: ("camera", at.x, at.y, at.z)}

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The linters of ROS 2 where they are installed, with what differs here and why."""
+"""The linters of ROS 2 where they are installed, with what differs here and why.
+
+ament_copyright knows no licence by its SPDX line alone: test_package.py looks at those.
+"""
 
 import shutil
 

@@ -4,6 +4,7 @@
 import ast
 import json
 import re
+from xml.etree import ElementTree
 
 import pytest
 import yaml
@@ -73,6 +74,13 @@ def test_foxglove_shows_topics_that_are_there_in_panels_that_are_there():
         named |= {path["value"].partition(".")[0] for path in panel.get("paths", ())}
     assert named <= TOPICS
     assert {"/intent/tasks", "/intent/active_task", "/joint_states"} <= named
+
+
+def test_plotjuggler_plots_topics_that_are_there():
+    layout = share_path("config/plotjuggler.xml").read_text(encoding="utf-8")
+    curves = [curve.get("name") for curve in ElementTree.fromstring(layout).iter("curve")]
+    assert len(curves) > 20
+    assert [c for c in curves if not any(c.startswith(f"{topic}/") for topic in TOPICS)] == []
 
 
 OFFERED = {

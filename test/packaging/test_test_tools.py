@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests run where ROS is sourced: beside its plug-ins of pytest, and under its linters."""
+"""The tests run where ROS is sourced, beside its plug-ins of pytest, and without pybullet."""
 
 import subprocess
 import sys
@@ -10,6 +10,29 @@ PLUGINS = {
     "launch_pytest": "launch_pytest",
 }
 """Distributions of ROS 2 Jazzy, and the plug-ins of pytest they register."""
+WITHOUT_PYBULLET = """
+import importlib.util
+
+find = importlib.util.find_spec
+importlib.util.find_spec = lambda name, *of: None if name == "pybullet" else find(name, *of)
+"""
+"""A plug-in of pytest that hides pybullet from `conftest.py`."""
+
+
+def pytest_says(repository, path, *words):
+    """What pytest says in a process of its own, with modules of a folder."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
+    modules = ":".join([str(path), *filter(None, sys.path)])
+    run = subprocess.run(
+        command,
+        cwd=repository,
+        env={"PYTHONPATH": modules, "PATH": "/usr/bin:/bin", "HOME": str(path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
 
 
 def test_plugins_of_ros_do_not_stop_pytest(repository, tmp_path):
@@ -23,15 +46,12 @@ def test_plugins_of_ros_do_not_stop_pytest(repository, tmp_path):
         (metadata / "METADATA").write_text(of_it, encoding="utf-8")
         entry = f"[pytest11]\n{plugin} = {plugin}\n"
         (metadata / "entry_points.txt").write_text(entry, encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "test/gaussian/test_tube.py"]
-    path = [str(tmp_path), *filter(None, sys.path)]
-    run = subprocess.run(
-        [*command, "-p", "no:cacheprovider"],
-        cwd=repository,
-        env={"PYTHONPATH": ":".join(path), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert "test_tube.py::" in run.stdout
+    said = pytest_says(repository, tmp_path, "--collect-only", "test/gaussian/test_tube.py")
+    assert "test_tube.py::" in said
+
+
+def test_what_needs_pybullet_is_skipped_without_it(repository, tmp_path):
+    (tmp_path / "without_pybullet.py").write_text(WITHOUT_PYBULLET, encoding="utf-8")
+    files = "test/kinematics/test_bodies.py", "test/gaussian/test_tube.py"
+    said = pytest_says(repository, tmp_path, "-p", "without_pybullet", *files)
+    assert "pybullet is not installed" in said and "passed" in said
