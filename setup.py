@@ -108,7 +108,7 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "intent = intent_recognition.cli.main:main",
+            "intent = intent_recognition.cli.start:intent",
             *(f"{name} = {PACKAGE}.nodes.start:{name}" for name in run("registry.py")["NODES"]),
         ]
     },

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables of the nodes: they start a node, or say what it is or what is missing for it."""
+"""The executables of the nodes: they start a node, or say what it is or what is missing for it.
 
-import importlib
+What they need is imported once an interrupt no longer leaves a traceback.
+"""
+
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from intent_recognition.errors import missing_package, one_line
 from intent_recognition.interrupts import end_node_at_interrupts
-from intent_recognition.registry import NODES
 
 HELP = """\
 {name}: {does}
@@ -23,9 +23,14 @@ Its parameters, topics and services are listed in docs/reference/nodes.md, and b
 
 def __getattr__(name: str) -> Callable[..., int]:
     """What the executable of a node calls, such as `start.mocap_ingest()`."""
-    if name not in NODES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return partial(start, name)
+    if sys.argv[0].endswith(f"/{name}"):  # it asks for this as it starts
+        end_node_at_interrupts()
+    if not name.startswith("__"):
+        from intent_recognition.registry import NODES
+
+        if name in NODES:
+            return partial(start, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def start(name: str, args: Sequence[str] | None = None) -> int:
@@ -36,6 +41,10 @@ def start(name: str, args: Sequence[str] | None = None) -> int:
     """
     if args is None:
         end_node_at_interrupts()
+    import importlib
+
+    from intent_recognition.registry import NODES
+
     try:
         node = importlib.import_module(NODES[name].module)
     except ImportError as error:
@@ -53,6 +62,8 @@ def tell_missing(name: str, error: ImportError) -> None:
     Raises:
         ImportError: something else is.
     """
+    from intent_recognition.errors import missing_package, one_line
+
     if (missing := missing_package(error)) is None:
         raise error
     sys.stderr.write(f"{name}: {one_line(missing)}\n")

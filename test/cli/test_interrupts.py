@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from programs import python_says
 
 from intent_recognition import interrupts
 
@@ -100,3 +101,12 @@ def test_an_interrupt_that_comes_when_a_command_is_over_leaves_its_exit_code():
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert ended.returncode == 1
     assert ended.stderr.count("\n") == 1
+
+
+def test_hardly_anything_is_imported_before_interrupts_are_handled():
+    code = (
+        "import sys, intent_recognition.cli.start, intent_recognition.nodes.start\n"
+        "print(*sorted(name for name in sys.modules if name.startswith('intent_recognition')))"
+    )
+    ours = "", ".cli", ".cli.start", ".interrupts", ".nodes", ".nodes.start"
+    assert python_says(code).split() == [f"intent_recognition{name}" for name in ours]
