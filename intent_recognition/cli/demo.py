@@ -226,7 +226,7 @@ def _run_one(
     if args.model is not None:
         check_model(args.model, scene)
     model = args.model or trained_model(args.output / "model.npz", console, scene)
-    logs, first_ns, pace = run_session(args, model, console, scene)
+    logs, first_ns, time_went = run_session(args, model, console, scene)
     records, traces = score_people(logs, scene.plans, first_ns, scene.scorings)
     summary = summarise(records)
     duration_s = max(float(plan.samples.times_s[-1]) for plan in scene.plans.values())
@@ -236,7 +236,7 @@ def _run_one(
         "seed": args.seed,
         "objects change hands": "by force" if args.transfers else "by themselves",
         "simulated time per real time, asked for": args.rate,
-        "simulated time per real time": round(pace, 2),
+        **time_went,
         "duration of the session [s, simulated]": round(duration_s, 1),
     }
     for line in table_lines(records) if args.json != PRINTED else ():

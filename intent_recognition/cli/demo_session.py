@@ -46,11 +46,11 @@ ROS_DOMAIN_ID")."""
 
 def run_session(
     args: argparse.Namespace, model: Path, console: Console, scene: Scene
-) -> tuple[dict[str, "SessionLog"], int, float]:
+) -> tuple[dict[str, "SessionLog"], int, dict[str, object]]:
     """Start the nodes, follow the session, stop the nodes.
 
     Returns:
-        The log of each worker, by name, the stamp of the first sample, and the pace of time.
+        The log of each worker, by name, the stamp of the first sample, and how time went, in words.
 
     Raises:
         IntentError: a node died, or nothing was received from one.
@@ -59,7 +59,7 @@ def run_session(
     from sim_bridge.scenarios.toolbox import first_sample_ns
 
     calls = _calls(args, model, scene)
-    logs, pace = _run_graph(args, calls, model, scene, console)
+    logs, time_went = _run_graph(args, calls, model, scene, console)
     person, plan = next(iter(scene.plans.items()))
     log = logs[person]
     first_ns = first_sample_ns(log, plan)
@@ -69,7 +69,7 @@ def run_session(
         raise IntentError.about(
             "mocap/wrist/pose", "the coworker's poses", got if len(log.wrist_ns) else "none", cure
         )
-    return logs, first_ns, pace
+    return logs, first_ns, time_went
 
 
 def refuse_options(
@@ -121,6 +121,7 @@ def watched_graph(
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.parameter import Parameter
 
+    from intent_recognition.nodes.diagnostics import UNANSWERED, values_of
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
     from intent_recognition.nodes.runtime import spinning
 
@@ -136,7 +137,7 @@ def watched_graph(
 
     def hear(message: DiagnosticArray) -> None:
         for status in message.status:
-            heartbeats.hear(status.name)
+            heartbeats.hear(status.name, values_of(status).get(UNANSWERED, ""))
 
     with (
         noted_interrupts() as interrupts,
@@ -152,8 +153,8 @@ def _run_graph(
     model: Path,
     scene: Scene,
     console: Console,
-) -> tuple[dict[str, "SessionLog"], float]:
-    """Run the nodes through one session; what was observed of each worker, and the pace of time."""
+) -> tuple[dict[str, "SessionLog"], dict[str, object]]:
+    """Run the nodes through one session; what was observed of each worker, and how time went."""
     from intent_recognition.nodes.session_observer import SessionObserver
 
     people = [person for person in scene.plans if person]
@@ -176,7 +177,12 @@ def _run_graph(
             say(console, "teach a task there, or end it with Ctrl-C: the table of results follows")
             watch.until_interrupted()
         console.print(f"simulated time ran at {pace:.2f} x real time")
-        return logs, pace
+        if watch.unanswered:
+            say(console, f"{watch.unanswered} did not answer for 10 s, and time went on without")
+        return logs, {
+            "simulated time per real time": round(pace, 2),
+            "did not answer for 10 s": watch.unanswered or "none",
+        }
 
 
 def _start_nodes(

@@ -27,21 +27,27 @@ LONGEST_STEP_S = 1.0
 
 
 class Heartbeats:
-    """For how long nodes that have reported once have been silent."""
+    """For how long nodes that have reported once have been silent.
+
+    Attributes:
+        unanswered: nodes that simulated time went on without, in words; empty for none.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._looked_s = clock()
         self._silent_s: dict[str, float] = {}
+        self.unanswered = ""
 
     @property
     def names(self) -> Set[str]:
         """Nodes that have reported."""
         return self._silent_s.keys()
 
-    def hear(self, name: str) -> None:
-        """A node has reported."""
+    def hear(self, name: str, unanswered: str = "") -> None:
+        """A node has reported; one with a clock also who is not waited for."""
         self._silent_s[name] = 0.0
+        self.unanswered = unanswered or self.unanswered
 
     def check(self, names: Iterable[str]) -> None:
         """Make sure that none of these nodes hangs."""
@@ -79,6 +85,11 @@ class NodeWatch:
     def reported(self) -> Set[str]:
         """Nodes that have reported on /diagnostics."""
         return self._heartbeats.names
+
+    @property
+    def unanswered(self) -> str:
+        """Nodes that simulated time went on without, in words; empty for none."""
+        return self._heartbeats.unanswered
 
     def until(self, condition: Callable[[], bool], deadline_s: float, what: str) -> None:
         """Wait until a condition holds.

@@ -31,6 +31,9 @@ ENDED = "ended"
 MODEL = "model"
 """Key under which the estimator says which model file it has loaded."""
 
+UNANSWERED = "not waited for"
+"""Key under which a simulation names the nodes that its clock went on without."""
+
 
 class Level(IntEnum):
     """Levels of a DiagnosticStatus."""

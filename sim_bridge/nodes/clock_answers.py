@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import UNANSWERED, Diagnostics
 from sim_bridge.arm import NO_ANSWER_S, Edge, LockStep
 
 LEFT_S = 0.2
@@ -30,6 +30,7 @@ class ClockAnswers:
         self._node, self._answering, self._diagnostics = node, answering, diagnostics
         self._lock_step = LockStep(answering, takes)
         self._since_s: float | None = None
+        self._unanswered: list[str] = []
 
     def note(self, topic: str) -> None:
         """Count a message of the clock's own node."""
@@ -65,6 +66,8 @@ class ClockAnswers:
         if not gone:
             text = f"{late} has not answered for {NO_ANSWER_S:g} s, of {missing.topic}"
             self._diagnostics.reject("no_answer", text)
+            self._unanswered.append(late)
+            self._diagnostics.value(UNANSWERED, ", ".join(self._unanswered))
         self._lock_step.leave(gone or late)
         self._since_s = None
         return False

@@ -41,3 +41,10 @@ def test_nobody_hangs_because_the_demo_was_stopped():
     watched.run(1.0, ["arm"], ["arm"])
     watched.run(3600.0, [], ["arm"], step_s=3600.0)
     watched.run(10.0, [], ["arm"])
+
+
+def test_who_was_not_waited_for_is_remembered():
+    heartbeats = Heartbeats()
+    heartbeats.hear("lwr_sim", "intent_estimator")
+    heartbeats.hear("mocap_ingest")
+    assert heartbeats.unanswered == "intent_estimator"

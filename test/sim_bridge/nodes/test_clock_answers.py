@@ -16,9 +16,11 @@ NAME = "primitive_activation"
 @pytest.fixture
 def waiting(monkeypatch):
     """Time that stands still since 0 for a node that answered once, and what happened."""
-    happened = SimpleNamespace(now_s=100.0, there=[NAME], rejected=[])
+    happened = SimpleNamespace(now_s=100.0, there=[NAME], rejected=[], values={})
     monkeypatch.setattr(clock_answers.time, "monotonic", lambda: happened.now_s)
-    diagnostics = SimpleNamespace(reject=lambda *told: happened.rejected.append(told))
+    diagnostics = SimpleNamespace(
+        reject=lambda *told: happened.rejected.append(told), value=happened.values.__setitem__
+    )
     node = SimpleNamespace(get_node_names=lambda: happened.there)
     answers = ClockAnswers(node, [NAME], diagnostics, ["joint_trajectory"])
 
@@ -48,6 +50,7 @@ def test_a_node_that_does_not_answer_is_named_and_waited_for_no_more(waiting):
     assert not answers.wait()
     ((reason, text),) = happened.rejected
     assert reason == "no_answer" and f"{NAME} has not answered for 10 s" in text
+    assert happened.values == {"not waited for": NAME}
     answers.note("joint_states")
     assert not answers.wait()
 
