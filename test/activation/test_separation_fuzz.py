@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """No command is faster near people than permitted, at any millisecond of it.
 
-`PYTHONPATH=.:test python test/activation/test_separation_fuzz.py 100000` runs so many steps.
+`PYTHONPATH=.:test python test/activation/test_separation_fuzz.py 100000 [SEED]` runs so many steps.
 """
 
 import sys
@@ -165,7 +165,7 @@ def test_a_motion_slows_while_another_task_that_is_recognised_cannot_begin():
 
 
 if __name__ == "__main__":
-    left, seed = int(sys.argv[1]), 100
+    left, seed = map(int, [*sys.argv[1:], 100][:2])
     while left > 0:
         for kind in KINDS:
             world, known = session(kind, seed, 1000)
