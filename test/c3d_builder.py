@@ -4,6 +4,7 @@
 import struct
 
 import numpy as np
+import pytest
 
 START = struct.pack("<H", 2**16 - 2)
 """Where data begin, until it is known."""
@@ -23,6 +24,7 @@ def c3d_file(
         repeat: whether parameters are there twice.
         analog_stated: analog values of a frame that the header states; there are none.
     """
+    pytest.importorskip("ezc3d", reason="it reads them")
     frames, count = points.shape[:2]
     body = _group(1, "POINT") + _group(2, "ANALOG") + _group(3, "TRIAL")
     body += _parameter(1, "USED", 2, [], struct.pack("<H", count))

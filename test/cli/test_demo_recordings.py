@@ -22,6 +22,7 @@ END_S = 300.0
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
     """Five takes of each task, by the script of the tutorial."""
+    pytest.importorskip("pybullet_data", reason="the script draws its Panda from it")
     folder = tmp_path_factory.mktemp("takes")
     path = ROOT / "docs/tutorials/example_takes.py"
     subprocess.run([sys.executable, path, folder, "--number", "5"], check=True)
