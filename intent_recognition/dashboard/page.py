@@ -106,7 +106,7 @@ class DashboardPage:
             light,
             lambda: self._ask(self._draws_slowly),
         )
-        self._scene = PageScene(self._server, scene or CellScene(), hand_link, light != ALWAYS)
+        self._scene = PageScene(self._server, scene or CellScene(), hand_link, light == ALWAYS)
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400.0)
@@ -189,8 +189,8 @@ class DashboardPage:
                 del self._asked[next(iter(self._asked))]
 
     def _draws_slowly(self) -> None:
-        """A browser does, so shadows go."""
-        self._scene.set_shadows(False)
+        """A browser does, so shadows and the environment go."""
+        self._scene.lighten()
 
     def _perform(self, action: Callable[[], None]) -> None:
         """Do what was asked for; what a browser sent that makes no sense is told, no more."""

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import viser
 import yourdfpy
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 from viser.extras import ViserUrdf
 
 from intent_recognition.array_types import Floats
@@ -96,7 +98,18 @@ def load_urdf(description: str) -> yourdfpy.URDF:
     joints = tuple(urdf.joint_map.values())
     if not all(np.all(np.abs(part) < LARGEST) for part in chain_of(joints)):
         raise ArgumentError.about("robot_description", "finite numbers", "others", cure)
+    for shape in urdf.scene.geometry.values():
+        _paint(shape)
     return urdf
+
+
+def _paint(shape: Any) -> None:
+    """Give a shape of one colour a material: glTF takes what has none for metal, which is black."""
+    colours = getattr(shape.visual, "face_colors", None)
+    if colours is not None and len(colours) and np.all(colours == colours[0]):
+        blend = {"alphaMode": "BLEND"} if colours[0][3] < 255 else {}
+        material = PBRMaterial(baseColorFactor=colours[0], metallicFactor=0.0, **blend)
+        shape.visual = TextureVisuals(material=material)
 
 
 def _mesh_file(fname: str) -> str:

@@ -30,6 +30,8 @@ HAND_PATH_PERIOD_S = 0.2
 
 DARK = rgb(INK)
 """Of the only person's wrist, and of what has no task."""
+AMBIENT = 1.2
+"""Intensity of the light from everywhere that is there instead of the environment. Convention."""
 
 
 class PageScene:
@@ -40,7 +42,7 @@ class PageScene:
     """
 
     def __init__(
-        self, server: viser.ViserServer, cell: CellScene, hand_link: str = "", shadows: bool = True
+        self, server: viser.ViserServer, cell: CellScene, hand_link: str = "", light: bool = False
     ):
         self._server, self._cell, self._hand_link = server, cell, hand_link
         self._robot: RobotView | None = None
@@ -48,7 +50,8 @@ class PageScene:
         self._hand_path_at_s = -np.inf
         self.hand_path: tuple[str, Floats] | None = None
         self._prepare()
-        self.set_shadows(shadows)
+        if light:
+            self.lighten()
         self._things = ThingsView(server, cell)
         stances = {"": cell.person, **cell.people}
         self._stances = {name: one for name, one in stances.items() if one is not None}
@@ -56,9 +59,11 @@ class PageScene:
         if "" in self._stances:
             self._figures[""] = PersonView(server, self._stances[""])
 
-    def set_shadows(self, shadows: bool) -> None:
-        """Draw shadows from now on, or none."""
-        self._server.scene.configure_default_lights(cast_shadow=shadows)
+    def lighten(self) -> None:
+        """Draw no shadows from now on, and no light of the environment, whose shaders are slow."""
+        self._server.scene.configure_default_lights(cast_shadow=False)
+        self._server.scene.configure_environment_map(None)
+        self._server.scene.add_light_ambient("/ambient", intensity=AMBIENT)
 
     @property
     def robot(self) -> RobotView | None:

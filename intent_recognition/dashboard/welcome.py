@@ -3,7 +3,7 @@
 
 By software a frame with shadows takes seconds. Before the page is opened, a small picture is drawn
 and timed. Where that is slow, the page is opened with a quarter of the pixels (viser's `fixedDpr`),
-by which the server knows that shadows must go.
+by which the server knows that shadows and the light of an environment must go.
 """
 
 AUTO, ALWAYS, NEVER = "auto", "always", "never"

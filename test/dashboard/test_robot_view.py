@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 yourdfpy = pytest.importorskip("yourdfpy")
 pytest.importorskip("viser")
 
-from intent_recognition.dashboard.robot_view import chain_of, joint_values  # noqa: E402
+from intent_recognition.dashboard.robot_view import chain_of, joint_values, load_urdf  # noqa: E402
 from intent_recognition.kinematics.chain import joint_poses  # noqa: E402
 from sim_bridge.arm import describe_robot  # noqa: E402
 
@@ -41,3 +41,13 @@ def test_each_joint_is_where_yourdfpy_has_it(description):
         turned = Rotation.from_quat(np.roll(turn, -1)).as_matrix()
         np.testing.assert_allclose(turned, expected[:3, :3], atol=1e-9)
         np.testing.assert_allclose(position, expected[:3, 3], atol=1e-9)
+
+
+def test_what_has_a_colour_is_not_taken_for_metal():
+    """That would be black without the light of an environment; the colour stays."""
+    description = describe_robot()
+    before = yourdfpy.URDF.load(io.StringIO(description)).scene.geometry
+    for name, shape in load_urdf(description).scene.geometry.items():
+        material = shape.visual.material
+        assert material.metallicFactor == 0.0
+        np.testing.assert_array_equal(material.main_color, before[name].visual.main_color)
