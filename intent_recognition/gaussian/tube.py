@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, Integers
 
 N_RINGS = 16
 """Rings of a tube. Convention."""
@@ -39,17 +39,17 @@ def tube_rings(
     return centre[:, None] + n_std * radius[:, None] * circle
 
 
-def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> Floats:
-    """Triangles of the rings' flattened vertices, seen from outside counter-clockwise.
+def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> Integers:
+    """Triangles of the rings' flattened vertices, counter-clockwise seen from outside.
 
     Returns:
         Indices (2 (n_rings - 1) n_sides, 3).
     """
-    ring = np.arange(n_rings - 1)[:, None] * n_sides
-    side = np.arange(n_sides)[None]
-    a, b = ring + side, ring + (side + 1) % n_sides
-    c, d = a + n_sides, b + n_sides
-    return np.stack((a, b, d, a, d, c), axis=-1).reshape(-1, 3)
+    ring, side = np.indices((n_rings - 1, n_sides))
+    low, low_next = (ring * n_sides + (side + k) % n_sides for k in (0, 1))
+    high, high_next = low + n_sides, low_next + n_sides
+    triangles = np.array([[low, low_next, high_next], [low, high_next, high]])
+    return np.moveaxis(triangles, 1, -1).reshape(-1, 3)
 
 
 def _across(centre: Floats) -> tuple[Floats, Floats]:

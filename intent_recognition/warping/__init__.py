@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warped parameters: what one annotated object tells about the next."""
 
-from intent_recognition.warping.clipping import half_volume_angle, surface_volume, tube_faces
+from intent_recognition.warping.clipping import closed_tube_faces, half_volume_angle, surface_volume
 from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.grasp_warp import warp_grasp
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic

@@ -12,7 +12,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.clipping import surface_volume, tube_faces
+from intent_recognition.warping.clipping import closed_tube_faces, surface_volume
 from intent_recognition.warping.rim import Rim
 
 N_BINS = 24
@@ -161,4 +161,4 @@ def _surface(profile: Floats, rim: Rim) -> tuple[Floats, Integers]:
     rings[..., 1:] = radius[:, None, None] * outline
     ends = [[-profile[-1, 1], 0.0, 0.0], [0.0, 0.0, 0.0]]
     vertices = rim.centre + np.concatenate([rings.reshape(-1, 3), ends]) @ rim.axes
-    return vertices, tube_faces(n_rings, n_corners)
+    return vertices, closed_tube_faces(n_rings, n_corners)

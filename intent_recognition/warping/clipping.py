@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
+from intent_recognition.gaussian import tube_faces
 
 
 def surface_volume(vertices: Floats, faces: Integers) -> float:
@@ -19,7 +20,7 @@ def surface_volume(vertices: Floats, faces: Integers) -> float:
     return float(_signed_volumes(triangles).sum())
 
 
-def tube_faces(n_rings: int, n_corners: int) -> Integers:
+def closed_tube_faces(n_rings: int, n_corners: int) -> Integers:
     """Triangles (m, 3), wound outward, of a tube with a fan at either end.
 
     Args:
@@ -27,15 +28,12 @@ def tube_faces(n_rings: int, n_corners: int) -> Integers:
             the last one. Two more follow them: the middles of the first and of the last ring.
         n_corners: corners of each.
     """
-    ring, corner = np.indices((n_rings - 1, n_corners))
-    low, low_next = (ring * n_corners + (corner + k) % n_corners for k in (0, 1))
-    high, high_next = low + n_corners, low_next + n_corners
-    around, after = low[0], low_next[0]
+    around = np.arange(n_corners)
+    after = np.roll(around, -1)
     top, first = (n_rings - 1) * n_corners, np.full(n_corners, n_rings * n_corners)
     return np.concatenate(
         [
-            np.stack([low, low_next, high_next], -1).reshape(-1, 3),
-            np.stack([low, high_next, high], -1).reshape(-1, 3),
+            tube_faces(n_rings, n_corners),
             np.stack([after, around, first], -1),
             np.stack([top + around, top + after, first + 1], -1),
         ]

@@ -5,7 +5,7 @@ import numpy as np
 import trimesh
 
 from intent_recognition.array_types import Floats
-from intent_recognition.warping import tube_faces
+from intent_recognition.warping import closed_tube_faces
 
 TUBE_CORNERS = 16
 """Corners of a handle's cross section. Convention."""
@@ -35,7 +35,7 @@ def close_rings(rings: Floats) -> trimesh.Trimesh:
         rings: (R, S, 3) corners in metres, each ring counter-clockwise seen from the last one.
     """
     vertices = np.concatenate([rings.reshape(-1, 3), rings[[0, -1]].mean(1)])
-    return trimesh.Trimesh(vertices, tube_faces(*rings.shape[:2]), process=False)
+    return trimesh.Trimesh(vertices, closed_tube_faces(*rings.shape[:2]), process=False)
 
 
 def swept_tube(path: Floats, radius_m: float, end_tangent: Floats) -> Floats:
