@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demo as a user runs it: real processes, a short session, and every way out."""
+"""The demo as a user runs it: real processes, and every way out; a session: test_demo_arms.py."""
 
-import json
 import os
 import signal
 import socket
@@ -11,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from programs import output_of
 
 from intent_recognition.cli.main import main
 from intent_recognition.interrupts import END_SIGNALS
@@ -19,7 +17,7 @@ from intent_recognition.model import Model, load_model, save_model
 
 pytestmark = pytest.mark.slow
 
-START_S, END_S = 120.0, 600.0
+START_S = 120.0
 
 
 def command(output: Path, *arguments: str) -> list[str]:
@@ -78,31 +76,8 @@ def run(tmp_path, capsys):
         signal.signal(number, handler)
 
 
-def test_recognises_and_helps(tmp_path, toolbox_model):
-    words = command(
-        tmp_path / "out",
-        *("--model", str(toolbox_model), "--task-list", "hold_screwdriver"),
-        *("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag")),
-    )
-    said = output_of(*words, timeout_s=END_S)
-    drawing, session, last = said.strip().splitlines()[-3:]
-    assert drawing == "drawing the report ..."
-    numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
-    assert numbers["settings"]["simulated time per real time"] > 0.0
-    duration_s = numbers["settings"]["duration of the session [s, simulated]"]
-    assert session.startswith(f"session of {duration_s:.0f} s in simulated time, report: ")
-    assert last.startswith("summary: recognised 1/1, decided before the end 1/1, hand error ")
-    (interaction,) = numbers["interactions"]
-    assert interaction["recognised"] == interaction["task"] == "hold_screwdriver"
-    assert interaction["hand_error_m"] < 0.06
-    assert interaction["observations"] > 5
-    page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
-    assert "hold_screwdriver" in page
-    assert any((tmp_path / "bag").glob("*.mcap"))
-
-
 def test_ended_it_stops_every_process(running_demo):
-    """As by Ctrl-C: test_interrupts.py."""
+    """As by Ctrl-C: test_interrupts.py; killed: test_processes.py."""
     process, nodes = running_demo
     assert len(nodes) >= 5
     process.send_signal(signal.SIGTERM)
@@ -120,15 +95,6 @@ def test_a_node_that_dies_ends_the_demo_with_its_name(running_demo):
     assert "intent demo: node " in errors
     assert "Traceback" not in errors
     assert [pid for pid in nodes if alive(pid)] == []
-
-
-def test_killed_it_leaves_no_orphan(running_demo):
-    process, nodes = running_demo
-    process.kill()
-    process.wait(timeout=START_S)
-    for pid in nodes:
-        gone = ["timeout", str(START_S), "tail", "--pid", str(pid), "-f", "/dev/null"]
-        subprocess.run(gone, check=True)
 
 
 @pytest.mark.parametrize(

@@ -153,20 +153,29 @@ def test_the_boxes_are_clear_of_where_the_lwr_hands_over():
 
 
 @pytest.mark.slow
-def test_a_step_of_the_plan_is_done_when_its_object_has_changed_hands(tmp_path, toolbox_model):
+def test_it_recognises_and_helps_and_a_step_is_done_when_its_object_has_changed_hands(
+    tmp_path, toolbox_model
+):
+    """Of the toolbox: `make demo` and test_toolbox.py; of two people: test_people.py."""
     files = ("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag"))
-    session = ("--scenario", "cell", "--interactions", "2", "--model", str(toolbox_model))
+    session = ("--scenario", "cell", "--interactions", "1", "--model", str(toolbox_model))
     words = ("demo", "--headless", "--output", str(tmp_path / "out"), *session, *files)
-    output_of(sys.executable, "-m", "intent_recognition.cli.main", *words, timeout_s=END_S)
+    said = output_of(sys.executable, "-m", "intent_recognition.cli.main", *words, timeout_s=END_S)
+    drawing, ended, last = said.strip().splitlines()[-3:]
     numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
-    assert [one["person"] for one in numbers["interactions"]] == ["anna", "ben"]
-    for interaction in numbers["interactions"]:
-        assert interaction["task"] == interaction["recognised"] == interaction["believed"]
-        assert interaction["handed_over"] and 0.0 < interaction["largest_force_n"] < 15.0
-        assert not interaction["wrong_helps"]
-    assert [one["helped"] for one in numbers["summary"]["people"]] == [1, 1]
-    topic = "/intent/ben/next_task"
+    assert numbers["settings"]["simulated time per real time"] > 0.0
+    duration_s = numbers["settings"]["duration of the session [s, simulated]"]
+    assert drawing == "drawing the report ..."
+    assert ended.startswith(f"session of {duration_s:.0f} s in simulated time, report: ")
+    assert last.startswith("summary: helped 1/1, recognised before the end 1/1, hand error ")
+    (one,) = numbers["interactions"]
+    assert one["person"] == "anna" and one["observations"] > 5
+    assert one["task"] == one["recognised"] == one["believed"] == "plate_handover"
+    assert one["hand_error_m"] < 0.06 and not one["wrong_helps"]
+    assert one["handed_over"] and 0.0 < one["largest_force_n"] < 15.0
+    assert "plate_handover" in (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    topic = "/intent/anna/next_task"
     told = [m.message for m in BagReader(tmp_path / "bag").messages([topic])]
     first, last = (dict(zip(m.name, m.position, strict=True)) for m in (told[0], told[-1]))
     assert first["plate_handover"] > 0.8  # nothing else may be first
-    assert last["hold_screwdriver"] > first["hold_screwdriver"]  # what anna has done counts
+    assert last["screw_handover"] > 0.3 > first["screw_handover"]  # what anna has done counts

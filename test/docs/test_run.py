@@ -23,12 +23,12 @@ from intent_recognition.evaluation import evaluate
 from intent_recognition.nodes.graph import GRAPHS, resolve
 from intent_recognition.registry import NODES
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_basis_functions")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("laid_out_roughly")]
 
 LONG_S = 120.0
 WRITTEN = ("--output", "--report", "--json", "--record")
 NOT_RUN = {
-    "demo": "takes minutes; test/cli/test_demo.py",
+    "demo": "takes minutes; test/cli/test_demo_arms.py",
     "experiments": "takes minutes; test/cli/test_experiments.py (but `--list`, which is run)",
     "improve": "takes minutes, or a person; test/cli/test_improve.py",
     "teach": "needs a person and a running graph; test/cli/test_teach.py",
