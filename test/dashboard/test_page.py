@@ -12,8 +12,9 @@ from ros_harness import NodeProcess
 
 from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.model.executions import THUMBS, UP, Executions
-from intent_recognition.model.file import load_model
+from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.history import KEEP, LEARN, UNDO
 from intent_recognition.model.task_folder import TaskFolder, now
 
@@ -41,11 +42,22 @@ NODES = {
 
 
 @pytest.fixture
-def cell(tmp_path, toolbox_model, repository):
+def model(tmp_path, repository):
+    """Of five recordings of each task, coarsely: what is taught is learned beside them."""
+    dofs = load_dofs()
+    bags = sorted((repository / "bags/toolbox/train").glob("*_0[0-4]"))
+    demonstrations, _ = read_demonstrations(bags, dofs)
+    report = learn_with_report(demonstrations, TrainingSettings(n_basis=10))
+    save_model(tmp_path / "few.npz", Model(report.library, dofs), report.trained)
+    return tmp_path / "few.npz"
+
+
+@pytest.fixture
+def cell(tmp_path, model, repository):
     """The whole graph in processes of their own, and the page's port."""
     chromium()
     values = {
-        "model": toolbox_model,
+        "model": model,
         "library": tmp_path / "tasks",
         "port": free_port(),
         "bags": repository / "bags/toolbox/test",
