@@ -77,12 +77,13 @@ settings.register_profile("untimed", deadline=None, max_examples=50, derandomize
 settings.load_profile("untimed")
 
 
-LEFT_OUT = {
+BOUNDS = {
+    "intent_recognition.learning.selection:NOISE_SCALES": (4.0,),
     "intent_recognition.learning.left_out_odds:MAX_FOLLOWED": 2,
     "intent_recognition.learning.unknown_task:MAX_CALIBRATED": 12,
     "intent_recognition.learning.selection:MAX_VALIDATED": 12,
 }
-"""In tests so few demonstrations are left out while learning, which takes half of the time."""
+"""In tests so few hyperparameters are tried and so few demonstrations left out while learning."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -124,15 +125,17 @@ def pytest_collection() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def usual() -> Iterator[dict[str, int]]:
-    """What `LEFT_OUT` is outside of tests."""
-    found = {name: pkgutil.resolve_name(name) for name in LEFT_OUT}
-    with left_out(LEFT_OUT):
+def usual() -> Iterator[dict[str, object]]:
+    """What `BOUNDS` are outside of tests, where aligned primitives are finer, too."""
+    from few_functions import aligned_basis
+
+    found = {name: pkgutil.resolve_name(name) for name in BOUNDS}
+    with bounded(BOUNDS), aligned_basis():
         yield found
 
 
 @contextmanager
-def left_out(numbers: dict[str, int]) -> Iterator[None]:
+def bounded(numbers: dict[str, object]) -> Iterator[None]:
     """Learn with these bounds."""
     with pytest.MonkeyPatch.context() as patch:
         for name, number in numbers.items():
@@ -143,7 +146,7 @@ def left_out(numbers: dict[str, int]) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def usually_left_out(usual) -> Iterator[None]:
     """Learn as outside of tests, from here to the end of the file."""
-    with left_out(usual):
+    with bounded(usual):
         yield
 
 
@@ -151,19 +154,17 @@ def usually_left_out(usual) -> Iterator[None]:
 def usually_calibrated(usual) -> Iterator[None]:
     """Calibrate the margin of none as outside of tests, from here to the end of the file."""
     (name,) = (name for name in usual if name.endswith(":MAX_CALIBRATED"))
-    with left_out({name: usual[name]}):
+    with bounded({name: usual[name]}):
         yield
 
 
-@pytest.fixture(scope="module")
-def few_basis_functions() -> Iterator[None]:
-    """Learn aligned primitives of 10 basis functions per DOF: a third of the time, no finer data.
+@pytest.fixture
+def usually_tried(usual) -> Iterator[None]:
+    """Try all noise scales, and as many basis functions as outside of tests."""
+    from few_functions import USUAL, aligned_basis
 
-    For tests of what is around learning; of what is learned, its settings are given.
-    """
-    from few_functions import aligned_basis
-
-    with aligned_basis():
+    (name,) = (name for name in usual if name.endswith(":NOISE_SCALES"))
+    with bounded({name: usual[name]}), aligned_basis(USUAL):
         yield
 
 
@@ -206,7 +207,7 @@ def toolbox_model(repository, tmp_path_factory, usual) -> Path:
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.is_file():
-            with left_out(usual):
+            with bounded(usual):
                 _learn_toolbox(repository, path)
     return path
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learning with few basis functions, for tests of what is around it."""
+"""Learning with few basis functions, a third of the time: tests look at no finer data."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 from bag_builder import JOINTS, LWR, POSE
-from simulation import make_library, simulate
+from simulation import gathered, make_library, simulate
 
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS, ElementName, parse_path
-from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.learning import TrainingSettings, with_margins
 from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals import POSITION_FIELDS
@@ -67,14 +67,14 @@ _LEARNED: dict[tuple[DofSpec, int, int], tuple[TaskLibrary, Model]] = {}
 
 
 def learned_model(dofs: DofSpec, truth: TaskLibrary | None = None, per_task: int = 8) -> Model:
-    """A model learned from simulated recordings, as `intent train` would."""
+    """A model of simulated recordings, at the usual hyperparameters."""
     truth = truth or true_library(dofs)
     key = (dofs, per_task, id(truth))
     if key not in _LEARNED:
         recordings = [perform(truth, i % truth.n_tasks, i) for i in range(per_task * truth.n_tasks)]
         settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
-        library = learn_with_report(recordings, settings, {"bags": ["simulated"]}).library
-        _LEARNED[key] = truth, Model(library, dofs)
+        trained = with_margins(gathered(recordings, settings))
+        _LEARNED[key] = truth, Model(trained.library, dofs)
     return _LEARNED[key][1]
 
 

@@ -6,6 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from intent_recognition.learning import (
+    Hyperparameters,
+    Trained,
+    TrainingSettings,
+    accumulate,
+    library_from_statistics,
+)
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import PhaseDeviation
@@ -168,3 +175,10 @@ def simulate(
         START_NS,
         int(stamps[-1]),
     )
+
+
+def gathered(demonstrations: list[Demonstration], settings: TrainingSettings) -> Trained:
+    """Their statistics, with a library at the usual hyperparameters and without margins."""
+    found, usual = accumulate(demonstrations, settings), Hyperparameters()
+    library = library_from_statistics(found.tasks, found.preprocessing, usual)
+    return Trained(library, found.preprocessing, found.tasks, usual)

@@ -18,11 +18,12 @@ def reach(rng, place):
 @pytest.fixture(scope="module")
 def library():
     rng = np.random.default_rng(0)
-    return ir.learn(
+    demonstrations = (
         ir.Demonstration.from_arrays(*reach(rng, place), task=task, controlled_unit="rad")
         for task, place in (("near", 0.3), ("far", 0.7))
         for _ in range(6)
     )
+    return ir.learn(demonstrations, ir.TrainingSettings(n_basis=10, switching=False))
 
 
 @pytest.fixture

@@ -79,9 +79,18 @@ def demonstrations():
 
 
 @pytest.fixture(scope="module")
-def library(demonstrations):
-    """What is learned from them."""
-    return ir.learn(demonstrations, ir.TrainingSettings(switching=False))
+def learned(demonstrations):
+    """What is learned from them and from one of other DOFs, and the warning of this one."""
+    human, robot = demonstrations[0].observed[0], demonstrations[0].controlled[0]
+    times_s = human.seconds(human.stamps_ns[0])
+    odd = ir.Demonstration.from_arrays(times_s, human.values[:, :2], robot.values, task="left")
+    with pytest.warns(UserWarning, match="left out") as told:
+        return ir.learn([*demonstrations, odd], ir.TrainingSettings(switching=False)), told
+
+
+@pytest.fixture(scope="module")
+def library(learned):
+    return learned[0]
 
 
 def test_what_was_learned_from_arrays_is_saved_and_read(library, demonstrations, tmp_path):
@@ -98,31 +107,16 @@ def test_what_was_learned_from_arrays_is_saved_and_read(library, demonstrations,
     assert tasks == {"none", "left"}
 
 
-def test_names_that_two_dofs_have_are_not_saved(demonstrations, tmp_path):
+def test_names_that_two_dofs_have_are_not_saved(library, tmp_path):
     names = ("a", "b", "c")
-    both = {"observed_names": names, "controlled_names": names[:2]}
-    again = [
-        ir.Demonstration.from_arrays(
-            one.observed[0].seconds(0),
-            one.observed[0].values,
-            one.controlled[0].values,
-            task=one.task,
-            **both,
-        )
-        for one in demonstrations
-    ]
-    library = ir.learn(again, ir.TrainingSettings(switching=False))
+    library = replace(library, observed_names=names, controlled_names=names[:2])
     with pytest.raises(ir.DofError, match="twice a, b"):
         ir.save_model(tmp_path / "tasks.npz", library)
 
 
-def test_what_is_left_out_while_learning_is_a_warning(demonstrations):
-    human, robot = demonstrations[0].observed[0], demonstrations[0].controlled[0]
-    times_s = human.seconds(human.stamps_ns[0])
-    odd = ir.Demonstration.from_arrays(times_s, human.values[:, :2], robot.values, task="left")
-    settings = ir.TrainingSettings(switching=False)
-    with pytest.warns(UserWarning, match="1 of 9 demonstrations are left out: demonstration_8"):
-        ir.learn([*demonstrations, odd], settings)
+def test_what_is_left_out_while_learning_is_a_warning(learned):
+    (warning,) = learned[1]
+    assert str(warning.message).startswith("1 of 9 demonstrations are left out: demonstration_8")
 
 
 def test_things_are_shown_on_one_line(library):

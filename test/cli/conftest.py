@@ -12,8 +12,8 @@ from intent_recognition.model import save_model
 
 
 @pytest.fixture(autouse=True, scope="module")
-def coarse(few_basis_functions) -> None:
-    """The commands learn from few recordings."""
+def rough(laid_out_roughly) -> None:
+    """Of the figures in reports nothing is looked at."""
 
 
 @pytest.fixture

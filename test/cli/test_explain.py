@@ -2,6 +2,7 @@
 """`intent explain`: the evidence of each decision, and what would have come of less."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,7 @@ def test_of_two_signals_with_equal_stamps_the_deciding_one_is_explained(tmp_path
     dofs = make_dofs(WRIST, TOOL)
     truth = true_library(dofs, n_tasks=2)
     model = learned_model(dofs, truth)
+    model = replace(model, library=replace(model.library, none_margin=4.0))
     bag = write_recording(tmp_path / "bag", perform(truth, 1, 103), dofs)
     rows = list(replay(BagReader(bag), model))
     decided = next(k for k, row in enumerate(rows) if row["active_task"])

@@ -9,6 +9,7 @@ import pytest
 from bag_builder import START_NS, STEP_NS
 from model_builder import ROBOT, message_of
 from scipy.spatial.transform import Rotation
+from simulation import gathered
 
 from intent_recognition.bags import POSE, BagReader, BagWriter
 from intent_recognition.bags.definitions import make_message
@@ -23,7 +24,7 @@ from intent_recognition.demonstrations import (
 from intent_recognition.demonstrations.fields import extract, orientation_beside
 from intent_recognition.demonstrations.observations import ObservationReader
 from intent_recognition.errors import DofError, MessageError
-from intent_recognition.learning import TrainingSettings, fit_interaction_promp, learn
+from intent_recognition.learning import TrainingSettings, fit_interaction_promp
 from intent_recognition.model import Model, check_dofs, load_model, save_model
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import POSE_FIELDS, merge
@@ -74,7 +75,7 @@ def read(folder):
 
 def predicted(dofs, demonstrations):
     """Tasks, and the cup's predicted quaternions and spread, half-way through the last one."""
-    library = learn(demonstrations[:-1], SETTINGS)
+    library = gathered(demonstrations[:-1], SETTINGS).library
     estimator = IntentEstimator(library)
     seen = list(merge(demonstrations[-1].observed))
     for observation in seen[: len(seen) * 6 // 10]:

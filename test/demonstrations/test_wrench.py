@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 from bag_builder import JOINTS, LWR, POSE
-from simulation import START_NS, minimum_jerk
+from simulation import START_NS, gathered, minimum_jerk
 
 from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.evaluation.replaying import replay
-from intent_recognition.learning import TrainingSettings, learn
+from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import Model
 from intent_recognition.share import share_path
 
@@ -60,7 +60,7 @@ def test_tasks_that_look_alike_are_told_apart_by_the_force_that_was_recorded(tmp
             recorded(tmp_path / f"{task}_{seed}", task, seed)
             demonstrations += read_demonstrations(tmp_path / f"{task}_{seed}", dofs)[0]
     settings = TrainingSettings(n_basis=8, n_aligned_basis=8)
-    model = Model(learn(demonstrations, settings), dofs)
+    model = Model(gathered(demonstrations, settings).library, dofs)
     for task in FORCES_N:
         recorded(tmp_path / task, task, 77)
         rows = [row["probabilities"] for row in replay(BagReader(tmp_path / task), model)]

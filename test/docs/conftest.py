@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import trimesh
 from docs.shown import ROOT, commands
-from few_functions import aligned_basis
 
 from intent_recognition.cli import main as cli
 from sim_bridge.containers.generate import make_container
@@ -38,8 +37,7 @@ def bench(tmp_path_factory) -> Path:
     shutil.copy(ROOT / "config" / "real_arm.yaml", folder / "my_params.yaml")
     shutil.copy(ROOT / "config" / "scenes" / "toolbox.yaml", folder / "my_cell.yaml")
     model = folder / "learned_first.npz"
-    with aligned_basis():
-        assert cli.main(["train", *map(str, bags), "--output", str(model)]) == 0
+    assert cli.main(["train", *map(str, bags), "--output", str(model)]) == 0
     tables = (
         ("import", "handover_csv", "--map", "config/maps/baton.yaml", "--output", "out/baton"),
         ("export", "demos", "--output", "out/demos.csv"),

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Python that README and docs show: it parses, and what it imports is there."""
+"""The Python that README and docs show: it parses, and what it imports is there.
+
+The README's program is run, too: test/packaging/test_light.py.
+"""
 
 import ast
 import re
@@ -7,7 +10,6 @@ import runpy
 
 import pytest
 from docs.shown import PAGES, ROOT
-from few_functions import aligned_basis
 
 BLOCK = re.compile(r"^ *```python\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 EXAMPLES = [
@@ -24,22 +26,6 @@ def test_what_it_imports_is_there(block):
     exec(compile(ast.Module(imports, []), "example", "exec"), {})
 
 
-@pytest.mark.slow
-def test_the_library_works_as_the_readme_shows(capsys):
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    part = text.split("## Use it as a library\n", 1)[1].split("\n## ", 1)[0]
-    (block,) = BLOCK.findall(part)
-    (shown,) = re.findall(r"^```text\n(.*?)^```", part, re.MULTILINE | re.DOTALL)
-    exec(block, {})
-    printed = capsys.readouterr().out
-    task = re.compile(r"s: (\w+), ")
-    assert task.search(printed)[1] == task.search(shown)[1]
-    numbers = [
-        [float(number) for number in re.findall(r"-?\d+\.\d+", line)] for line in (printed, shown)
-    ]
-    assert numbers[0] == pytest.approx(numbers[1], abs=0.03)
-
-
 GALLERY = sorted((ROOT / "examples").glob("*.py"))
 
 
@@ -52,8 +38,7 @@ def test_an_example_of_the_gallery_runs(example, monkeypatch):
     monkeypatch.chdir(example.parent)
     monkeypatch.setattr(pyplot, "show", lambda: None)
     try:
-        with aligned_basis():
-            runpy.run_path(str(example), run_name="__main__")
+        runpy.run_path(str(example), run_name="__main__")
         assert pyplot.get_fignums() or example.stem == "10_a_real_recording"
     finally:
         pyplot.close("all")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import START_NS, make_library, minimum_jerk, simulate
+from simulation import START_NS, gathered, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import evaluate, make_folds
@@ -198,7 +198,7 @@ def test_percentages_observed_are_of_time_not_of_samples():
 def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
     truth = make_library(rng, n_tasks=2, groups=(2,), n_basis=8)
     training = [simulate(truth, i % 2, rng, name=str(i), n_samples=40) for i in range(8)]
-    library = learn(training, SETTINGS)
+    library = gathered(training, SETTINGS).library
     test = simulate(truth, 0, rng, n_samples=41, duration_s=2.0)
     signal = test.observed[0]
     changed = signal.values.copy()

@@ -4,8 +4,9 @@
 import numpy as np
 import pytest
 
-from intent_recognition import Demonstration, evaluate, learn_with_report
+from intent_recognition import Demonstration, evaluate
 from intent_recognition.evaluation import remarks_on
+from intent_recognition.learning import TrainingSettings, accumulate
 from intent_recognition.signals import numbered
 
 
@@ -26,8 +27,8 @@ def unnamed():
 
 
 def test_demonstrations_without_a_name_are_numbered(unnamed):
-    report = learn_with_report(unnamed)
-    assert report.used == tuple(f"demonstration_{k}" for k in range(10))
+    settings = TrainingSettings(n_basis=8)
+    assert accumulate(unnamed, settings).used == tuple(f"demonstration_{k}" for k in range(10))
     named = Demonstration.from_arrays([0, 1, 2, 3], np.eye(4), np.eye(4), name="mine")
     assert [d.name for d in numbered([unnamed[0], named])] == ["demonstration_0", "mine"]
     wrong = [
@@ -39,5 +40,5 @@ def test_demonstrations_without_a_name_are_numbered(unnamed):
             task="t0",
         ),
     ]
-    left_out = evaluate(wrong, "kfold:2", unknown_tasks=False)["left_out"]
+    left_out = evaluate(wrong, "kfold:2", settings)["left_out"]
     assert [one["recording"] for one in left_out] == ["demonstration_10"]

@@ -119,7 +119,6 @@ def test_tasks_without_a_pause_are_recognised_when_each_becomes_active_in_its_tu
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_basis_functions")
 def test_the_experiment_takes_every_path_and_reports_it(monkeypatch):
     blends = (0.15, USUAL_BLEND, None)
     unknown = GoalChange(0.25, USUAL_BLEND, "unknown")

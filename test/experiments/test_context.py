@@ -43,6 +43,7 @@ def test_a_recording_has_the_box_as_its_context():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("usually_tried")
 def test_who_knows_the_box_predicts_and_acts_before_the_wrist_turns_to_it():
     outcome = run(Settings(quick=True))
     numbers = json.loads(json.dumps(dict(outcome.numbers)))

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from simulation import gathered
 
 from experiments.pointing.execution import execute
 from experiments.pointing.experiment import run
@@ -35,7 +36,7 @@ from intent_recognition.gaussian.normal import Gaussian, marginal, regression
 from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from intent_recognition.learning.training import learn
+from intent_recognition.learning import TrainingSettings
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH
 
@@ -141,7 +142,7 @@ def test_the_arm_does_what_was_predicted(outcome):
 @pytest.mark.slow
 def test_conditioning_on_the_end_is_the_joint_gaussian_of_end_and_weights(repository):
     bags = sorted((repository / "bags" / "pointing" / "train").iterdir())[:4]
-    library = learn(read_demonstrations(bags, load_dofs())[0])
+    library = gathered(read_demonstrations(bags, load_dofs())[0], TrainingSettings()).library
     primitive, n_basis = library.primitive(0).weights, library.basis.n_basis
     wrist = np.array([0.9, 0.02, 0.03])
     row = library.basis.design_matrix(np.ones(1))[0]

@@ -12,7 +12,7 @@ from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.observation import merge
 
-WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
+WHOLE = TrainingSettings(n_basis=8, segmentation="recording", switching=False)
 FRACTIONS = (0.25, 0.5, 1.0)
 
 

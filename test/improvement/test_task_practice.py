@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from model_builder import GLOVE, make_dofs, perform, true_library
+from simulation import gathered
 
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.errors import ArgumentError, ModelError
@@ -17,7 +18,6 @@ from intent_recognition.learning import (
     TrainingSettings,
     change_rule,
     inferred_weights,
-    learn_with_report,
 )
 from intent_recognition.model import (
     Model,
@@ -37,7 +37,7 @@ RNG = np.random.default_rng(3)
 @pytest.fixture(scope="module")
 def trained():
     settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
-    return learn_with_report([perform(TRUTH, k % 2, k) for k in range(12)], settings).trained
+    return gathered([perform(TRUTH, k % 2, k) for k in range(12)], settings)
 
 
 @pytest.fixture

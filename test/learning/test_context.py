@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from moved_box import SETTINGS, demonstrations, hand_over, learned
 from same_library import assert_same
+from simulation import gathered
 
 from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
-from intent_recognition.learning import add_demonstration, learn, learn_with_report
+from intent_recognition.learning import accumulate, add_demonstration, learn
 from intent_recognition.learning.preprocessing import example_of
 from intent_recognition.promp import CONTEXT_STRENGTH
 from intent_recognition.signals import Demonstration
@@ -63,7 +64,7 @@ def test_without_a_context_nothing_changes():
 @pytest.mark.slow
 def test_one_more_demonstration_equals_learning_all():
     recorded = demonstrations()
-    trained = learn_with_report(recorded[:-1], SETTINGS).trained
+    trained = gathered(recorded[:-1], SETTINGS)
     more = add_demonstration(trained, recorded[-1])
     statistics = more.tasks["take"]
     contexts = np.array([one.context_values for one in recorded if one.task == "take"])
@@ -79,7 +80,7 @@ def test_one_more_demonstration_equals_learning_all():
 @pytest.mark.slow
 def test_a_context_that_never_varied_says_nothing():
     recorded = [hand_over("give", seed, box=(0.2, 0.1)) for seed in range(4)]
-    library = learn(recorded, SETTINGS)
+    library = gathered(recorded, SETTINGS).library
     np.testing.assert_array_equal(library.context.gain, 0.0)
     given = library.given([250.0, 0.1])
     np.testing.assert_array_equal(given.weight_mean, library.weight_mean)
@@ -89,7 +90,7 @@ def test_a_context_that_never_varied_says_nothing():
 @pytest.mark.slow
 def test_few_demonstrations_give_valid_covariances():
     recorded = [*demonstrations(1), hand_over("give", 50)]
-    library = learn(recorded, SETTINGS)
+    library = gathered(recorded, SETTINGS).library
     given = library.given([0.1, -0.1])
     for covariance in (given.weight_covariance, given.observed_weight_covariance):
         assert np.all(np.isfinite(covariance)) and np.linalg.eigvalsh(covariance).min() > 0.0
@@ -108,8 +109,8 @@ def test_the_context_is_that_in_which_the_movement_began():
 @pytest.mark.slow
 def test_contexts_that_cannot_be_learned_from_together_are_named():
     recorded = demonstrations(2)
-    report = learn_with_report([*recorded, replace(recorded[0], context=())], SETTINGS)
-    ((_, reason),) = report.rejected
+    found = accumulate([*recorded, replace(recorded[0], context=())], SETTINGS)
+    ((_, reason),) = found.rejected
     assert "box/pose" in reason
     with pytest.raises(TrainingError, match="DOFs"):
         add_demonstration(learned(), replace(recorded[0], context=()))

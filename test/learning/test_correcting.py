@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from model_builder import make_dofs, perform, true_library
+from simulation import gathered
 
-from intent_recognition.learning import TrainingSettings, keep_correction, learn_with_report
+from intent_recognition.learning import TrainingSettings, keep_correction
 from intent_recognition.learning.correcting import (
     DRIFT,
     OFFSET_VARIANCE,
@@ -44,7 +45,8 @@ def test_the_first_counts_whole_and_none_less_than_the_drift_asks_for():
 def trained():
     recordings = [perform(TRUTH, task, 10 * task + k) for k in range(6) for task in (0, 1)]
     settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
-    return learn_with_report(recordings, settings).trained
+    trained = gathered(recordings, settings)
+    return replace(trained, library=replace(trained.library, none_margin=3.0))
 
 
 def moved(recording, offset):

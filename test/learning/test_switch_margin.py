@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import expit
-from simulation import make_library, simulate
+from simulation import gathered, make_library, simulate
 
 from intent_recognition.filtering import MovementFilter, make_prior_grid
-from intent_recognition.learning import TrainingSettings, learn_with_report, left_out_odds
+from intent_recognition.learning import TrainingSettings, left_out_odds
 from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
@@ -32,7 +32,7 @@ def trained():
     rng = np.random.default_rng(5)
     truth = make_library(rng, n_tasks=3, groups=(3,), n_controlled=1, n_basis=8, spread=0.05)
     recordings = [simulate(truth, i % 3, rng, name=f"{i:02d}", n_samples=60) for i in range(12)]
-    return learn_with_report(recordings, WHOLE).trained
+    return gathered(recordings, WHOLE)
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import START_NS, draw_weights, make_library, minimum_jerk, simulate
+from simulation import START_NS, draw_weights, gathered, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.learning import Hyperparameters, accumulate, library_from_statistics
+from intent_recognition.learning import accumulate
 from intent_recognition.learning.examples import make_example
 from intent_recognition.learning.training import TrainingSettings, learn, learn_with_report
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -26,12 +26,6 @@ def recordings(truth, rng, n_each: int, **options) -> list[Demonstration]:
         for task in range(truth.n_tasks)
         for i in range(n_each)
     ]
-
-
-def gathered(examples, settings):
-    """A library of these statistics, without choosing how to learn from them."""
-    found = accumulate(examples, settings)
-    return library_from_statistics(found.tasks, found.preprocessing, Hyperparameters())
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +125,7 @@ def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
         simulate(truth, i % 2, rng, name=f"d{i}", rate_hz=rate, duration_s=duration)
         for i, (rate, duration) in enumerate([(30, 1.0), (60, 2.0), (120, 3.0), (50, 4.0)] * 2)
     ]
-    one, other = gathered(examples, WHOLE), gathered(examples[::-1], WHOLE)
+    one, other = (gathered(some, WHOLE).library for some in (examples, examples[::-1]))
     np.testing.assert_allclose(one.weight_mean, other.weight_mean, atol=1e-9)
     np.testing.assert_allclose(one.weight_covariance, other.weight_covariance, atol=1e-9)
     np.testing.assert_allclose(one.log_duration_std, other.log_duration_std)
@@ -140,7 +134,7 @@ def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
 def test_segmentation_takes_the_rest_away(rng):
     truth = make_library(rng, n_tasks=2, n_basis=8, spread=0.02, noise_std=0.0005)
     examples = recordings(truth, rng, 8, rest_before_s=1.0, rest_after_s=1.5, duration_s=2.0)
-    cut, whole = gathered(examples, CUT), gathered(examples, WHOLE)
+    cut, whole = (gathered(examples, settings).library for settings in (CUT, WHOLE))
     np.testing.assert_allclose(whole.durations_s, 4.5, rtol=0.02)
     np.testing.assert_allclose(cut.durations_s, 2.0 + END_MARGIN_S, rtol=0.15)
 

@@ -258,8 +258,8 @@ def peak_memory(n: int) -> int:
 
 def test_memory_does_not_grow_with_the_number_of_demonstrations(monkeypatch):
     """Of what is gathered, from which then a bounded number is left out."""
-    monkeypatch.setattr(statistics, "MAX_EXAMPLES", 10)
-    monkeypatch.setattr(accumulation, "REFERENCE_RECORDINGS", 10)
-    monkeypatch.setattr(accumulation, "NAMES_KEPT", 10)
-    few, many = peak_memory(80), peak_memory(200)
+    monkeypatch.setattr(statistics, "MAX_EXAMPLES", 5)
+    for bound in ("REFERENCE_RECORDINGS", "NAMES_KEPT", "BATCH"):
+        monkeypatch.setattr(accumulation, bound, 5)
+    few, many = peak_memory(20), peak_memory(60)
     assert many < 1.1 * few

@@ -20,7 +20,6 @@ from intent_recognition.learning.none_model import Departure, departure, none_pr
 from intent_recognition.learning.statistics import merge_statistics, summarize
 from intent_recognition.learning.training import (
     TrainingSettings,
-    learn,
     learn_with_report,
     with_margins,
 )
@@ -244,12 +243,19 @@ def test_the_margin_of_a_library_is_that_of_its_statistics(report):
     )
 
 
+def without(trained, label):
+    """The library of the other tasks, at the same hyperparameters."""
+    tasks = {name: task for name, task in trained.tasks.items() if name != label}
+    library = library_from_statistics(tasks, trained.preprocessing, trained.chosen)
+    return with_margins(replace(trained, library=library, tasks=tasks)).library
+
+
 @pytest.mark.slow
-def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
+def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings, report):
     """Most movements of a task that is left out stay below the threshold."""
     known, unknown = [], []
     for left_out in ("task_0", "task_2"):
-        library = learn([r for r in recordings if r.task != left_out], WHOLE)
+        library = without(report.trained, left_out)
         hypotheses = make_prior_grid(library)
         for recorded in recordings[::2]:
             run = MovementFilter(library, hypotheses, recorded.start_ns)
@@ -265,18 +271,23 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
     assert np.mean(np.array(known)[:, None] > np.array(unknown)) >= 0.97
 
 
+@pytest.fixture(scope="module")
+def alone(recordings):
+    """What was learned from the movements of one task."""
+    return learn_with_report([r for r in recordings if r.task == "task_0"], WHOLE).trained
+
+
 @pytest.mark.slow
-def test_one_task_alone_has_a_none_too(recordings):
-    only = [r for r in recordings if r.task == "task_0"]
-    library = learn(only, WHOLE)
+def test_one_task_alone_has_a_none_too(alone):
+    library = alone.library
     assert np.linalg.eigvalsh(library.none_covariance).min() > 0
     assert library.none_margin >= 0.0
-    assert learn(only, WHOLE).none_margin == library.none_margin
+    assert with_margins(alone).library.none_margin == library.none_margin
 
 
-def test_without_another_task_unknown_movements_are_drawn_from_none(recordings, monkeypatch):
+def test_without_another_task_unknown_movements_are_drawn_from_none(alone, monkeypatch):
     monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
-    learn([r for r in recordings if r.task == "task_0"], WHOLE)
+    with_margins(alone)
     drawn = [movement for movement in watched.movements if not movement.task]
     assert len(drawn) == unknown_task.N_SIMULATED
     assert len({movement.duration_s for movement in drawn}) == len(drawn)
@@ -305,11 +316,13 @@ def test_calibrated_again_while_those_who_take_part_are_few(before, now, outdate
     assert is_outdated(before, now) is outdated
 
 
-@pytest.mark.slow
-def test_a_new_task_of_few_demonstrations_does_not_make_the_others_wait(recordings, monkeypatch):
+def test_a_new_task_of_few_demonstrations_does_not_make_the_others_wait(report, monkeypatch):
     """Nothing is concluded from its movements, nor from how they compare with others."""
-    few = [replace(r, task="few", name=f"new {r.name}") for r in recordings[:3]]
+    trained = report.trained
+    few = [e._replace(task="few") for e in trained.tasks["task_0"].examples[:3]]
+    tasks = {"few": summarize(few), **trained.tasks}
+    library = library_from_statistics(tasks, trained.preprocessing, trained.chosen)
     monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
-    learn([*recordings, *few], WHOLE)
+    learn_none_margin(library, statistics_of(tasks, trained.chosen.aligned), tasks)
     assert {movement.task for movement in watched.movements} == {f"task_{k}" for k in range(4)}
     assert all(0 not in compared for _, compared, _ in watched.asked)  # "few" comes first

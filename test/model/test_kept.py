@@ -11,7 +11,6 @@ from intent_recognition.model import Executions, load_model, load_trained, skill
 from intent_recognition.model.executions import Execution
 from intent_recognition.model.task_folder import KEEP, START, Change, TaskFolder
 
-pytestmark = pytest.mark.usefixtures("few_basis_functions")
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 

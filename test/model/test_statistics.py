@@ -7,15 +7,12 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from model_builder import make_dofs, perform, true_library
+from simulation import gathered
 
 from intent_recognition.errors import ModelError
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.statistics import TaskStatistics
-from intent_recognition.learning.training import (
-    TrainingSettings,
-    add_demonstration,
-    learn_with_report,
-)
+from intent_recognition.learning.training import TrainingSettings, add_demonstration
 from intent_recognition.model.file import Model, load_model, load_trained, save_model
 from intent_recognition.promp.library import TaskLibrary
 
@@ -26,12 +23,13 @@ TRUTH = true_library(DOFS)
 @pytest.fixture(scope="module")
 def learned():
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
-    return learn_with_report(recordings, TrainingSettings(n_basis=6, n_aligned_basis=9)).trained
+    return gathered(recordings, TrainingSettings(n_basis=6, n_aligned_basis=9))
 
 
 @pytest.fixture(scope="module", params=["shared", "aligned"])
 def trained(learned, request):
-    trained, chosen = learned, learned.chosen._replace(pace=request.param)
+    scores = {"log_loss": 0.1, "error": 0.2, "score": 0.3}
+    trained, chosen = learned, learned.chosen._replace(pace=request.param, **scores)
     library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
     return replace(trained, library=library, chosen=chosen)
 

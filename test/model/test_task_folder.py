@@ -22,7 +22,6 @@ from intent_recognition.model.from_bags import accumulate_bags
 from intent_recognition.model.history import undoable
 from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, TaskFolder
 
-pytestmark = pytest.mark.usefixtures("few_basis_functions")
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 NOON = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)

@@ -21,7 +21,6 @@ from intent_recognition.model.folder_content import is_correction, is_finished
 from intent_recognition.model.history import standing
 from intent_recognition.model.task_folder import HISTORY, LEARN, START, TaskFolder, now
 
-pytestmark = pytest.mark.usefixtures("few_basis_functions")
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 WRITES = {"open", "os.rename", "os.remove", "os.mkdir", "os.truncate", "shutil.move"}

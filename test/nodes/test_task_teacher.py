@@ -12,13 +12,14 @@ from model_builder import make_dofs, perform, true_library
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+from simulation import gathered
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError, TrainingError
-from intent_recognition.learning import learn_with_report
+from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import TO_UNDO, Executions, now
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.task_folder import Change
@@ -56,8 +57,9 @@ def movement(seed, *sides, task=2):
 def model(tmp_path_factory):
     """A model of two tasks, with statistics."""
     path = tmp_path_factory.mktemp("old") / "model.npz"
-    report = learn_with_report([perform(TRUTH, seed % 2, seed) for seed in range(8)])
-    save_model(path, Model(report.library, DOFS), report.trained)
+    settings = TrainingSettings(n_basis=10)
+    trained = gathered([perform(TRUTH, seed % 2, seed) for seed in range(8)], settings)
+    save_model(path, Model(trained.library, DOFS), trained)
     return path
 
 

@@ -58,7 +58,7 @@ def python(packages, repository, tmp_path_factory) -> Path:
     (target,) = folder.glob("venv/lib/python3*/site-packages")
     for distribution in packages.values():
         for file in distribution.files or ():
-            if ".." not in file.parts and "__pycache__" not in file.parts:
+            if ".." not in file.parts:
                 (target / file).parent.mkdir(parents=True, exist_ok=True)
                 there = Path(str(distribution.locate_file(file))).resolve()
                 (target / file).symlink_to(there)
@@ -92,13 +92,21 @@ def test_it_is_small(packages):
 
 
 def test_it_learns_recognises_and_names_what_is_missing(python, repository):
+    """The README's program prints what the README shows."""
     modules = sorted({module for extra in EXTRAS.values() for module in extra})
     readme = (repository / "README.md").read_text(encoding="utf-8")
-    program = re.search(r"```python\n(import numpy.*?)```", readme, re.DOTALL)[1]
+    part = readme.split("## Use it as a library\n", 1)[1].split("\n## ", 1)[0]
+    program, shown = (
+        re.search(rf"^```{kind}\n(.*?)^```", part, re.MULTILINE | re.DOTALL)[1]
+        for kind in ("python", "text")
+    )
     said = run(python, "-c", program + ASKING, *modules)
     assert said.returncode == 0, said.stderr
-    first, *missing = said.stdout.splitlines()
-    assert "screw, the robot's hand will be at" in first
+    printed, *missing = said.stdout.splitlines()
+    task, numbers = re.compile(r"s: (\w+), "), re.compile(r"-?\d+\.\d+")
+    assert task.search(printed)[1] == task.search(shown)[1]
+    ours, theirs = ([float(one) for one in numbers.findall(text)] for text in (printed, shown))
+    assert ours == pytest.approx(theirs, abs=0.03)
     for module, line in zip(modules, missing, strict=True):
         assert line.startswith(f"{module}: expected ") and "pip install " in line
 
