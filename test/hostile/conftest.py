@@ -26,5 +26,5 @@ def learned(worker, repository, tmp_path_factory):
     path = tmp_path_factory.mktemp("learned") / "m.npz"
     found = sorted((repository / "bags/toolbox/train").iterdir())
     few = [folder for folder in found if folder.name.endswith(("_00", "_01", "_02"))]
-    assert worker.run("train", *few, "--output", path)["code"] == 0
+    assert worker.run("train", *few, "--basis", 8, "--output", path)["code"] == 0
     return path

@@ -4,9 +4,7 @@
 Each generator first yields what was thought of, then whole ones with random faults, without end.
 """
 
-import io
 import json
-import zipfile
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -212,14 +210,6 @@ def written(vertices, faces, suffix):
     return "\n".join([head, *rows, *triangles, ""]).encode()
 
 
-def _zipped(name, content, times=1):
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for k in range(times):
-            archive.writestr(name.format(k), content)
-    return stream.getvalue()
-
-
 def targets(rng):
     """Suffixes and contents of meshes and clouds."""
     whole = cup()
@@ -235,7 +225,6 @@ def targets(rng):
         yield ".ply", written(*whole, ".ply").replace(b"ply\nformat ascii 1.0\n", texture)
         buffers = [{"uri": outside, "byteLength": 9}]
         yield ".gltf", json.dumps({"asset": {"version": "2.0"}, "buffers": buffers}).encode()
-    yield ".zip", _zipped("{}.stl", bytes(2**26), 20)
     yield ".dae", f"{LAUGHS}<COLLADA>&a12;</COLLADA>".encode()
     yield ".svg", b'<svg><path d="' + b"M0 0 L1 1 " * 500_000 + b'"/></svg>'
     yield ".xyz", b"1 2 3\n" * 3_000_000

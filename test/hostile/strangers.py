@@ -18,12 +18,13 @@ class Worker:
     """Runs commands under a limit of memory and time."""
 
     def __init__(self):
+        tests = Path(__file__).parents[1]
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "120"}
         self._process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("worker.py"))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=environment | {"PYTHONPATH": str(Path(__file__).parents[2])},
+            env=environment | {"PYTHONPATH": f"{tests.parent}:{tests}"},
             text=True,
         )
 

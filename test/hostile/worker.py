@@ -147,6 +147,8 @@ def child(words, output):
 
 
 def main():
+    from few_functions import aligned_basis
+
     from intent_recognition.bags.definitions import jazzy_names
     from intent_recognition.cli import inspect, recover, train, warp  # noqa: F401
     from intent_recognition.errors import optional
@@ -159,22 +161,23 @@ def main():
     gc.collect()
     gc.freeze()  # children share what is there
 
-    for line in sys.stdin:
-        words = json.loads(line)
-        with tempfile.TemporaryFile() as output:
-            pid = os.fork()
-            if pid == 0:
-                child(words, output.fileno())
-            _, status, used = os.wait4(pid, 0)
-            output.seek(0)
-            text = output.read(200_000).decode(errors="replace")
-        answer = {
-            "code": os.waitstatus_to_exitcode(status),
-            "text": text,
-            "seconds": used.ru_utime + used.ru_stime,
-            "megabytes": used.ru_maxrss / 1000,
-        }
-        print(json.dumps(answer), flush=True)
+    with aligned_basis():
+        for line in sys.stdin:
+            words = json.loads(line)
+            with tempfile.TemporaryFile() as output:
+                pid = os.fork()
+                if pid == 0:
+                    child(words, output.fileno())
+                _, status, used = os.wait4(pid, 0)
+                output.seek(0)
+                text = output.read(200_000).decode(errors="replace")
+            answer = {
+                "code": os.waitstatus_to_exitcode(status),
+                "text": text,
+                "seconds": used.ru_utime + used.ru_stime,
+                "megabytes": used.ru_maxrss / 1000,
+            }
+            print(json.dumps(answer), flush=True)
 
 
 if __name__ == "__main__":

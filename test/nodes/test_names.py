@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names and qualities of service that the contract fixes, for every node."""
+"""Names and qualities of service that the contract fixes; those of other nodes: test_security."""
 
 import pytest
 from bag_builder import write_bag
@@ -88,9 +88,8 @@ def make(harness, name, bag, **more):
     return harness.add(kind(namespace="/cell1", parameter_overrides=overrides))
 
 
-@pytest.mark.parametrize("name", NODES)
-def test_names_are_in_the_namespace_and_topics_offered_as_the_contract_says(harness, bag, name):
-    node = make(harness, name, bag)
+def check_contract(node, name):
+    """Names are in the namespace, and topics and services offered as the contract says."""
     topics = {entity.topic_name for entity in (*node.publishers, *node.subscriptions)}
     assert "/diagnostics" in topics
     assert all(topic.startswith("/cell1/") for topic in topics - ABSOLUTE)
@@ -102,3 +101,7 @@ def test_names_are_in_the_namespace_and_topics_offered_as_the_contract_says(harn
         profile = profiles[f"/cell1/{topic}"]
         assert (profile.reliability, profile.durability) == (reliability, durability), topic
         assert (profile.history, profile.depth) == (QoSHistoryPolicy.KEEP_LAST, depth), topic
+
+
+def test_a_node_of_no_graph_keeps_the_contract(harness, bag):
+    check_contract(make(harness, "object_warper", bag), "object_warper")

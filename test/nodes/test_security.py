@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import pytest
 from bag_builder import write_bag
 from nodes.test_names import NODES as BUILT
-from nodes.test_names import make
+from nodes.test_names import check_contract, make
 
 from intent_recognition.nodes.graph import GRAPHS, NODES, OWN_TOPICS, RECORDED
 from intent_recognition.nodes.security import main, policy
@@ -82,10 +82,13 @@ def model(toolbox_model):
 
 
 @pytest.mark.parametrize("name", sorted({*REGISTERED} & {*BUILT} - IN_NO_GRAPH))
-def test_a_node_may_do_what_it_does_and_hardly_more(harness, bag, model, name):
+def test_a_node_keeps_the_contract_and_may_do_what_it_does_and_hardly_more(
+    harness, bag, model, name
+):
     graph = "replay" if name == "bag_player" else "demo"
     rules = allowed(policy(graph, given(graph, bag, model=model)))[name]
     node = make(harness, name, bag, **TURNED_ON.get(name, {}))
+    check_contract(node, name)
     publishes = {p.topic_name for p in node.publishers} - FRAMES  # where tf2_msgs is installed
     subscribes = {s.topic_name for s in node.subscriptions} - FRAMES
     offers = {s.service_name for s in node.services}

@@ -81,7 +81,7 @@ def test_node_starts_from_the_colcon_install(install, harness):
 
 @pytest.mark.parametrize("mode", [(), ("-e",)], ids=["install", "editable"])
 def test_pip_puts_names_on_the_path(workspace, tmp_path, mode):
-    """In a throw-away environment that sees the packages of this one."""
+    """In a throw-away environment that sees the packages of this one; once without a compiler."""
     package = workspace / "src" / "intent_recognition"
     environment = tmp_path / "venv"
     output_of(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
@@ -89,8 +89,9 @@ def test_pip_puts_names_on_the_path(workspace, tmp_path, mode):
     (target,) = environment.glob("lib/python3*/site-packages")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
     (target / "outer.pth").write_text(f"{outer_site_packages()}\n", encoding="utf-8")
-    options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
-    output_of(*pip, "install", *options, *mode, package, cwd=tmp_path)
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--no-compile", "--quiet"]
+    without = {} if mode else {"CC": "false"}
+    output_of(*pip, "install", *options, *mode, package, cwd=tmp_path, **without)
     assert {path.name for path in (environment / "bin").iterdir()} >= EXECUTABLES
     share = environment / "share"
     assert (share / "intent_recognition/config/params.yaml").is_file()
@@ -98,6 +99,10 @@ def test_pip_puts_names_on_the_path(workspace, tmp_path, mode):
     code = "from intent_recognition.share import share_path; print(share_path('config/dofs.yaml'))"
     where = output_of(python, "-c", code, cwd=tmp_path, PYTHONPATH="", AMENT_PREFIX_PATH="")
     assert where.startswith(str(package if mode else environment))
+    if without:
+        assert "update: numpy" in output_of(
+            environment / "bin" / "intent", "--version", cwd=tmp_path
+        )
 
 
 def outer_site_packages() -> Path:
@@ -113,15 +118,6 @@ def sources(repository, tmp_path) -> Path:
     for name in ("config", "launch"):
         (folder / name).mkdir()
     return folder
-
-
-def test_without_a_compiler_it_installs_and_numpy_serves(sources, tmp_path):
-    target = tmp_path / "installed"
-    options = ["--no-deps", "--no-build-isolation", "--no-index", "--no-compile", "--quiet"]
-    pip = [sys.executable, "-m", "pip", "install", "--target", target]
-    output_of(*pip, *options, sources, cwd=tmp_path, CC="false")
-    code = "from intent_recognition.cli.main import main; main(['--version'])"
-    assert "update: numpy" in output_of(sys.executable, "-c", code, cwd=target)
 
 
 @pytest.mark.skipif(KERNEL != "c" or sys.platform != "linux", reason="no compiler")

@@ -61,8 +61,15 @@ def test_node_takes_its_section(harness, section, tmp_path):
             if said.floating_point_range or said.integer_range:
                 assert "larger value" in said.description, parameter
     own = set(node.get_parameters_by_prefix("")) - {*OF_EVERY_NODE}
+    known = parameters_of(name)
+    for parameter in own:
+        said = node.describe_parameter(parameter)
+        assert said.description and said.type and not said.dynamic_typing, parameter
+        # one without a value of its type makes `ros2 param dump` print `{}` for the whole node
+        assert said.type == node.get_parameter(parameter).get_parameter_value().type, parameter
+        assert parameter not in known or said.read_only != known[parameter].live, parameter
     if name != "lwr_sim":
-        assert own == set(parameters_of(name))
+        assert own == set(known)
     assert own <= set(words(name)), "not in the shipped file, not even as a comment"
 
 

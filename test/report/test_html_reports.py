@@ -19,6 +19,7 @@ from intent_recognition.report.evaluation_report import (
 from intent_recognition.report.html import Figure, KeyNumbers, Row, TableBlock, render
 from intent_recognition.report.interaction_table import cells, fields_of
 
+pytestmark = pytest.mark.usefixtures("laid_out_roughly")
 LABELS = ["hold_screwdriver", "plate_handover", "screw_handover", "none"]
 
 
@@ -75,7 +76,7 @@ def undrawn(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def page(session, laid_out_roughly):
+def page(session):
     records, traces = session
     return demo_page(records, summarise(records), traces, {"seed": 1})
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,8 @@ def wait_for(process, what, said):
         if LOADED.get(what, what) in text:
             return
         assert time.monotonic() < end_s, f"never {what}: {said.read_text()}"
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(0.01)
     pytest.fail(f"ended before {what}: {said.read_text()}")
 
 
