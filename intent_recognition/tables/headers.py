@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from intent_recognition.tables.table import without_subjects
+from intent_recognition.tables.times import PER_UNIT
 
 OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; of those in one file the first of these is read."""
@@ -101,14 +102,25 @@ def trc(rows: Rows) -> Header | None:
     said = dict(zip(rows[1], rows[2], strict=False))
     at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame#")
     names = [name.strip() for name in rows[at][:2]]
-    for label in filter(None, (cell.strip() for cell in rows[at][2:])):
-        names += [f"{label}.{axis}" for axis in "xyz"]
+    labels = [cell.strip() for cell in rows[at][2:]]
+    if not any(labels[1::3]) and not any(labels[2::3]):  # each above its x
+        labels = labels[::3]
+    else:
+        labels = [label for label in labels if label]
+    names += _places_of(labels)
     numbered = {cell.strip(): k for k, cell in enumerate(rows[at + 1])}  # X1, Y1, Z1, X2, ...
     skip = at + 2
     while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
         skip += 1
     units = dict.fromkeys(range(2, len(names)), said.get("Units", "").strip())
     return _of_markers(names, skip, units, {"column": names[1]}, numbered)
+
+
+def _places_of(labels: Sequence[str]) -> list[str]:
+    """Columns `LABEL.x`, ... of markers; some may have no label, cells after the last are none."""
+    count = max((k for k, label in enumerate(labels, 1) if label), default=0)
+    known = [label or f"unlabelled_{k}" for k, label in enumerate(labels[:count], 1)]
+    return [f"{label}.{axis}" for label in known for axis in "xyz"]
 
 
 def qtm(rows: Rows) -> Header | None:
@@ -120,13 +132,13 @@ def qtm(rows: Rows) -> Header | None:
         skip = rows.index(said["BODY_NAMES"]) + 2
         names = _qtm_bodies(rows[skip - 1])
     else:
-        labels = [label.strip() for label in said["MARKER_NAMES"][1:] if label.strip()]
-        names = [f"{label}.{axis}" for label in labels for axis in "xyz"]
+        names = _places_of([label.strip() for label in said["MARKER_NAMES"][1:]])
         skip = rows.index(said.get("TRAJECTORY_TYPES", said["MARKER_NAMES"])) + 1
         first = [cell.strip() for cell in rows[skip]]
         if first[0] == "Frame" or first[-1].endswith((" X", " Y", " Z")):
             skip += 1
-        if len(rows[skip]) >= len(names) + 2:
+        stated = int(said.get("NO_OF_MARKERS", ("", "0"))[1])  # some may have no name
+        if len(rows[skip]) >= max(3 * stated, len(names)) + 2:
             names = ["Frame", "Time", *names]
     units = {k: QTM_UNITS.get(name.rpartition(".")[2], "") for k, name in enumerate(names)}
     time = {"rate": float(said["FREQUENCY"][1])}
@@ -173,7 +185,8 @@ def levels(rows: Rows) -> Header | None:
         return None
     above = [_spread(row) for row in heads[:-1] if row[0].lower() not in OF_ALL]
     above = [row for row in above if len(set(row[1:])) > 1 or row[0].lower() in OF_BODY]
-    first = next(filter(None, (row[0] for row in heads[::-1])), "")
+    firsts = [row[0] for row in heads[::-1] if row[0]]  # `time` above `s`
+    first = next((name for name in firsts if name not in PER_UNIT), "".join(firsts[:1]))
     names = [".".join(filter(None, (row[k] for row in (*above, heads[-1])))) for k in range(count)]
     names = [first, *names[1:]] if first else names
     return Header(tuple(names), at, {"must_say": True})

@@ -4,6 +4,7 @@
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -58,11 +59,17 @@ COCO_17 = _names(
 )
 NAMED = {len(names): names for names in (BODY_25, COCO_17, COCO_18, POSE_33, HAND_21)}
 """Landmarks by their count."""
-OPENPOSE = {
-    "pose_keypoints": ("", 2), "pose_keypoints_2d": ("", 2), "pose_keypoints_3d": ("", 3),
+Groups = Mapping[str, tuple[str, int]]
+OPENPOSE: Groups = {
+    "pose_keypoints": ("", 2), "pose_keypoints_2d": ("", 2),
     "hand_left_keypoints_2d": ("LHand.", 2), "hand_right_keypoints_2d": ("RHand.", 2),
 }  # fmt: skip
-"""Groups of a person: what is before the names of their landmarks, and their dimensions."""
+"""Groups of a person in an image: what is before the names of their landmarks, and dimensions."""
+OPENPOSE_3D: Groups = {
+    "pose_keypoints_3d": ("", 3),
+    "hand_left_keypoints_3d": ("LHand.", 3), "hand_right_keypoints_3d": ("RHand.", 3),
+}  # fmt: skip
+"""Those in space. Beside them the others are of one camera: what is not seen in space is a gap."""
 WORLD = _names(
     "world_landmarks pose_world_landmarks poseWorldLandmarks worldLandmarks hand_world_landmarks"
     " handWorldLandmarks multi_hand_world_landmarks"
@@ -95,18 +102,21 @@ def open_frames(folder: Path) -> Table:
 
 def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integers) -> Table:
     """Frames of OpenPose, each with the file that it is in."""
-    frames, several = [], 0
+    found: list[tuple[Path, list[Any]]] = []
     for path, content in contents:
         people = content.get("people") if isinstance(content, dict) else None
         if not isinstance(people, list):
             raise unusable(path, "one person of OpenPose", "none", ONE_PERSON)
-        several += len(people) > 1
-        frames.append(_read(path, _openpose, people[0]) if len(people) == 1 else {})
+        found.append((path, people))
+    in_space = any(_read(path, _in_space, one) for path, people in found for one in people)
+    read = partial(_openpose, OPENPOSE_3D if in_space else OPENPOSE)
+    frames = [_read(path, read, people[0]) if len(people) == 1 else {} for path, people in found]
+    several = sum(len(people) > 1 for _, people in found)
     if several > FEW_FRAMES * len(frames):
         got = f"several people in {several} of {len(frames)} frames"
         raise unusable(source, "one person of OpenPose", got, ONE_PERSON)
     notes = [f"left out, of several people: {several} of {len(frames)} frames"] if several else []
-    if not any(len(point) > 2 for frame in frames for point in frame.values()):
+    if not in_space:
         notes.append(OF_IMAGE)
     return table_of(source, _columns(frames, rows), notes=notes)
 
@@ -131,11 +141,12 @@ def open_landmarks(path: Path) -> Table:
     images = [f.get("image_id") for f in frames if isinstance(f, dict)]
     if len(set(map(str, images))) < len(images) and images.count(None) < len(images):
         raise unusable(path, "one person in each image", "several results of one", ONE_PERSON)
-    people = [_read(path, _people, frame) for frame in frames]
+    key = next((k for k in (*WORLD, *IMAGE) if _has(frames, k)), "")
+    people = [_read(path, partial(_people, key), frame) for frame in frames]
     if not any(people):
         return table_of(path, _read(path, _of_records, frames))
     notes = []
-    if any(_has(frames, key) for key in IMAGE) and not any(_has(frames, k) for k in WORLD):
+    if key in IMAGE:
         notes.append(OF_IMAGE)
     if several := sum(len(one) > 1 for one in people):
         notes.append(
@@ -144,13 +155,13 @@ def open_landmarks(path: Path) -> Table:
         )
     points = [_read(path, _points, one[0]) if one else {} for one in people]
     columns = _columns(points, np.arange(len(frames)))
-    key = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
+    stamp = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
     said = content if isinstance(content, dict) else {}
     time: dict[str, object] = {}
-    if key is not None:
-        stamps = [frame.get(key) if isinstance(frame, dict) else None for frame in frames]
+    if stamp is not None:
+        stamps = [frame.get(stamp) if isinstance(frame, dict) else None for frame in frames]
         columns["time"] = _read(path, lambda all: np.array(all, np.float64), stamps)
-        unit = "ms" if key.endswith("_ms") else usual_unit(np.diff(columns["time"])) or "s"
+        unit = "ms" if stamp.endswith("_ms") else usual_unit(np.diff(columns["time"])) or "s"
         time = {"column": "time", "unit": unit}
     elif rate := said.get("fps", said.get("frame_rate")):
         time = {"rate": _read(path, float, rate)}
@@ -216,7 +227,7 @@ def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
 
 
 def _has(frames: Sequence[Any], key: str) -> bool:
-    return any(isinstance(frame, dict) and key in frame for frame in frames)
+    return any(isinstance(frame, dict) and bool(frame.get(key)) for frame in frames)
 
 
 def _columns(frames: Sequence[Points], rows: Integers) -> dict[str, NDArray[Any]]:
@@ -231,9 +242,14 @@ def _columns(frames: Sequence[Points], rows: Integers) -> dict[str, NDArray[Any]
     return columns
 
 
-def _openpose(person: Mapping[str, Any]) -> Points:
+def _in_space(person: Mapping[str, Any]) -> bool:
+    """Whether OpenPose has triangulated anything of a person."""
+    return any(number > 0.0 for key in OPENPOSE_3D for number in person.get(key) or ())
+
+
+def _openpose(groups: Groups, person: Mapping[str, Any]) -> Points:
     points: Points = {}
-    for key, (before, size) in OPENPOSE.items():
+    for key, (before, size) in groups.items():
         values = np.array(person.get(key) or [], np.float64).reshape(-1, size + 1)
         names = NAMED.get(len(values), [str(k) for k in range(len(values))])
         for name, (*place, seen) in zip(names, values.tolist(), strict=True):
@@ -242,11 +258,13 @@ def _openpose(person: Mapping[str, Any]) -> Points:
     return points
 
 
-def _people(frame: Any) -> list[Any]:
-    """Landmarks of each person, or hand, in a frame of MediaPipe, however they are nested."""
+def _people(key: str, frame: Any) -> list[Any]:
+    """Landmarks of each person, or hand, in a frame of MediaPipe, however they are nested.
+
+    Of a frame with several kinds those under the key are read, as in all others.
+    """
     if isinstance(frame, dict):
-        keys = (key for key in (*WORLD, *IMAGE) if frame.get(key))
-        frame = frame.get(next(keys, ""))
+        frame = frame.get(key)
     if isinstance(frame, list) and frame and isinstance(frame[0], int | float):  # as COCO has them
         triples = np.array(frame, np.float64).reshape(-1, 3)
         frame = np.where(triples[:, 2:] > 0.0, triples[:, :2], np.nan).tolist()

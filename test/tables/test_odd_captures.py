@@ -78,6 +78,25 @@ def test_markers_and_bodies_of_qtm(head, after, tmp_path):
     np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
 
 
+@pytest.mark.parametrize("first", ["", "LWR"])
+@pytest.mark.parametrize("end", ["", "\t\t\t"])
+def test_a_marker_without_a_label_moves_no_other(first, end, tmp_path):
+    """Programs of motion capture write those that nobody has labelled, too, with empty names."""
+    other = ["1", "2", "3"]
+    after = other if end else []
+    body = "".join("\t".join([*other, *cells(k), *after]) + "\n" for k in range(ROWS))
+    head = QTM + f"NO_OF_MARKERS\t{2 + bool(end)}\nMARKER_NAMES\t{first}\tRWR{end[:1]}\n"
+    samples, _ = imported(tmp_path, "a.tsv", head + body, [f"RWR.{axis}" for axis in "xyz"])
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+    head = (
+        "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tUnits\n100\tmm\n"
+        f"Frame#\tTime\t{first}\t\t\tRWR\t\t{end}\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
+    )
+    body = "".join(f"{k + 1}\t{TIMES_S[k]}\t{row}\n" for k, row in enumerate(body.splitlines()))
+    samples, _ = imported(tmp_path, "a.trc", head + body, [f"RWR.{axis}" for axis in "xyz"])
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+
+
 def test_a_header_that_is_known_needs_no_skip_rows(tmp_path):
     content = motive(tmp_path).read_text()
     for names, words in (("wrist.Position.{}", ""), ("{}", "got Frame, Time (Seconds), wrist.Rot")):

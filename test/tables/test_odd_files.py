@@ -8,6 +8,7 @@ import pytest
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, imported, plain, table
 
 from intent_recognition.tables import Doubt, import_demonstrations
+from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 
 
@@ -188,6 +189,7 @@ LEVELS = {
     "Visual3D": "\tc:\\a.c3d\t\t\t\t\t\n\tnose\tnose\tnose\twrist\twrist\twrist\n"
     "\tTARGET\t\t\t\t\t\nITEM\tX\tY\tZ\tX\tY\tZ",
     "pandas": "time,nose,,,wrist,,\n,x,y,z,x,y,z",
+    "a unit below the time": "time,nose,nose,nose,wrist,wrist,wrist\ns,x,y,z,x,y,z",
 }
 
 
@@ -198,6 +200,7 @@ def test_names_in_several_lines(kind, tmp_path):
     columns = ["wrist.x", "wrist.y", "wrist.z"]
     options = {"time": {"rate": 100}}
     assert "the unit" in imported(tmp_path, "a.csv", content, columns, **options)[1]
+    assert open_table(tmp_path / "a.csv").names[0] not in ("s", "")
     samples, said = imported(tmp_path, "a.csv", content, columns, unit="mm", **options)
     assert not said
     np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-9)
