@@ -16,8 +16,19 @@ MOST_BYTES = 2**28
 MOST_DOFS = 20
 """Rows of an array that may be columns which were saved as rows. Convention: two arms with a hand
 have some more, a recording has far more samples."""
-NUMBERED = re.compile(r"(.*?)[_-]?\d+")
-"""A group that may be one of several demonstrations."""
+SMOOTH = 0.1
+"""Roughness below which numbers go on from one to the next. Convention: that of a sine with 14
+samples a period."""
+MOST_LOOKED_AT = 1000
+"""Rows and columns of an array whose roughness is measured. Convention."""
+NUMBERED = re.compile(r"(.*?)[_-]?(\d+)")
+"""A group, or an array, that may be of one of several demonstrations."""
+DEMONSTRATION = re.compile(
+    r"(?i)(.*[\W_])?(demo(nstration)?|traj(ectory)?|episode|trial|take|recording)"
+)
+"""What arrays are called that are one each."""
+FEWEST = 3
+"""Demonstrations by whose lengths alone arrays are known as such. Convention: two may be agents."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
          "sample_rate", "sampling_frequency", "frame_rate", "capture_rate")  # fmt: skip
 """Attributes of a file, in lower case, that say samples a second."""
@@ -76,15 +87,20 @@ def _stated_rate(attributes: dict[str, Any]) -> float:
 def on_end(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Arrays (n, T, d) of n demonstrations as (n T, d), with the column `demonstration`.
 
-    They are taken for such where n is far too few for samples, or times (T,) are there. What is
-    (n, T), (T,) or (n,) goes with them.
+    They are taken for such where n is far too few for samples, times (T,) are there, or the numbers
+    go on along the second axis alone. What is (n, T), (T,) or (n,) goes with them. Arrays with
+    numbers in their names are put on end, too: `demo_0`, `demo_1`, or `t_0`, `q_0`, `t_1`, ...
     """
+    arrays = _by_numbers(arrays)
     lengths = {
         len(array) for array in arrays.values() if array.ndim == 1 and array.dtype.kind == "f"
     }
     shapes = {array.shape[:2] for array in arrays.values() if array.ndim == 3}
     (count, size), *others = shapes or {(0, 0)}
     are_few = count <= MOST_DOFS < size or (size in lengths and count not in lengths)
+    cubes = [array for array in arrays.values() if array.ndim == 3]
+    if not are_few and not lengths & {count, size}:
+        are_few = bool(cubes) and all(map(goes_on_along_rows, cubes))
     if others or not count or not are_few:
         return arrays
     found = {"demonstration": np.repeat(np.arange(count), size)}
@@ -96,19 +112,71 @@ def on_end(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     return found
 
 
+def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Arrays of numbered demonstrations on end: of those with the same names for each number.
+
+    They are taken for such where they are called so, or have other lengths for each number.
+    """
+    found: dict[int, dict[str, NDArray[Any]]] = {}
+    rest = {}
+    for key, array in arrays.items():
+        match = NUMBERED.fullmatch(key)
+        if match is None or not array.ndim:
+            rest[key] = array
+        else:
+            found.setdefault(int(match[2]), {})[match[1]] = array
+    groups = [samples_first(found[number]) for number in sorted(found)]
+    shapes = [{key: array.shape[1:] for key, array in group.items()} for group in groups]
+    lengths = [{len(array) for array in group.values()} for group in groups]
+    if len(groups) < 2 or any(one != shapes[0] for one in shapes) or max(map(len, lengths)) > 1:
+        return arrays
+    sizes = [size for one in lengths for size in one]
+    is_said = any(map(DEMONSTRATION.fullmatch, shapes[0]))
+    if not is_said and (len(groups) < FEWEST or len(set(sizes)) == 1):
+        return arrays
+    of_each = {k: np.repeat(a, sizes) for k, a in rest.items() if a.shape == (len(groups),)}
+    joined = {key: np.concatenate([group[key] for group in groups]) for key in shapes[0]}
+    return {"demonstration": np.repeat(sorted(found), sizes), **joined, **rest, **of_each}
+
+
 def samples_first(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Arrays (d, T) as (T, d), or (T,), where others say what T is: as MATLAB keeps them in HDF5.
 
-    T is the length of others (T,) or (T, d), or the width that several wide arrays share.
+    T is the length of others (T,) or (T, d), or the width that several wide arrays share, or along
+    which alone the numbers go on.
     """
     wide = [k for k, a in arrays.items() if a.ndim == 2 and len(a) <= MOST_DOFS < a.shape[1]]
     lengths = {len(a) for k, a in arrays.items() if a.ndim and len(a) > MOST_DOFS}
     widths = [arrays[key].shape[1] for key in wide]
     if not lengths:
-        lengths = {width for width in widths if widths.count(width) > 1}
-        lengths = {max(lengths, key=widths.count)} if lengths else set()
+        shared = [width for width in widths if widths.count(width) > 1]
+        lengths = {max(shared, key=shared.count)} if shared else set()
+        lengths = lengths or {
+            arrays[key].shape[1] for key in wide if goes_on_along_rows(arrays[key])
+        }
     turned = {key: np.squeeze(arrays[key].T) for key in wide if arrays[key].shape[1] in lengths}
     return arrays | turned
+
+
+def goes_on_along_rows(array: NDArray[Any]) -> bool:
+    """Whether the numbers of an array (d, T), or (n, T, d), are smooth along its rows alone."""
+    return _roughness(array, 1) < SMOOTH < _roughness(array, 0)
+
+
+def _roughness(array: NDArray[Any], axis: int) -> float:
+    """Mean square of the steps along an axis over twice the variance along it: 1 for noise.
+
+    After von Neumann (1941), over all lines together. Infinite where nothing changes.
+    """
+    if array.dtype.kind not in "fiub":
+        return np.inf
+    values = np.asarray(array[:MOST_LOOKED_AT, :MOST_LOOKED_AT], np.float64)
+    finite = np.isfinite(values).all(axis=axis, keepdims=True)
+    values = np.where(finite, values, 0.0)  # a line with gaps says nothing
+    variance = float(np.var(values, axis=axis).sum())
+    if values.shape[axis] < 2 or not variance > 0.0:
+        return np.inf
+    return float(np.mean(np.diff(values, axis=axis) ** 2, axis=axis).sum()) / (2.0 * variance)
 
 
 def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.tables.cells import Values
-from intent_recognition.tables.hdf5_reading import MOST_DOFS, on_end, samples_first
+from intent_recognition.tables.hdf5_reading import (
+    MOST_DOFS,
+    goes_on_along_rows,
+    on_end,
+    samples_first,
+)
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
@@ -20,24 +25,26 @@ def open_npz(path: Path) -> Table:
     except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
-    arrays = samples_first(on_end(arrays))
-    defaults = {"segments": {"column": "demonstration"}} if "demonstration" in arrays else {}
-    columns = flat_columns(path, arrays)
-    return table_of(path, columns, defaults=defaults, notes=transposed(arrays))
+    return table_of_arrays(path, samples_first(on_end(arrays)))
 
 
 def open_npy(path: Path) -> Table:
-    """One array (T, d): columns have numbers."""
+    """One array (T, d), or (n, T, d) of n demonstrations: columns have numbers."""
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-        if array.ndim != 2:
-            raise ValueError(f"an array of shape {array.shape}")
+        if array.ndim not in (2, 3) or array.dtype.kind not in "fiub":
+            raise ValueError(f"an array of {array.dtype} of shape {array.shape}")
     except (OSError, ValueError, EOFError) as error:
         cure = "Write it with numpy.save, or several with numpy.savez."
-        raise unusable(path, "one array (T, d) of numbers", error, cure) from error
-    check_columns(path, array.shape[1])
-    columns = {str(k): np.asarray(column) for k, column in enumerate(array.T)}
-    return table_of(path, columns, notes=transposed({"it": array}))
+        raise unusable(path, "one array (T, d) or (n, T, d) of numbers", error, cure) from error
+    return table_of_arrays(path, samples_first(on_end({"": array})))
+
+
+def table_of_arrays(path: Path, arrays: Mapping[str, Values]) -> Table:
+    """The table of arrays whose samples are along their first axes."""
+    columns = flat_columns(path, arrays)
+    defaults = {"segments": {"column": "demonstration"}} if "demonstration" in columns else {}
+    return table_of(path, columns, defaults=defaults, notes=transposed(arrays))
 
 
 def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values]:
@@ -55,7 +62,7 @@ def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values
         for index in np.ndindex(shape):
             place: tuple[Any, ...] = (slice(None), *index)
             column = np.atleast_1d(array)[place]
-            columns[".".join((name, *map(str, index)))] = column
+            columns[".".join(filter(None, (name, *map(str, index))))] = column
     if arrays and not columns:
         shapes = ", ".join(f"{name} of shape {array.shape}" for name, array in arrays.items())
         cure = "Put one demonstration after the other, with a column that counts them."
@@ -69,9 +76,10 @@ def transposed(arrays: Mapping[str, Values]) -> list[str]:
     found = []
     for name, array in arrays.items():
         is_wide = array.ndim == 2 and len(array) <= MOST_DOFS < array.shape[1]
-        if is_wide and most in array.shape:  # alone: with others `samples_first` turns it
+        # wide ones beside others, or whose numbers say it, are turned by `samples_first`
+        if (is_wide and most in array.shape) or (array.ndim == 2 and goes_on_along_rows(array)):
             found.append(
-                f"{name} has {len(array)} rows and {array.shape[1]} columns. Likely its columns"
-                " are samples: transpose it."
+                f"{name or 'it'} has {len(array)} rows and {array.shape[1]} columns. Likely its"
+                " columns are samples: transpose it."
             )
     return found

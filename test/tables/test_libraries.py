@@ -83,6 +83,25 @@ def test_lerobot_by_its_own_metadata(lerobot, tmp_path):
         assert np.array_equal(demonstration.observed[0].stamps_ns, SINCE_NS + ticks)
 
 
+def test_a_lerobot_episode_is_cut_where_its_task_changes(lerobot, tmp_path):
+    from pyarrow import parquet
+
+    folder, states = lerobot
+    path = min((folder / "data").rglob("*.parquet"))
+    table = parquet.read_table(path)
+    tasks = [1] * 3 + [0] * 2 + [1] * 3 + [0] * (table.num_rows - 8)  # the first episode has 8 rows
+    at = table.column_names.index("task_index")
+    parquet.write_table(table.set_column(at, "task_index", [tasks]), path)
+    columns = [f"observation.state.{axis}" for axis in "xyz"]
+    mapping = ImportMap.from_dict({"observed": [WRIST | {"columns": columns}]})
+    found = [one for one in import_demonstrations(folder, mapping) if hasattr(one, "samples")]
+    take, hand = "Take the screw.", "Hand me the plate."
+    assert [one.custom_data["task"] for one in found] == [take, hand, take, hand]
+    parts = np.split(states[0][:, :3], [3, 5])
+    for one, part in zip(found, [*parts, states[1][:, :3]], strict=True):
+        assert np.array_equal(one.samples[0].values, part)
+
+
 def test_lerobot_of_another_version_or_place(lerobot):
     folder, _ = lerobot
     info = json.loads((folder / "meta/info.json").read_text())

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from scipy.io import savemat
-from tables.odd_files import PLACE, ROWS, TIMES_S, imported
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, imported
 
 from intent_recognition.tables import import_demonstrations
 from intent_recognition.tables.files import open_table
@@ -32,8 +32,8 @@ def test_arrays_of_any_layout(kind, tmp_path):
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
 
 
-def test_samples_along_another_axis_are_named_where_nothing_says_so(tmp_path):
-    np.savez(tmp_path / "made.npz", w=PLACE.T)
+def test_samples_along_another_axis_are_named_where_nothing_says_so(rng, tmp_path):
+    np.savez(tmp_path / "made.npz", w=rng.normal(size=(3, ROWS)))
     content = (tmp_path / "made.npz").read_bytes()
     _, said = imported(tmp_path, "a.npz", content, ["w.0", "w.1", "w.2"], time={"rate": 100})
     assert "w has 3 rows and 200 columns. Likely its columns are samples: transpose it." in said
@@ -92,18 +92,79 @@ def test_samples_along_the_second_axis_are_read_as_along_the_first(kind, times, 
     np.testing.assert_array_equal(np.column_stack(w), PLACE / 1000)
 
 
+ON_END = {
+    "one array each": ("w", {f"w_{k}": PLACE[k:] / 1000 for k in range(3)}, 3),
+    "two of one name": ("demo", {f"demo_{k}": PLACE / 1000 for k in range(2)}, 2),
+    "several each": (
+        "w",
+        {f"t{k}": TIMES_S[k:] for k in range(3)} | {f"w{k}": PLACE[k:] / 1000 for k in range(3)},
+        3,
+    ),
+    "another length, of two agents": ("w_0", {"w_0": PLACE / 1000, "w_1": PLACE[1:] / 1000}, 1),
+    "markers": ("w1", {f"w{k}": PLACE / 1000 for k in range(5)}, 1),
+}  # fmt: skip
+"""Name of the place, arrays, and how many demonstrations they are."""
+
+
+@pytest.mark.parametrize("kind", ON_END)
+def test_arrays_with_numbers_are_demonstrations_where_names_or_lengths_say_so(kind, tmp_path):
+    name, arrays, count = ON_END[kind]
+    np.savez(tmp_path / "a.npz", label=["give", "take", "give"][:count], **arrays)
+    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
+    observed = [{**entry, "columns": [f"{name}.{k}" for k in range(3)]}]
+    task = {"column": "label"} if count > 1 else "give"
+    mapping = {"observed": observed, "time": {"rate": 100}, "task": task}
+    found = list(import_demonstrations(tmp_path / "a.npz", ImportMap.from_dict(mapping)))
+    assert [one.custom_data["task"] for one in found] == ["give", "take", "give"][:count]
+    for k, one in enumerate(found):
+        shorter = k if kind in ("one array each", "several each") else 0
+        np.testing.assert_array_equal(one.samples[0].values, PLACE[shorter:] / 1000)
+
+
 def test_an_npy_has_columns_by_number(tmp_path):
     np.save(tmp_path / "made.npy", np.column_stack([TIMES_S, PLACE / 1000]))
     content = (tmp_path / "made.npy").read_bytes()
     samples, said = imported(tmp_path, "a.npy", content, [1, 2, 3], time={"column": 0})
     assert not said
     np.testing.assert_array_equal(samples.values, PLACE / 1000)
-    np.save(tmp_path / "made.npy", np.zeros((2, 3, 4)))
+    np.save(tmp_path / "made.npy", np.zeros((2, 3, 4, 5)))
     content = (tmp_path / "made.npy").read_bytes()
-    assert "(2, 3, 4)" in imported(tmp_path, "a.npy", content, [1, 2, 3])[1]
+    assert "(2, 3, 4, 5)" in imported(tmp_path, "a.npy", content, [1, 2, 3])[1]
     np.save(tmp_path / "made.npy", np.array([{}]), allow_pickle=True)
     content = (tmp_path / "made.npy").read_bytes()
     assert "one array (T, d)" in imported(tmp_path, "a.npy", content, [1, 2, 3])[1]
+
+
+def imported_npy(array, tmp_path):
+    """Places of the demonstrations in an array that stands alone."""
+    np.save(tmp_path / "a.npy", array)
+    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
+    observed = [{**entry, "columns": [0, 1, 2]}]
+    mapping = ImportMap.from_dict({"observed": observed, "task": "t", "time": {"rate": 100}})
+    found = list(import_demonstrations(tmp_path / "a.npy", mapping))
+    return [one.samples[0].values for one in found]
+
+
+@pytest.mark.parametrize("count", [2, 50])
+def test_an_array_alone_holds_demonstrations_where_its_numbers_say_so(count, rng, tmp_path):
+    goals = rng.normal(size=(count, 1, 3))
+    moved = PLACE / 1000 + 0.1 * SHARE * goals + 0.001 * rng.normal(size=(count, ROWS, 3))
+    np.testing.assert_array_equal(imported_npy(moved, tmp_path), moved)
+    landmarks = np.moveaxis(moved, 0, 1)  # of one demonstration, (T, n, 3)
+    (values,) = imported_npy(landmarks, tmp_path)
+    np.testing.assert_array_equal(values, landmarks[:, 0])
+
+
+@pytest.mark.parametrize("hidden", [0, 5])
+def test_an_array_alone_is_turned_where_its_numbers_say_so(hidden, rng, tmp_path):
+    moved = PLACE / 1000 + 0.001 * rng.normal(size=(ROWS, 3))
+    moved[:hidden, 2] = np.nan
+    for array in (moved, moved.T):
+        (values,) = imported_npy(array, tmp_path)
+        np.testing.assert_array_equal(values, moved)
+    many = (PLACE[:, :1] + rng.normal(size=ROWS // 2)).T  # too many rows to be sure of
+    np.save(tmp_path / "a.npy", many)
+    assert "transpose it" in " ".join(open_table(tmp_path / "a.npy").notes)
 
 
 def test_a_replay_buffer_is_cut_and_fields_of_records_are_columns(tmp_path):
@@ -174,6 +235,30 @@ def test_people_in_frames_of_openpose(tmp_path):
     frames = [{"people": [one] * 2} for one in person]
     samples, said = imported(tmp_path, "a.json", json.dumps(frames), **options)
     assert samples is None and "several people in 200 of 200 frames" in said
+
+
+def test_what_openpose_does_not_see_in_space_is_a_gap_and_no_pixel(tmp_path):
+    """The groups of the image are beside those in space, of which one may be missing."""
+    frames = []
+    for k, (x, y, z) in enumerate((PLACE / 1000).tolist()):
+        in_space = [] if k == 3 else [x, y, z, 0.9 * (k != 5)] * 25
+        image = [640.0, 360.0, 0.9] * 25
+        frames.append({"people": [{"pose_keypoints_2d": image, "pose_keypoints_3d": in_space}]})
+    columns = [f"RWrist.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.json", json.dumps(frames), columns, time={"rate": 100})
+    assert not said
+    seen = ~np.isin(np.arange(ROWS), (3, 5))
+    np.testing.assert_array_equal(samples.values[seen], PLACE[seen] / 1000)
+    assert np.isnan(samples.values[~seen]).all()
+
+
+def test_landmarks_in_space_are_not_mixed_with_those_of_the_image(tmp_path):
+    both = [f | {"landmarks": [[{"x": 0.5, "y": 0.5, "z": 0.0}] * 33]} for f in frames()]
+    both[7]["worldLandmarks"] = []
+    columns = [f"right_wrist.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.json", json.dumps(both), columns)
+    assert not said and np.isnan(samples.values[7]).all()
+    np.testing.assert_allclose(np.delete(samples.values, 7, 0), np.delete(PLACE, 7, 0) / 1000)
 
 
 def test_keypoints_of_coco_are_of_one_person_in_each_image(tmp_path):
