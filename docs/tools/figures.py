@@ -100,7 +100,7 @@ def _speeds(results: Any) -> dict:
 
 def _printed(text: Any) -> dict:
     """What a command printed at its end, without lines of progress."""
-    kept = [line for line in text.strip().splitlines() if not line.endswith(" s")]
+    kept = [line for line in text.strip().splitlines() if not line.endswith((" s", " s more"))]
     return {"text": "\n".join(kept).replace(f"{OUT}/", "")}
 
 

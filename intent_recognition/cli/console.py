@@ -81,10 +81,14 @@ def bar_with(console: Console, *columns: ProgressColumn) -> Iterator[Progress]:
 
 def _state(task: Task) -> str:
     """How far a task of a bar has come."""
-    elapsed = f"{task.elapsed or 0.0:.0f} s"
+    elapsed_s = task.elapsed or 0.0
     if task.total is None:
-        return f"{task.description}: {elapsed}"
-    return f"{task.description}: {task.completed:.0f} of {task.total:.0f}, {elapsed}"
+        return f"{task.description}: {elapsed_s:.0f} s"
+    said = f"{task.description}: {task.completed:.0f} of {task.total:.0f}, {elapsed_s:.0f} s"
+    if not task.completed:
+        return said
+    rest_s = elapsed_s * max(0.0, task.total - task.completed) / task.completed
+    return f"{said}, about {rest_s:.0f} s more"
 
 
 @contextmanager

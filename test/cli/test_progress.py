@@ -2,6 +2,7 @@
 """Bars are shown on a terminal, leave nothing behind, and are not there without one."""
 
 import io
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -91,7 +92,7 @@ def test_without_a_terminal_a_line_says_again_and_again_how_far_it_is(kind, monk
     if kind == "counted":
         with progress_bar(console) as bar:
             bar.update(bar.add_task("scoring", total=5), completed=2)
-            wait_for("scoring: 2 of 5, 0 s\n")
+            wait_for("scoring: 2 of 5, 0 s, about 0 s more\n")
     elif kind == "unknown":
         with busy(console, "learning"):
             wait_for("learning: 0 s\n")
@@ -100,3 +101,10 @@ def test_without_a_terminal_a_line_says_again_and_again_how_far_it_is(kind, monk
             wait_for("waiting for the coworker\n")
             line.on_task("plate")
             wait_for("interaction 1/2, 0 right so far; human: plate, robot: -\n")
+
+
+def test_the_rest_is_told_by_the_pace_so_far():
+    task = SimpleNamespace(description="scoring", total=40, completed=10, elapsed=30.0)
+    assert consoles._state(task) == "scoring: 10 of 40, 30 s, about 90 s more"
+    task.completed = 0
+    assert consoles._state(task) == "scoring: 0 of 40, 30 s"
