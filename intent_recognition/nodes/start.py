@@ -23,14 +23,9 @@ Its parameters, topics and services are listed in docs/reference/nodes.md, and b
 
 def __getattr__(name: str) -> Callable[..., int]:
     """What the executable of a node calls, such as `start.mocap_ingest()`."""
-    if sys.argv[0].endswith(f"/{name}"):  # it asks for this as it starts
-        end_node_at_interrupts()
-    if not name.startswith("__"):
-        from intent_recognition.registry import NODES
-
-        if name in NODES:
-            return partial(start, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name.startswith("__"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return partial(start, name)
 
 
 def start(name: str, args: Sequence[str] | None = None) -> int:
