@@ -177,7 +177,7 @@ def test_what_no_control_sends_is_dropped(visit, capfd):
     assert "Traceback" not in error, error
 
 
-@pytest.mark.parametrize("button", ["_keep", "_thumbs"])
+@pytest.mark.parametrize("button", ["_keep", "_undo", "_thumbs"])
 def test_a_flood_of_clicks_is_one_action(visit, button):
     visit = visit()
     graph = visit.graph

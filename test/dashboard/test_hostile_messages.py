@@ -118,7 +118,7 @@ def fed(harness):
 def test_random_messages_of_every_type_leave_it_running(fed):
     rng = np.random.default_rng(14)
     fed.meet("anna")
-    for _ in range(12):
+    for _ in range(25):
         for topic, subscription in fed.topics.items():
             if topic != "/robot_description":
                 fed.hear(topic, random_message(rng, subscription.msg_type, TEXTS))

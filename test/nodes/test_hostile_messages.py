@@ -33,7 +33,7 @@ from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.pouring import start_posture
 from sim_bridge.scenarios.pouring.task_space import OPENING_M
 
-ROUNDS, SEED = 25, 14
+ROUNDS, SEED = 40, 14
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 LABELS = ("plate_handover", "screw_handover", "hold_screwdriver", "none")
 PERSON = ("wrist.x", "wrist.y", "wrist.z")

@@ -45,7 +45,8 @@ def test_one_bad_trial_falls_short(bad):
 @pytest.mark.parametrize(
     ("kind", "thing", "robot"),
     [
-        *(("give", "box", "panda"), ("take", "plate", "panda"), ("take", "bottle", "lwr")),
+        *(("give", "box", "panda"), ("give", "bottle", "panda")),
+        *(("take", "box", "lwr"), ("take", "plate", "panda"), ("take", "bottle", "lwr")),
     ],
 )
 def test_objects_change_hands(kind, thing, robot):
