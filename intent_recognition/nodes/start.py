@@ -23,7 +23,9 @@ Its parameters, topics and services are listed in docs/reference/nodes.md, and b
 
 def __getattr__(name: str) -> Callable[..., int]:
     """What the executable of a node calls, such as `start.mocap_ingest()`."""
-    if name.startswith("__"):
+    from intent_recognition.registry import NODES
+
+    if name not in NODES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return partial(start, name)
 

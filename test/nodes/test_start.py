@@ -20,3 +20,8 @@ def test_help_says_what_it_does_and_where_its_parameters_are(name, capsys):
 def test_an_import_that_fails_for_another_reason_is_shown_whole():
     with pytest.raises(ImportError, match="scipy"):
         tell_missing("node", ModuleNotFoundError("No module named 'scipy'", name="scipy"))
+
+
+def test_there_is_no_executable_but_the_nodes():
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        start.nonsense  # noqa: B018
