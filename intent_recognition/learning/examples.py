@@ -13,6 +13,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError
 from intent_recognition.promp import NormalizedRBFBasis, WeightFit, fit_weights_together
 from intent_recognition.signals import (
+    GROUP,
     MIN_SAMPLES,
     Demonstration,
     OnsetSettings,
@@ -26,8 +27,6 @@ SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it. Convention."""
 SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
 """Samples of one movement that the filter uses (`filtering.SPACING`)."""
-GROUP = "group"
-"""Key of a recording's metadata that says whose it is."""
 MIN_DURATION_S = 0.2
 """Shortest movement that can be learned from [s]. Convention."""
 

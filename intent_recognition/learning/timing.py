@@ -14,10 +14,9 @@ import numpy as np
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
 from intent_recognition.array_types import Floats
-from intent_recognition.learning.examples import GROUP
 from intent_recognition.learning.persons import compares_people
 from intent_recognition.promp import STEADY, PhaseDeviation, steady_phase
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import GROUP, Demonstration
 
 N_DEVIATION_PHASES = 51
 """Evenly spaced phases at which the standard deviation of the phase deviation is kept. Convention.

@@ -3,7 +3,7 @@
 
 from intent_recognition.signals.arrays import as_numbers, as_stamp_ns, check_times
 from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered
-from intent_recognition.signals.labels import LABEL, LONGEST_LABEL, NONE, can_name_task
+from intent_recognition.signals.labels import GROUP, LABEL, LONGEST_LABEL, NONE, can_name_task
 from intent_recognition.signals.lags import (
     SpeedCorrelation,
     StreamFinding,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
 from intent_recognition.signals.arrays import as_numbers, as_seconds, check_times
-from intent_recognition.signals.labels import LABEL, can_name_task
+from intent_recognition.signals.labels import GROUP, LABEL, can_name_task
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.streams import recording_doubts, stream_defect
 from intent_recognition.signals.turns import continuous
@@ -90,6 +90,7 @@ class Demonstration:
         controlled_unit: str = "rad",
         context_unit: str = "m",
         name: str = UNNAMED,
+        group: str = "",
     ) -> Demonstration:
         """A demonstration from arrays, one signal for each agent.
 
@@ -119,6 +120,8 @@ class Demonstration:
             context_unit: unit of the context.
             name: of the demonstration, for reports and messages; those without one are numbered
                 there, in the order in which they are learned from.
+            group: the person, or the pair, who did it (`metadata["group"]`), so that what differs
+                between people is learned; "" where that is not known.
 
         Raises:
             ShapeError: the arrays do not fit each other or the names.
@@ -142,7 +145,8 @@ class Demonstration:
             () if context is None else (_constant(context, start_ns, context_names, context_unit),)
         )
         robots = (controlled,) if controlled.names else ()
-        made = cls(name, "", task, (observed,), robots, start_ns, end_ns, context=known)
+        whose = {GROUP: group} if group else {}
+        made = cls(name, "", task, (observed,), robots, start_ns, end_ns, whose, context=known)
         if defect := stream_defect(made):
             raise ArgumentError(f"{name}: {defect}")
         for doubt in recording_doubts(made, brief=True):

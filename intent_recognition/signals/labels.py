@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may be the label of a task: it names folders, parameters and lines on a terminal."""
+"""Labels of tasks, which name folders, parameters and lines on a terminal, and of people."""
 
 NONE = "none"
 """Label of the hypothesis that a movement is none of the known tasks; no task may have it."""
 LONGEST_LABEL = 80
 """Characters of a label; with a number behind it a file system takes 255 bytes. Convention."""
+GROUP = "group"
+"""Key of a recording's metadata that says whose it is."""
 FORBIDDEN = frozenset("/\\\0")
 LABEL = f"a label that can name a folder, of 1 to {LONGEST_LABEL} characters, other than {NONE!r}"
 """What `can_name_task` asks for, in words."""

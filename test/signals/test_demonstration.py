@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.learning.examples import make_example
+from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.signals.demonstration import Demonstration
 
 TIMES_S = np.linspace(0.0, 1.0, 11)
@@ -24,6 +26,12 @@ def test_arrays_become_one_signal_per_agent():
     assert np.array_equal(human.values, HUMAN) and np.array_equal(robot.values, ROBOT)
     assert np.allclose(human.seconds(made.start_ns), TIMES_S, rtol=0, atol=1e-9)
     assert (made.task, made.duration_s) == ("reach", 1.0)
+
+
+def test_whose_it_is_is_learned_with_it():
+    made = Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, group="anna")
+    assert make_example(made, NormalizedRBFBasis(4), ridge=1e-3).group == "anna"
+    assert not Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT).metadata
 
 
 def test_agents_may_have_times_of_their_own():
