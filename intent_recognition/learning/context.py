@@ -14,8 +14,8 @@ from intent_recognition.promp import (
     ContextModel,
     Scatter,
     observed_block,
+    predictive_covariance,
     shared_covariance,
-    structured_target,
 )
 
 STILL = 1e-6
@@ -57,13 +57,12 @@ def fit_context(
     size = n_observed * statistics[0].mean.shape[1]
     observed = shared_covariance(observed_block(pooled, size), floor[:n_observed], STRENGTH)
     covariance, whole, of_observed = [], [], []
+    assumed = chosen.target(n_observed)
     for task, s, g, own in zip(statistics, scatter, gain, left):
         mean_factor = 1.0 + 1.0 / task.n
         of_context = s * (mean_factor / (task.n - 1 + CONTEXT_STRENGTH))
         explained = g @ of_context @ g.T
-        target = structured_target(own, pooled, floor, chosen.borrowed).covariance()
-        rest = own.matrix + chosen.strength * target
-        rest *= mean_factor / (own.freedom + chosen.strength)
+        rest = predictive_covariance(own, pooled, task.n, floor, chosen.strength, assumed)
         covariance.append(of_context)
         whole.append(rest + explained)
         of_observed.append(mean_factor * observed + explained[:size, :size])

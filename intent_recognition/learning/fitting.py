@@ -24,12 +24,12 @@ from intent_recognition.learning.statistics import (
     variance_scales,
 )
 from intent_recognition.promp import (
-    OTHERS_SAMPLE_SIZE,
+    USUAL,
     ContextModel,
+    TargetSettings,
     TaskLibrary,
     observed_block,
-    shrunk_covariance,
-    structured_target,
+    predictive_covariance,
 )
 
 DURATION_SAMPLE_SIZE = 4.0
@@ -114,7 +114,8 @@ def learned_from(
     none = none_primitive(means, covariance, departed)
     mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
     context = None
-    weight_covariance = predictive_covariances(over, chosen.strength, floor, chosen.borrowed)
+    assumed = chosen.target(n_observed)
+    weight_covariance = predictive_covariances(over, chosen.strength, floor, assumed)
     if preprocessing.context:
         context, weight_covariance, covariance = fit_context(
             over, preprocessing.context, n_observed, floor, chosen
@@ -156,7 +157,7 @@ def predictive_covariances(
     tasks: Mapping[str, TaskStatistics],
     strength: float,
     floor: Floats,
-    borrowed: float = OTHERS_SAMPLE_SIZE,
+    assumed: TargetSettings = USUAL,
 ) -> Floats:
     """Predictive covariance of each task's next demonstration, (K, D N, D N).
 
@@ -164,14 +165,13 @@ def predictive_covariances(
         tasks: statistics of each label.
         strength: equivalent sample size of the target, in demonstrations.
         floor: variance floor per DOF, (D,).
-        borrowed: equivalent sample size of the other tasks in the target of each.
+        assumed: by the target of each.
     """
     pooled = pooled_moments(tasks.values())
-    covariances = []
-    for task in tasks.values():
-        target = structured_target(task.moments, pooled, floor, borrowed).covariance()
-        covariances.append(shrunk_covariance(task.scatter, task.n, target, strength))
-    return np.array(covariances)
+    of_all = floor, strength, assumed
+    return np.array(
+        [predictive_covariance(task.moments, pooled, task.n, *of_all) for task in tasks.values()]
+    )
 
 
 def _durations(tasks: Sequence[TaskStatistics]) -> tuple[Floats, Floats]:

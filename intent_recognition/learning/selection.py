@@ -3,10 +3,10 @@
 
 Demonstrations are left out in turn. From samples of the observed agent the filter recognises the
 task and predicts the controlled agent. What is chosen is the pace of both agents
-(`learning.timing`), the noise of an observation, whether a task's regression borrows from the other
-tasks, and how strong its target is; the coupling of the residuals is learned beside each
-(`learning.coupling`). The score
-of a candidate is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
+(`learning.timing`), the noise of an observation, and of the target of a task's regression: whether
+it has a lag or borrows from the other tasks, how strong it is, and how independent the weights are.
+The coupling of the residuals is learned beside each (`learning.coupling`). The score of a candidate
+is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
 under a normal error whose variance is fitted after each share seen, Q / 2 log(mean squared error).
 """
 
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.gaussian import Gaussian, symmetrize
+from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
 from intent_recognition.learning.duration_evidence import (
     EXPONENTS,
@@ -38,13 +38,16 @@ from intent_recognition.learning.persons import covariance_of_strangers, people,
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.learning.task_evidence import expected_power, log_losses
 from intent_recognition.promp import (
+    LAGS,
     OTHERS_SAMPLE_SIZE,
     ResidualCoupling,
     Scatter,
+    TargetSettings,
     TaskLibrary,
+    explained_by_lag,
     observed_block,
+    predictive_covariance,
     shared_covariance,
-    shrunk_covariance,
     structured_target,
     without_demonstration,
 )
@@ -56,6 +59,9 @@ STRENGTH = 4.0
 REGRESSION_STRENGTHS = (30.0, 100.0)
 """The same for each task's own covariance, from which the controlled agent's regression comes; the
 first where nothing can be left out (docs/decisions/covariance_target.md)."""
+INDEPENDENT = (0.0, 0.01, 0.1)
+"""Independent parts of these weights' variance that are tried
+(docs/decisions/covariance_target.md)."""
 NOISE_SCALES = (1.0, 4.0, 16.0)
 """Factors of the observed DOFs' noise variance that are tried. Convention."""
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
@@ -78,6 +84,8 @@ class Hyperparameters(NamedTuple):
         borrowed: equivalent sample size of the other tasks in the target of each task's own
             covariance, in demonstrations.
         strength: equivalent sample size of this target, in demonstrations.
+        independent: part of a weight's variance in it that no other weight shares.
+        lag: how much later in phase the controlled agent follows, in it.
         task_evidence: exponent of the evidence of the tasks against each other.
         log_loss: of the task, mean over the movement, in nats.
         error: mean squared error of the controlled agent, each DOF in parts of its variance.
@@ -89,10 +97,16 @@ class Hyperparameters(NamedTuple):
     duration_evidence: float = EXPONENTS[0]
     borrowed: float = OTHERS_SAMPLE_SIZE
     strength: float = REGRESSION_STRENGTHS[0]
+    independent: float = INDEPENDENT[0]
+    lag: float = 0.0
     task_evidence: float = 1.0
     log_loss: float = float("nan")
     error: float = float("nan")
     score: float = float("nan")
+
+    def target(self, n_observed: int) -> TargetSettings:
+        """What the target of a task's own covariance assumes."""
+        return TargetSettings(self.borrowed, self.independent, self.lag, n_observed)
 
     @property
     def aligned(self) -> bool:
@@ -124,10 +138,10 @@ def choose(
         candidates: by pace a library, with the statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
-    known: dict[tuple[str, float, float], list[LeftOutExample]] = {}
+    known: dict[Hyperparameters, list[LeftOutExample]] = {}
 
     def left_out(one: Hyperparameters) -> list[LeftOutExample]:
-        key = one.pace, one.borrowed, one.strength
+        key = one._replace(noise_scale=0.0)
         if key not in known:
             library, tasks = candidates[one.pace]
             known[key] = _leave_out(tasks, recorded, library.units, one)
@@ -142,25 +156,35 @@ def choose(
         score = log_loss + 0.5 * library.n_controlled * float(log_error)
         return one._replace(task_evidence=power, log_loss=log_loss, error=error, score=score)
 
-    tried = [Hyperparameters(pace, scale) for pace in candidates for scale in NOISE_SCALES]
-    if not all(left_out(one) for one in tried):
+    def best_with(*more: Hyperparameters) -> Hyperparameters:
+        tried.update((one, scored(one)) for one in more if one not in tried)
+        return min(tried, key=lambda one: round(tried[one].score, 9))  # whatever rounding adds
+
+    if not all(left_out(Hyperparameters(pace)) for pace in candidates):
         return Choice(Hyperparameters(), None, (Hyperparameters(),))
-    tried = [scored(one) for one in tried]
-    tried.append(scored(min(tried, key=_by_score)._replace(borrowed=0.0)))
-    best = min(tried, key=_by_score)
-    tried += [scored(best._replace(strength=other)) for other in REGRESSION_STRENGTHS[1:]]
-    best = min(tried, key=_by_score)
+    tried: dict[Hyperparameters, Hyperparameters] = {}
+    first = Hyperparameters(next(iter(candidates)))
+    lags = _lags(*candidates[first.pace])
+    lag = best_with(first, *(first._replace(lag=lag) for lag in lags)).lag
+    best = best_with(
+        *(Hyperparameters(pace, scale, lag=lag) for pace in candidates for scale in NOISE_SCALES)
+    )
+    best = best_with(best._replace(borrowed=0.0))
+    best = best_with(*(best._replace(independent=part) for part in INDEPENDENT[1:]))
+    best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
-    tried[tried.index(best)] = best = best._replace(duration_evidence=exponent)
-    return Choice(best, coupling if np.any(coupling.gain) else None, tuple(tried))
+    chosen = tried[best] = tried[best]._replace(duration_evidence=exponent)
+    return Choice(chosen, coupling if np.any(coupling.gain) else None, (*tried.values(),))
 
 
-def _by_score(one: Hyperparameters) -> float:
-    """The score by which the first of equals wins, whatever rounding adds to them."""
-    return round(one.score, 9)
+def _lags(library: TaskLibrary, tasks: Mapping[str, TaskStatistics]) -> list[float]:
+    """The lag after which the observed DOFs explain most of the controlled ones, if it is one."""
+    floor, _ = variance_scales(tasks, library.units)
+    explained = explained_by_lag(pooled_moments(tasks.values()), library.n_observed, floor)
+    return [float(lag) for lag in LAGS[[np.argmax(explained)]] if lag]
 
 
 def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
@@ -308,9 +332,8 @@ def _of_others(
     shared = covariance_of_strangers(examples, *of_observed)
     found = []
     for task in rest:
-        target = structured_target(task.moments, pooled, floor, chosen.borrowed).covariance()
-        covariance = shrunk_covariance(task.scatter, task.n, target, chosen.strength)
-        gain = _gain(symmetrize(covariance), size)
+        parts = task.moments, pooled, task.n, floor, chosen.strength, chosen.target(n_observed)
+        gain = _gain(predictive_covariance(*parts), size)
         found.append(_Rest(task.mean.ravel(), shared, gain, task.log_duration_mean))
     return found
 
@@ -335,12 +358,12 @@ def _without(
     deviation, own = example.weights - task.mean, task.moments
     if pooled.freedom > 1:
         part, rest = without_demonstration(pooled, own, deviation.ravel())
-        target = structured_target(part, rest, floor, chosen.borrowed).covariance()
+        assumed = chosen.strength, chosen.target(n_observed)
+        covariance = predictive_covariance(part, rest, task.n - 1, floor, *assumed)
     else:  # two demonstrations in all: nothing would be left to estimate a target from
-        part, rest = Scatter(np.zeros_like(own.matrix), 0), pooled
-        target = structured_target(own, pooled, floor).covariance()
+        rest = pooled
+        covariance = structured_target(own, pooled, floor).covariance()
     shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
-    covariance = symmetrize(shrunk_covariance(part.matrix, task.n - 1, target, chosen.strength))
     mean = (task.mean - deviation / (task.n - 1)).ravel()
     log_s = float(np.log(as_recorded.duration_s))
     log_duration = task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1)

@@ -131,7 +131,7 @@ def _hyperparameters(chosen: Mapping) -> Hyperparameters:
     if "aligned" in chosen:  # of a model that was written before there were four paces
         chosen["pace"] = "aligned" if chosen.pop("aligned") else "own"
         chosen.setdefault("duration_evidence", Hyperparameters().duration_evidence)
-    for name in ("borrowed", "strength", "task_evidence"):  # a model before 0.3
+    for name in Hyperparameters._fields[3:-3]:  # a model before 0.3
         chosen.setdefault(name, getattr(Hyperparameters(), name))
     if set(chosen) != set(Hyperparameters._fields):
         raise KeyError(f"chosen of {', '.join(Hyperparameters._fields)}")

@@ -41,11 +41,15 @@ from intent_recognition.promp.prediction import (
     least_end_std,
 )
 from intent_recognition.promp.prior import (
+    LAGS,
     OTHERS_SAMPLE_SIZE,
+    USUAL,
     Scatter,
+    TargetSettings,
+    explained_by_lag,
     observed_block,
+    predictive_covariance,
     shared_covariance,
-    shrunk_covariance,
     structured_target,
     weight_floor,
     without_demonstration,

@@ -13,6 +13,10 @@ with a the amplitudes, R_k (D, D) the correlation over DOFs near phase k and C (
 correlation along the phase. It is positive semidefinite by the Schur product theorem, and the
 coupling of the agents at one phase is not diluted by other phases, as it is in a Kronecker product.
 
+Where the controlled agent follows the observed one after a lag, R_k couples the observed DOFs at
+phase k with the controlled ones at k + lag. A part of each weight's variance may be independent of
+all others.
+
 `strength` is the equivalent sample size of the target in demonstrations, as in an inverse-Wishart
 prior. `learn` chooses it by leave-one-out prediction (`learning.selection`).
 """
@@ -49,8 +53,36 @@ AMPLITUDE_SAMPLE_SIZE = 4.0
 
 In demonstrations. Convention.
 """
+LAGS = np.arange(0.0, 0.26, 0.01)
+"""Lags of the controlled agent behind the observed one that are compared, in phase. Convention."""
 FEW = 3.5
 """Equivalent sample size below which the scatter is inflated (`structured_target`). Convention."""
+
+
+OBSERVED_INDEPENDENT = 0.03
+"""Independent part of the variance of the observed weights, in the covariance that all tasks share
+(docs/decisions/covariance_target.md)."""
+
+
+class TargetSettings(NamedTuple):
+    """What a target assumes; validation on held-out demonstrations chooses it.
+
+    Attributes:
+        borrowed: equivalent sample size of all other tasks together, in demonstrations.
+        independent: variance of each weight that no other shares, in parts of its DOF's.
+        lag: how much later in phase the controlled DOFs follow the observed ones, from 0 to below
+            1.
+        n_observed: number of observed DOFs, which come first; counts where there is a lag.
+    """
+
+    borrowed: float = OTHERS_SAMPLE_SIZE
+    independent: float = 0.0
+    lag: float = 0.0
+    n_observed: int = 0
+
+
+USUAL = TargetSettings()
+"""What is assumed where nothing was chosen."""
 
 
 class Scatter(NamedTuple):
@@ -70,15 +102,19 @@ class StructuredTarget(NamedTuple):
 
     Attributes:
         amplitude: standard deviation of each weight, a, (D, N).
-        dofs: correlation over DOFs at each basis function, R, (N, D, D).
+        dofs: correlation over DOFs at each basis function, R, (N, D, D), the controlled ones a lag
+            later.
         basis: correlation along the basis functions, C, (N, N).
         floor: variance added to every weight of a DOF, (D,).
+        earlier: takes all weights to their phases, those of controlled DOFs a lag back,
+            (D N, D N); None without a lag.
     """
 
     amplitude: Floats
     dofs: Floats
     basis: Floats
     floor: Floats
+    earlier: Floats | None = None
 
     def covariance(self) -> Floats:
         """The target as one matrix, (D N, D N), weights grouped by DOF."""
@@ -88,8 +124,11 @@ class StructuredTarget(NamedTuple):
         flat = np.swapaxes(root, 0, 1).reshape(size, -1)
         gram = (flat @ flat.T).reshape(-1, n_basis, size // n_basis, n_basis)
         gram *= self.basis[None, :, None, :]
-        scale = self.amplitude.ravel()
-        covariance = gram.reshape(size, size) * np.outer(scale, scale)
+        scale, correlation = self.amplitude.ravel(), gram.reshape(size, size)
+        if self.earlier is not None:
+            correlation = self.earlier @ correlation @ self.earlier.T
+            scale = scale / np.sqrt(np.diag(correlation) + FLOOR_OF_RANGE**2)
+        covariance = correlation * np.outer(scale, scale)
         return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
 
 
@@ -119,11 +158,11 @@ def weight_floor(weights: Floats, units: Sequence[str] | None = None) -> Floats:
 
 
 def structured_target(
-    own: Scatter, pooled: Scatter, floor: Floats, borrowed: float = OTHERS_SAMPLE_SIZE
+    own: Scatter, pooled: Scatter, floor: Floats, assumed: TargetSettings = USUAL
 ) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
-    The task's own demonstrations count fully; all others together count `borrowed`, or
+    The task's own demonstrations count fully; all others together as many as are borrowed, or
     `OTHERS_SAMPLE_SIZE` if there are fewer than `FEW` of the task's own. Where the equivalent
     sample size of all is below `FEW`, the amplitudes are inflated and the correlation along the
     phase is mixed with a smooth one (small-sample inflation).
@@ -132,8 +171,9 @@ def structured_target(
         own: scatter of the task the target is for.
         pooled: sum over all tasks, this one included; some task has two demonstrations.
         floor: variance floor per DOF, (D,).
-        borrowed: equivalent sample size of all other tasks together.
+        assumed: what it borrows, and how the weights depend on each other.
     """
+    borrowed = assumed.borrowed
     if own.freedom < FEW:
         borrowed = OTHERS_SAMPLE_SIZE
     scatter, demonstrations = _borrow(own, pooled, borrowed)
@@ -145,22 +185,70 @@ def structured_target(
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     n_basis = amplitude.shape[1]
     scale = amplitude.ravel()
-    scaled = (scatter / np.outer(scale, scale)).reshape(n_dofs, n_basis, n_dofs, n_basis)
+    scaled = scatter / np.outer(scale, scale)
     phase = np.linspace(0.0, 1.0, n_basis)
     distance = phase[:, None] - phase
-    kernel = np.exp(-0.5 * (distance / (PHASE_WIDTH if borrowed else OWN_PHASE_WIDTH)) ** 2)
-    kernel /= kernel.sum(axis=1, keepdims=True)
-    local = np.einsum("dkek->kde", scaled)
+    kernel = _averaging(n_basis, PHASE_WIDTH if borrowed else OWN_PHASE_WIDTH, assumed.lag)
+    together, earlier = scaled, None
+    if assumed.lag:
+        later = _moved(assumed.lag, assumed.n_observed, n_dofs, n_basis)
+        together = later @ scaled @ later.T
+        earlier = _moved(-assumed.lag, assumed.n_observed, n_dofs, n_basis)
+    by_dof = n_dofs, n_basis, n_dofs, n_basis
+    local = np.einsum("dkek->kde", together.reshape(by_dof))
     dofs = np.einsum("kl,lde->kde", kernel, local)
     scale = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
     dofs /= scale[:, :, None] * scale[:, None, :]
-    basis = np.einsum("dkdl->kl", scaled) / n_dofs
+    basis = np.einsum("dkdl->kl", scaled.reshape(by_dof)) / n_dofs
     scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
     basis /= np.outer(scale, scale)
     smooth = np.exp(-0.5 * (distance / 0.1) ** 2)
     basis = (basis + inflation * smooth) / (1.0 + inflation)
     amplitude = amplitude * np.sqrt(1.0 + inflation)
-    return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor)
+    floor = floor + assumed.independent * np.mean(amplitude**2, axis=1)
+    return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor, earlier)
+
+
+def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
+    """Share of the controlled DOFs' variance that the observed ones explain, after each of `LAGS`.
+
+    By regression on the observed DOFs a lag before, on average over the phases, (L,).
+
+    Args:
+        pooled: scatter of all demonstrations about the means of their tasks.
+        n_observed: number of observed DOFs, which come first.
+        floor: variance floor per DOF, (D,).
+    """
+    n_dofs, found = len(floor), []
+    n_basis = len(pooled.matrix) // n_dofs
+    for lag in LAGS:
+        kernel = _averaging(n_basis, PHASE_WIDTH, lag)
+        later = _moved(lag, n_observed, n_dofs, n_basis)
+        scatter = (later @ pooled.matrix @ later.T).reshape(n_dofs, n_basis, n_dofs, n_basis)
+        local = np.einsum("kl,dlel->kde", kernel, scatter)
+        scale = np.sqrt(np.einsum("kdd->kd", local) + pooled.freedom * floor)
+        local /= scale[:, :, None] * scale[:, None, :]
+        seen = local[:, :n_observed, :n_observed] + FLOOR_OF_RANGE * np.eye(n_observed)
+        cross = local[:, :n_observed, n_observed:]
+        found.append(np.mean(np.sum(cross * np.linalg.solve(seen, cross), axis=1)))
+    return np.array(found, dtype=float)
+
+
+def _averaging(n_basis: int, width: float, lag: float) -> Floats:
+    """Averages over phases of a width, without those where a lag leads past the end, (N, N)."""
+    phase = np.linspace(0.0, 1.0, n_basis)
+    kernel = np.exp(-0.5 * ((phase[:, None] - phase) / width) ** 2) * (phase + lag <= 1.0 + 1e-9)
+    return kernel / kernel.sum(axis=1, keepdims=True)
+
+
+def _moved(lag: float, n_observed: int, n_dofs: int, n_basis: int) -> Floats:
+    """Takes weights of controlled DOFs a lag later in phase, interpolated linearly, (D N, D N)."""
+    place = np.clip(np.arange(n_basis) + lag * (n_basis - 1), 0.0, n_basis - 1.0)
+    apart = np.abs(place[:, None] - np.arange(n_basis))
+    moved: Floats = np.eye(n_dofs * n_basis)
+    start = n_observed * n_basis
+    moved[start:, start:] = np.kron(np.eye(n_dofs - n_observed), np.maximum(1.0 - apart, 0.0))
+    return moved
 
 
 def without_demonstration(
@@ -191,7 +279,8 @@ def shared_covariance(pooled: Scatter, floor: Floats, strength: float) -> Floats
         floor: variance floor per DOF, (D,).
         strength: equivalent sample size of the target, in demonstrations.
     """
-    target = structured_target(pooled, pooled, floor).covariance()
+    assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
+    target = structured_target(pooled, pooled, floor, assumed).covariance()
     return (pooled.matrix + strength * target) / (pooled.freedom + strength)
 
 
@@ -213,15 +302,26 @@ def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[Floats, flo
     return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size
 
 
-def shrunk_covariance(scatter: Floats, n: int, target: Floats, strength: float) -> Floats:
-    """Predictive covariance of one more weight vector of a task, (..., d, d).
+def predictive_covariance(
+    own: Scatter,
+    pooled: Scatter,
+    n: int,
+    floor: Floats,
+    strength: float,
+    assumed: TargetSettings = USUAL,
+) -> Floats:
+    """Covariance of one more weight vector of a task, (D N, D N).
 
-    (scatter + strength * target) / (n - 1 + strength), times 1 + 1/n for the uncertain mean.
+    (scatter + strength * target) / (freedom + strength), times 1 + 1/n for the uncertain mean.
 
     Args:
-        scatter: sum of outer products of the deviations from the mean, (..., d, d).
-        n: number of demonstrations behind it, at least 1.
-        target: (d, d).
+        own: scatter of the task.
+        pooled: sum over all tasks, this one included.
+        n: demonstrations behind the mean, at least 1.
+        floor: variance floor per DOF, (D,).
         strength: equivalent sample size of the target, in demonstrations, positive.
+        assumed: by the target.
     """
-    return (scatter + strength * target) * ((1.0 + 1.0 / n) / (n - 1.0 + strength))
+    target = structured_target(own, pooled, floor, assumed).covariance()
+    covariance = (own.matrix + strength * target) * ((1.0 + 1.0 / n) / (own.freedom + strength))
+    return symmetrize(covariance)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import make_interp_spline
 from simulation import START_NS, minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian, condition
@@ -16,6 +17,7 @@ from intent_recognition.learning.examples import TrainingExample, sample_phases,
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.selection import (
     FRACTIONS,
+    INDEPENDENT,
     NOISE_SCALES,
     REGRESSION_STRENGTHS,
     STRENGTH,
@@ -29,7 +31,13 @@ from intent_recognition.learning.task_evidence import POWERS
 from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.training import choose_hyperparameters
 from intent_recognition.promp.phase_deviation import STEADY
-from intent_recognition.promp.prior import Scatter, structured_target, weight_floor
+from intent_recognition.promp.prior import (
+    OBSERVED_INDEPENDENT,
+    Scatter,
+    TargetSettings,
+    structured_target,
+    weight_floor,
+)
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
@@ -102,14 +110,16 @@ def scatter_of(tasks: list[np.ndarray]) -> Scatter:
     st.integers(0, 2**32 - 1),
     st.lists(st.integers(1, 5), min_size=1, max_size=4).filter(lambda n: sum(n) - len(n) > 1),
     st.sampled_from(REGRESSION_STRENGTHS),
+    st.sampled_from(INDEPENDENT),
+    st.sampled_from([0.0, 0.1]),
 )
-def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength):
+def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength, independent, lag):
     """Mean, shared covariance and regression are those of the other demonstrations."""
     parts = examples(seed, counts)
     tasks = {f"task_{k}": summarize(part) for k, part in enumerate(parts)}
     everything = np.array([example.weights for part in parts for example in part])
     floor = weight_floor(everything)  # its scale alone is that of all of them
-    chosen = Hyperparameters(strength=strength)
+    chosen = Hyperparameters(strength=strength, independent=independent, lag=lag)
     found = selection._leave_out(tasks, tasks, UNITS, chosen)
     assert len(found) == sum(n for n in counts if n > 1)
     turns = [
@@ -127,11 +137,12 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength):
         np.testing.assert_allclose(one.mean, rest[k].mean(axis=0), atol=1e-12)
         pooled = scatter_of(rest)
         seen = Scatter(pooled.matrix[:size, :size], pooled.freedom)
-        target = structured_target(seen, seen, floor[:P]).covariance()
+        assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
+        target = structured_target(seen, seen, floor[:P], assumed).covariance()
         shared = (seen.matrix + STRENGTH * target) / (pooled.freedom + STRENGTH)
         np.testing.assert_allclose(one.covariance, shared, atol=1e-9)
         own = scatter_of([rest[k]])
-        target = structured_target(own, pooled, floor).covariance()
+        target = structured_target(own, pooled, floor, chosen.target(P)).covariance()
         joint = own.matrix + strength * target
         gain = joint[size:, :size] @ np.linalg.inv(joint[:size, :size])
         np.testing.assert_allclose(one.gain, gain, rtol=1e-5, atol=1e-6)
@@ -162,7 +173,8 @@ def by_hand(library, data: Accumulated) -> tuple[np.ndarray, float]:
         ]
         own, pooled = list(data.tasks).index(left_out.task), scatter_of(rest)
         seen = Scatter(pooled.matrix[:size, :size], pooled.freedom)
-        target = structured_target(seen, seen, floor[:n_observed]).covariance()
+        assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
+        target = structured_target(seen, seen, floor[:n_observed], assumed).covariance()
         shared = (seen.matrix + STRENGTH * target) / (pooled.freedom + STRENGTH)
         single = scatter_of([rest[own]])
         joint = (
@@ -323,6 +335,26 @@ def test_a_regression_borrows_from_tasks_in_which_the_robot_follows_alike(ways, 
     chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
     assert chosen.borrowed == borrowed
     assert chosen.score == min(one.score for one in tried)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.12])
+def test_a_robot_that_copies_the_hand_later_is_learned_with_its_lag(lag):
+    rng, phase = np.random.default_rng(5), np.linspace(0.0, 1.0, 161)
+    places = rng.normal(size=(2, 6, 3)) + 0.5 * rng.normal(size=(9, 2, 6, 3))
+    hands = [
+        (task, make_interp_spline(np.linspace(0.0, 1.0, 6), points, 3)(minimum_jerk(phase)))
+        for of_task in places
+        for task, points in enumerate(of_task)
+    ]
+    before = np.maximum(np.arange(161) - round(lag * 160), 0)
+    recordings = recordings_of(rng, hands, [hand[before][:, :2] for _, hand in hands])
+    data = accumulate(recordings, TrainingSettings())
+    chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
+    assert abs(chosen.lag - lag) <= 0.02
+    assert chosen.score == min(one.score for one in tried)
+    if lag:
+        without = min(one.error for one in tried if not one.lag)
+        assert chosen.error < 0.5 * without
 
 
 def test_one_task_has_nothing_to_tell_apart():

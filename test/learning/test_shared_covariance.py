@@ -7,7 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.promp.prior import (
+    OBSERVED_INDEPENDENT,
     Scatter,
+    TargetSettings,
     observed_block,
     shared_covariance,
     structured_target,
@@ -62,7 +64,8 @@ def test_means_order_and_tasks_of_one_demonstration_do_not_matter():
 def test_it_lies_between_the_sample_covariance_and_the_target(strength):
     weights = demonstrations(5, [4, 2, 1])
     pooled, floor = scatter_of(*weights), weight_floor(np.concatenate(weights))
-    target = structured_target(pooled, pooled, floor).covariance()
+    assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
+    target = structured_target(pooled, pooled, floor, assumed).covariance()
     share = strength / (strength + 4.0)  # 7 demonstrations about 3 means
     expected = (1.0 - share) * pooled.matrix / 4.0 + share * target
     np.testing.assert_allclose(of(weights, strength), expected, atol=1e-12)

@@ -9,8 +9,11 @@ from hypothesis import strategies as st
 from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.promp import prior
 from intent_recognition.promp.prior import (
+    LAGS,
     Scatter,
-    shrunk_covariance,
+    TargetSettings,
+    explained_by_lag,
+    predictive_covariance,
     structured_target,
     weight_floor,
     without_demonstration,
@@ -32,8 +35,8 @@ def target_of(weights: np.ndarray) -> np.ndarray:
 
 
 def shrunk(weights: np.ndarray, strength: float) -> np.ndarray:
-    flat = (weights - weights.mean(axis=0)).reshape(len(weights), -1)
-    return shrunk_covariance(flat.T @ flat, len(weights), target_of(weights), strength)
+    scatter = scatter_of(weights)
+    return predictive_covariance(scatter, scatter, len(weights), weight_floor(weights), strength)
 
 
 @settings(max_examples=40)
@@ -60,8 +63,7 @@ def test_a_task_of_one_demonstration_borrows_from_the_others(rng):
     weights = rng.normal(size=(5, 2, 6))
     nothing = Scatter(np.zeros((12, 12)), 0)
     others = scatter_of(weights[1:])
-    target = structured_target(nothing, others, weight_floor(weights)).covariance()
-    covariance = shrunk_covariance(np.zeros((12, 12)), 1, target, 10.0)
+    covariance = predictive_covariance(nothing, others, 1, weight_floor(weights), 10.0)
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.trace(covariance) > np.trace(np.cov(weights[1:].reshape(4, -1).T))
 
@@ -70,8 +72,9 @@ def test_a_task_of_one_demonstration_borrows_from_the_others(rng):
 def test_other_tasks_count_where_they_are_borrowed_and_for_a_task_of_few(rng, n):
     weights, floor = rng.normal(size=(n, 2, 6)), np.full(2, 1e-6)
     own, others = scatter_of(weights), scatter_of(rng.normal(size=(20, 2, 6)))
-    alone = structured_target(own, own, floor, borrowed=0.0).covariance()
-    borrowing = structured_target(own, pooled_with(others, own), floor, borrowed=0.0).covariance()
+    assumed = TargetSettings(borrowed=0.0)
+    alone = structured_target(own, own, floor, assumed).covariance()
+    borrowing = structured_target(own, pooled_with(others, own), floor, assumed).covariance()
     assert np.array_equal(alone, borrowing) == (n > 4)
 
 
@@ -108,13 +111,37 @@ def test_target_keeps_a_coupling_that_changes_along_the_phase(rng):
 
 def test_strength_moves_from_the_sample_covariance_to_the_target(rng):
     weights = rng.normal(size=(30, 2, 5))
-    flat = (weights - weights.mean(axis=0)).reshape(30, -1)
-    scatter, target = flat.T @ flat, np.diag(np.arange(1.0, 11.0))
-    factor = 1 + 1 / 30
-    weak = shrunk_covariance(scatter, 30, target, 1e-9)
-    strong = shrunk_covariance(scatter, 30, target, 1e9)
-    np.testing.assert_allclose(weak, factor * np.cov(flat.T), rtol=1e-6)
-    np.testing.assert_allclose(strong, factor * target, atol=1e-6)
+    factor, sample = 1 + 1 / 30, np.cov(weights.reshape(30, -1).T)
+    np.testing.assert_allclose(shrunk(weights, 1e-9), factor * sample, rtol=1e-6)
+    np.testing.assert_allclose(shrunk(weights, 1e9), factor * target_of(weights), atol=1e-6)
+
+
+def test_what_is_independent_is_added_to_each_variance(rng):
+    weights = rng.normal(size=(30, 2, 5)) * np.array([1.0, 3.0])[:, None]
+    own, floor = scatter_of(weights), weight_floor(weights)
+    usual = structured_target(own, own, floor)
+    apart = structured_target(own, own, floor, TargetSettings(independent=0.1))
+    of_dof = 0.1 * np.mean(usual.amplitude**2, axis=1)
+    added = apart.covariance() - usual.covariance()
+    np.testing.assert_allclose(added, np.diag(np.repeat(of_dof, 5)), atol=1e-12)
+
+
+@pytest.mark.parametrize("steps", [0, 2, 4])
+def test_the_lag_of_a_robot_that_copies_the_hand_is_found(rng, steps):
+    """Independent weights, so that any other lag explains nothing; 21 of them are 0.05 apart."""
+    hand = rng.normal(size=(400, 2, 21))
+    robot = np.concatenate([np.repeat(hand[:, :, :1], steps, 2), hand[:, :, : 21 - steps]], axis=2)
+    weights = np.concatenate([hand, robot + 0.1 * rng.normal(size=robot.shape)], axis=1)
+    own, floor = scatter_of(weights), weight_floor(weights)
+    explained = explained_by_lag(own, 2, floor)
+    assert LAGS[np.argmax(explained)] == pytest.approx(0.05 * steps) and explained.max() > 0.8
+    target = structured_target(own, own, floor, TargetSettings(lag=0.05 * steps, n_observed=2))
+    found = target.covariance()
+    np.testing.assert_allclose(np.diag(found), np.var(weights, axis=0).ravel(), rtol=0.25)
+    across = found.reshape(4, 21, 4, 21)[0, :, 2]
+    np.testing.assert_allclose(across[: 21 - steps, steps:].diagonal(), 1.0, atol=0.2)
+    if steps:
+        np.testing.assert_allclose(np.diag(across)[steps + 1 :], 0.0, atol=0.2)
 
 
 def left_out_log_density(rng, n: int) -> float:
