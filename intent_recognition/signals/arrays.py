@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays that a caller passes: numbers, and times in seconds."""
 
-from datetime import datetime, timezone
+from datetime import datetime, timedelta, timezone
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,12 +18,17 @@ OFTEN_TIMES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 """Units of time that are recorded in place of seconds, with how many of them make one."""
 
 
-def as_numbers(argument: str, values: ArrayLike) -> Floats:
-    """A copy as an array of numbers.
+def as_numbers(
+    argument: str,
+    values: ArrayLike,
+    cure: str = "Pass an array, with rows of the same length.",
+) -> Floats:
+    """A copy of values as numbers.
 
     Args:
         argument: its name, for the message.
-        values: of any shape; what is masked becomes NaN.
+        values: of any shape; what is masked, or missing in a table of pandas, becomes NaN.
+        cure: for the message.
 
     Raises:
         ShapeError: they are no numbers, or rows differ in length.
@@ -32,29 +38,52 @@ def as_numbers(argument: str, values: ArrayLike) -> Floats:
             raise TypeError("complex numbers")
         if isinstance(values, np.ma.MaskedArray):  # what is masked was not measured
             values = np.ma.filled(values.astype(np.float64), np.nan)
-        return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        got, cure = f"something else ({error})", "Pass an array, with rows of the same length."
+        try:
+            return np.array(values, dtype=np.float64)
+        except TypeError:
+            table: Any = values
+            if not hasattr(table, "to_numpy"):
+                raise
+            return np.array(table.to_numpy(dtype=np.float64, na_value=np.nan))
+    except (TypeError, ValueError, RuntimeError) as error:  # torch raises the last
+        got = f"something else ({error})"
         raise ShapeError.about(argument, "an array of numbers", got, cure) from error
 
 
 def as_seconds(argument: str, times: ArrayLike) -> Floats:
-    """A copy of times as seconds: numbers are seconds; dates and durations become them.
+    """A copy of times as seconds, NaN where one is missing: dates and durations become them.
 
     Raises:
         ShapeError: they are neither.
     """
-    array = np.asarray(times)
-    if array.dtype == object and array.size and isinstance(array.flat[0], datetime):
-        utc = [one if one.tzinfo else one.replace(tzinfo=timezone.utc) for one in array.flat]
-        return np.array([one.timestamp() for one in utc]).reshape(array.shape)
+    cure = "Pass seconds as numbers, or datetime64."
+    try:
+        array = np.asarray(times)
+    except (TypeError, ValueError, RuntimeError):
+        return as_numbers(argument, times, cure)  # says why
+    if array.dtype == object:
+        seconds = np.array([_seconds(one) for one in array.flat], object)
+        return as_numbers(argument, seconds.reshape(array.shape), cure)
     if array.dtype.kind not in "mM":
-        return as_numbers(argument, times)
-    return array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64).astype(np.float64) * 1e-9
+        return as_numbers(argument, times, cure)
+    missing = np.isnat(array) | np.ma.getmaskarray(np.ma.asarray(times))
+    count = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64).astype(np.float64)
+    return np.where(missing, np.nan, count * 1e-9)
+
+
+def _seconds(one: object) -> object:
+    """A date, in UTC if it has no zone, or a duration as seconds; anything else as it is."""
+    if isinstance(one, np.datetime64 | np.timedelta64):
+        one = one.astype(f"{one.dtype.kind}8[us]").item()  # None for none
+    if isinstance(one, datetime):
+        return (one if one.tzinfo else one.replace(tzinfo=timezone.utc)).timestamp()
+    return one.total_seconds() if isinstance(one, timedelta) else one
 
 
 def _cure(time: float) -> str:
-    """What makes seconds of a time that is too large for them."""
+    """What makes seconds of a time that is none."""
+    if not np.isfinite(time):
+        return "Leave that sample out."
     for name, factor in OFTEN_TIMES.items():
         if FIRST_CLOCK_S <= time / factor < LATEST_S:
             return f"Likely {name} since 1970: divide them by {factor:g}."
@@ -74,7 +103,7 @@ def as_stamp_ns(argument: str, time_s: float) -> int:
     if not known:
         expected = f"seconds, a finite number below {LATEST_S:g}"
         is_number = isinstance(time_s, int | float | np.number)
-        cure = _cure(float(time_s)) if is_number else "Pass the time of one measurement."
+        cure = _cure(float(time_s)) if is_number else "Pass the time of one measurement in seconds."
         got = f"an array of shape {np.shape(time_s)}" if np.ndim(time_s) else repr(time_s)
         raise ArgumentError.about(argument, expected, got, cure)
     return round(time_s * 1e9)

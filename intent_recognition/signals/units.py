@@ -66,6 +66,9 @@ unit at most explains other steps."""
 FEWEST_M = 0.3
 """Distance from the origin of its frame that a body may have [m]: where two units leave it farther,
 the larger factor is named alone. Convention."""
+FEW_SHARE = 0.1
+"""Share of samples that are taken for errors of a tracker where they are far from all others.
+Convention."""
 FAR_SHARE = 0.1
 """How far outside what was learned numbers of another unit are, in learned extents and parts of the
 factor between the units. Convention: 100 extents for millimetres, 6 for degrees; a reach that
@@ -153,10 +156,14 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     speed = peak_speed(signal.seconds(int(signal.stamps_ns[0])), values)
     farthest = float(np.abs(values).max())
     turned = unit == "rad" and farthest > FARTHEST_RAD
-    turned = turned and (extent > FARTHEST_RAD or speed > FAST_RAD_S)
+    turned = (
+        turned and max(extent / FARTHEST_RAD, speed / FAST_RAD_S, farthest / WIDEST[unit]) > 1.0
+    )
     too_wide = extent > known.widest
     if not (too_wide or turned or extent > WIDEST[unit] or speed > FASTEST[unit]):
         return None
+    if unit == "m" and (stray := _stray(signal)) is not None:
+        return stray
     reason = f"{in_words(signal)} moves over {extent:.3g} {unit}"
     reason += (
         f" at up to {speed:.3g} {unit}/s" if speed > FAST_RAD_S else ""
@@ -168,6 +175,25 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     likely = taken_for(unit, {name: factor})
     text = f"{reason}: the unit cannot be {NAMES[unit]}. {likely}"
     return Misfit(text, factor, certain, likely)
+
+
+def _stray(signal: Signal) -> Misfit | None:
+    """Few samples (T, d) [m] far from all others, without which nothing is odd; None if not so."""
+    values = signal.values
+    away = np.linalg.norm(values - np.median(values, axis=0), axis=1)
+    far = away > 0.5 * away.max()
+    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)[far[1:] != far[:-1]]
+    if far.mean() > FEW_SHARE or not steps.size or steps.min() < 0.5 * away.max():
+        return None
+    if misfit(Signal(signal.names, signal.stamps_ns[~far], values[~far], signal.unit)) is not None:
+        return None
+    row = int(np.argmax(away))
+    at_s = (signal.stamps_ns[row] - signal.stamps_ns[0]) * 1e-9
+    reason = (
+        f"{in_words(signal)} at {at_s:.3g} s is {away[row]:.3g} m from its median, in {far.sum()}"
+        f" of {far.size} samples so far. Likely a tracker's error: leave these samples out."
+    )
+    return Misfit(reason, np.nan, certain=True)
 
 
 def time_misfit(signal: Signal) -> Misfit | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.signals import Rejection, Signal, misfit, time_misfit
+from intent_recognition.signals import Misfit, Rejection, Signal, misfit, time_misfit
 from intent_recognition.tables.imported import EntrySamples
 
 LONG_STEP_S = 4.0
@@ -34,7 +34,7 @@ def certain_misfit(samples: Sequence[EntrySamples]) -> str | None:
             return f"{found.reason} Say under time in the map: unit, or rate."
         found = None if part.entry.orientation else misfit(signal)
         if found is not None and found.certain:
-            return _never_measured(signal) or f"{found.reason} Say in the map: columns_unit."
+            return _never_measured(signal) or _with_cure(found)
     return None
 
 
@@ -61,13 +61,18 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         signal = Signal(part.entry.names, part.stamps_ns[seen], values, part.entry.unit)
         found = None if part.entry.orientation else misfit(signal)
         if found is not None:
-            yield f"{found.reason} Say in the map: columns_unit."
+            yield _with_cure(found)
         extent = float(np.ptp(values, axis=0).max(initial=0.0)) if values.size else 0.0
         if part.entry.unit == "m" and not part.entry.context and 0.0 < extent < STILL_M:
             yield (
                 f"{part.entry.topic} moves over {1e3 * extent:.3g} mm. Likely metres that are"
                 " called millimetres: say in the map columns_unit: m."
             )
+
+
+def _with_cure(found: Misfit) -> str:
+    known = np.isfinite(found.factor)
+    return f"{found.reason} Say in the map: columns_unit." if known else found.reason
 
 
 def _never_measured(signal: Signal) -> str:

@@ -79,6 +79,7 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
         (TIMES_S, HUMAN, ROBOT, {"task": "none"}, ArgumentError, "task: expected a label"),
         (TIMES_S, HUMAN, ROBOT, {"task": "a/b"}, ArgumentError, "task: expected a label"),
         (TIMES_S, HUMAN, ROBOT, {"task": 3}, ArgumentError, "got 3"),
+        (["10:00:00"] * 11, HUMAN, ROBOT, {}, ShapeError, "Pass seconds as numbers, or datetime64"),
         (TIMES_S * 1e-11, HUMAN, ROBOT, {}, ArgumentError, "stamps_ns"),
         (TIMES_S[:3], HUMAN[:3], ROBOT[:3], {}, ArgumentError, "at least 4 samples"),
         (TIMES_S, np.full_like(HUMAN, np.nan), ROBOT, {}, ArgumentError, "at least 4 samples"),
@@ -118,6 +119,7 @@ def test_what_no_recording_could_be_learned_from_is_refused_as_in_bags(human, ro
     [
         (0.0 * reach(), reach(), "the observed agent does not move"),
         (reach(), np.degrees(reach()) * 2.0, "robot_0: Likely degrees for radians"),
+        (reach(), 68.0 + np.degrees(reach()) * 0.1, "robot_0: Likely degrees for radians"),
     ],
 )
 def test_what_gives_reason_to_doubt_in_bags_is_a_warning(human, robot, says):
@@ -153,6 +155,56 @@ def test_a_row_that_was_measured_in_part_is_refused():
         Demonstration.from_arrays(TIMES_S, human, ROBOT)
 
 
+class Foreign:
+    """An array of another library, which numpy takes in that library's way alone."""
+
+    def __init__(self, values, error):
+        self._values, self._error = values, error
+
+    def __array__(self, dtype=None, copy=None):
+        if dtype is not None or isinstance(self._error, RuntimeError):
+            raise self._error
+        return self._values.astype(object)
+
+    def to_numpy(self, dtype, na_value):
+        """As of pandas, whose nullable columns hold objects that are no numbers."""
+        return np.where(np.equal(self._values, None), na_value, self._values).astype(dtype)
+
+
+def test_arrays_of_other_libraries_are_taken_or_refused_with_their_words():
+    human = np.where((TIMES_S == 0.0)[:, None], None, HUMAN)
+    missing = Foreign(human, TypeError("float() argument must be a number, not 'NAType'"))
+    made = Demonstration.from_arrays(TIMES_S, missing, ROBOT)
+    assert np.array_equal(made.observed[0].values, HUMAN[1:])
+    tensor = Foreign(HUMAN, RuntimeError("Use tensor.detach().numpy() instead."))
+    del Foreign.to_numpy
+    for arrays in ((TIMES_S, tensor, ROBOT), (tensor, HUMAN, ROBOT)):
+        with pytest.raises(ShapeError, match=r"expected an array of numbers, .*detach"):
+            Demonstration.from_arrays(*arrays)
+
+
+@pytest.mark.filterwarnings("ignore:the observed movement")
+def test_zeros_that_stand_for_nothing_are_named():
+    place = np.hstack([reach(), 0.3 + reach(), 0.8 - reach()])
+    lost = place.copy()
+    lost[60:65] = 0.0
+    with pytest.warns(UserWarning, match="human_0, ... is at exactly zero in 5 of 101 samples"):
+        Demonstration.from_arrays(LONG_S, lost, reach())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Demonstration.from_arrays(LONG_S, place - place[0], reach())  # a rest at the origin
+
+
+def test_one_sample_far_away_is_no_other_unit():
+    human = np.hstack([reach(), reach()])
+    human[50] = 40.0
+    with pytest.raises(
+        ArgumentError, match=r"at 1 s is 56\.. m from .* in 1 of 101 .* error"
+    ) as told:
+        Demonstration.from_arrays(LONG_S, human, reach())
+    assert "metres for" not in str(told.value) and "for metres" not in str(told.value)
+
+
 def test_it_is_shown_on_one_line():
     shown = repr(Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, task="reach", name="first"))
     assert shown == (
@@ -165,6 +217,19 @@ def test_dates_of_python_are_times_in_utc_where_they_have_no_zone():
     times = [first + timedelta(seconds=second) for second in TIMES_S.tolist()]
     made = Demonstration.from_arrays(times, HUMAN, ROBOT)
     assert made.start_ns == 1_706_695_200_000_000_000 and made.duration_s == 1.0
+    lengths = Demonstration.from_arrays([one - first for one in times], HUMAN, ROBOT)
+    assert lengths.start_ns == 0 and lengths.duration_s == 1.0
+
+
+@pytest.mark.parametrize("gap", [None, np.nan, np.datetime64("NaT")])
+@pytest.mark.parametrize("row", [0, 10])
+@pytest.mark.parametrize("of", [float, datetime, timedelta])
+def test_a_time_that_is_missing_is_named(of, row, gap):
+    first = {float: 0.0, datetime: datetime(2024, 1, 31, 10), timedelta: timedelta()}[of]
+    times = [first + (t if of is float else timedelta(seconds=t)) for t in TIMES_S.tolist()]
+    times[row] = gap
+    with pytest.raises(ArgumentError, match=f"got nan in row {row}. Leave that sample out"):
+        Demonstration.from_arrays(times, HUMAN, ROBOT)
 
 
 @pytest.mark.parametrize("kind", ["M", "m"])

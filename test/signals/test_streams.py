@@ -217,6 +217,21 @@ def test_a_human_sampled_too_seldom_is_named():
     (doubt,) = stream_doubts([correlate_speeds(every(25))])
     assert "x was sampled at 2 Hz" in doubt.reason and "below 2.5 Hz" in doubt.reason
     assert stream_doubts([correlate_speeds(every(10))]) == []
+    assert "whole seconds" not in doubt.reason
+
+
+@pytest.mark.parametrize("step_s", [1, 2, 4])
+def test_milliseconds_and_numbers_of_samples_are_no_slow_tracker(step_s):
+    """At 1000, 500 and 250 Hz these are steps that seconds could be."""
+    slow = recording()
+    stamps_ns = START_NS + step_s * 10**9 * np.arange(501)
+    (human,), (robot,) = slow.observed, slow.controlled
+    sides = (replace(human, stamps_ns=stamps_ns),), (replace(robot, stamps_ns=stamps_ns),)
+    ends = int(stamps_ns[0]), int(stamps_ns[-1])
+    slow = Demonstration("demo", "", "reach", *sides, *ends)
+    reasons = [doubt.reason for doubt in stream_doubts([correlate_speeds(slow)])]
+    assert any("whole seconds. Likely milliseconds, or numbers of samples" in r for r in reasons)
+    assert not any("Record it at 10 Hz" in reason for reason in reasons)
 
 
 @pytest.mark.parametrize(("length_s", "late"), [(30.0, False), (300.0, True)])
