@@ -11,9 +11,18 @@ START = struct.pack("<H", 2**16 - 2)
 
 
 def c3d_file(
-    points, *, units="mm", labels, rate=100.0, frames_by="FRAMES", repeat=False, analog_stated=0
+    points,
+    *,
+    units="mm",
+    labels,
+    rate=100.0,
+    frames_by="FRAMES",
+    repeat=False,
+    analog_stated=0,
+    analog=0,
+    order="<",
 ) -> bytes:
-    """A file with float values in little endian.
+    """A file with float values.
 
     Args:
         points: (T, N, 3).
@@ -23,53 +32,60 @@ def c3d_file(
         frames_by: parameter that states more than 65 535 frames.
         repeat: whether parameters are there twice.
         analog_stated: analog values of a frame that the header states; there are none.
+        analog: channels, whose scales and names the file does not say.
+        order: of bytes, "<" of Intel or ">" of SGI.
     """
     pytest.importorskip("ezc3d", reason="it reads them")
     frames, count = points.shape[:2]
-    body = _group(1, "POINT") + _group(2, "ANALOG") + _group(3, "TRIAL")
-    body += _parameter(1, "USED", 2, [], struct.pack("<H", count))
-    body += _parameter(1, "FRAMES", 2, [], struct.pack("<H", min(frames, 2**16 - 1)))
-    body += _parameter(1, "SCALE", 4, [], struct.pack("<f", -1.0))
-    body += _parameter(1, "RATE", 4, [], struct.pack("<f", rate))
-    body += _parameter(1, "DATA_START", 2, [], START)
-    body += _parameter(2, "USED", 2, [], struct.pack("<H", 0))
+    body = _group(order, 1, "POINT") + _group(order, 2, "ANALOG") + _group(order, 3, "TRIAL")
+    body += _parameter(order, 1, "USED", 2, [], struct.pack(f"{order}H", count))
+    body += _parameter(order, 1, "FRAMES", 2, [], struct.pack(f"{order}H", min(frames, 2**16 - 1)))
+    body += _parameter(order, 1, "SCALE", 4, [], struct.pack(f"{order}f", -1.0))
+    body += _parameter(order, 1, "RATE", 4, [], struct.pack(f"{order}f", rate))
+    body += _parameter(order, 1, "DATA_START", 2, [], START)
+    body += _parameter(order, 2, "USED", 2, [], struct.pack(f"{order}H", analog))
     for k in range(0, count, 255):
-        body += _texts(1, f"LABELS{k // 255 + 1 if k else ''}", labels[k : k + 255])
+        body += _texts(order, 1, f"LABELS{k // 255 + 1 if k else ''}", labels[k : k + 255])
     for _ in range(2 if repeat else 1):
-        body += b"" if units is None else _texts(1, "UNITS", [units])
+        body += b"" if units is None else _texts(order, 1, "UNITS", [units])
     if frames_by == "TRIAL":
         for name, number in (("ACTUAL_START_FIELD", 1), ("ACTUAL_END_FIELD", frames)):
-            words = struct.pack("<HH", number % 2**16, number // 2**16)
-            body += _parameter(3, name, 2, [2], words)
+            words = struct.pack(f"{order}HH", number % 2**16, number // 2**16)
+            body += _parameter(order, 3, name, 2, [2], words)
     if frames_by == "LONG_FRAMES":
-        body += _parameter(1, "LONG_FRAMES", 4, [], struct.pack("<f", frames))
+        body += _parameter(order, 1, "LONG_FRAMES", 4, [], struct.pack(f"{order}f", frames))
     body += b"\0\0"
     blocks = -(-(len(body) + 4) // 512)
-    body = body.replace(START + b"\0", struct.pack("<H", 2 + blocks) + b"\0", 1)
+    body = body.replace(START + b"\0", struct.pack(f"{order}H", 2 + blocks) + b"\0", 1)
     head = struct.pack(
-        "<BBHHHHHfHHf", 2, 0x50, count, analog_stated, 1, min(frames, 2**16 - 1), 0, -1.0,
-        2 + blocks, 0, rate,
+        f"{order}BBHHHHHfHHf", 2, 0x50, count, analog_stated or analog, 1,
+        min(frames, 2**16 - 1), 0, -1.0, 2 + blocks, int(analog > 0), rate,
     )  # fmt: skip
     values = np.concatenate([points, np.zeros((frames, count, 1))], axis=2)
-    parameters = struct.pack("<BBBB", 1, 0x50, blocks, 84) + body
-    return b"".join(map(_filled, (head, parameters, values.astype("<f4").tobytes())))
+    values = np.hstack([values.reshape(frames, -1), np.ones((frames, analog))])
+    parameters = struct.pack("<BBBB", 1, 0x50, blocks, 84 if order == "<" else 86) + body
+    return b"".join(map(_filled, (head, parameters, values.astype(f"{order}f4").tobytes())))
 
 
 def _filled(data: bytes) -> bytes:
     return data.ljust(-(-len(data) // 512) * 512, b"\0")
 
 
-def _group(number: int, name: str) -> bytes:
-    return struct.pack("<bb", len(name), -number) + name.encode() + struct.pack("<hB", 3, 0)
+def _group(order: str, number: int, name: str) -> bytes:
+    return struct.pack("<bb", len(name), -number) + name.encode() + struct.pack(f"{order}hB", 3, 0)
 
 
-def _parameter(group: int, name: str, kind: int, sizes: list[int], data: bytes) -> bytes:
+def _parameter(
+    order: str, group: int, name: str, kind: int, sizes: list[int], data: bytes
+) -> bytes:
     content = struct.pack("<bB", kind, len(sizes)) + bytes(sizes) + data + b"\0"
     head = struct.pack("<bb", len(name), group) + name.encode()
-    return head + struct.pack("<h", 2 + len(content)) + content
+    return head + struct.pack(f"{order}h", 2 + len(content)) + content
 
 
-def _texts(group: int, name: str, values) -> bytes:
+def _texts(order: str, group: int, name: str, values) -> bytes:
     rows = [value.encode("latin-1") for value in values]
     width = max(map(len, rows))
-    return _parameter(group, name, -1, [width, len(rows)], b"".join(r.ljust(width) for r in rows))
+    return _parameter(
+        order, group, name, -1, [width, len(rows)], b"".join(r.ljust(width) for r in rows)
+    )

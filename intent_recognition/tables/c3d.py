@@ -22,7 +22,7 @@ def open_c3d(path: Path) -> Table:
     except MissingPackageError:
         if find_spec("c3d") is None:
             raise
-    found = read_isolated("c3d_reading.py", path, "a C3D file")
+    found = read_isolated("c3d_reading.py", path, "a C3D file", ("read", "read_again"))
     points, read = found["points"], len(found["points"])
     if len(points) > MOST_STATED:  # read to the end of the last block, which zeros fill up
         points = points[: 1 + int(np.flatnonzero(np.any(points != 0.0, axis=(1, 2)))[-1:].sum())]

@@ -3,6 +3,7 @@
 
 import importlib
 import warnings
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 
 MOST_STATED = 2**16 - 1
 """Frames that a header can state."""
+INTEL, SGI = b"\x54", b"\x56"
+"""Processors by the fourth byte of the parameters; of others, VAX, the words of a float change
+places, and words are as Intel's."""
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -18,8 +22,18 @@ def read(path: str) -> Arrays:
     """`points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, `said`: how
     many frames the file says it has.
     """
+    return _first(path, {"ezc3d": _by_ezc3d, "c3d": _by_c3d})
+
+
+def read_again(path: str) -> Arrays:
+    """As `read`, of a file that crashed it: ezc3d 1.7.2 does for analog channels without scales."""
+    return _first(path, {"c3d": _by_c3d})
+
+
+def _first(path: str, readers: Mapping[str, Callable[[Any, str], Arrays]]) -> Arrays:
+    """What the first library that can makes of it."""
     reasons = []
-    for name, reader in (("ezc3d", _by_ezc3d), ("c3d", _by_c3d)):
+    for name, reader in readers.items():
         try:
             library = importlib.import_module(name)
         except ImportError:
@@ -30,7 +44,7 @@ def read(path: str) -> Arrays:
                 return reader(library, path)
         except Exception as error:  # they raise what they meet
             reasons.append(f"{name} says: {error}")
-    raise ValueError("; ".join(reasons))
+    raise ValueError("; ".join(reasons) or "no library")
 
 
 def _by_ezc3d(library: Any, path: str) -> Arrays:
@@ -39,6 +53,9 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
     points = file["data"]["points"][:3].transpose(2, 1, 0)
     residuals = file["data"]["meta_points"]["residuals"][0].T
     header = file["header"]["points"]
+    values = file["data"]["analogs"].size / max(len(points), 1)
+    if (fitting := _fitting_values(path)) not in (None, values):
+        raise ValueError(f"{values:g} analog values a frame, where the file has room for {fitting}")
     return {
         "points": np.where((residuals < 0.0)[:, :, None], np.nan, points),
         "labels": np.array(
@@ -73,22 +90,35 @@ def _all_labels(parts: dict[str, Any]) -> list[str]:
     return [str(label).strip() for key in order for label in parts[key]]
 
 
+def _fitting_values(path: str) -> int | None:
+    """Analog values of a frame by the header, where its frames fill the file with them."""
+    values, frames, frame, size = _header(path)
+    return values if frames and 0 <= size - frames * frame < 512 else None
+
+
 def _stated(path: str) -> int:
-    """Frames that the header states or the file has room for, 0 where neither is known.
+    """Frames that the header states or the file has room for, 0 where neither is known."""
+    _, stated, frame, size = _header(path)
+    if not frame or size < 0:
+        return stated
+    held = size // frame  # the last block may be filled up: by frames that nobody stated
+    return max(stated, held if (held - max(stated, MOST_STATED)) * frame >= 512 else 0)
+
+
+def _header(path: str) -> tuple[int, int, int, int]:
+    """Analog values of a frame, count of frames, bytes of one and of all that follow.
 
     Words of the header, from 1 on: 2 points, 3 analog values of a frame, 4 and 5 first and last
     frame, 7 and 8 scale, 9 block where the data begin.
     """
     with Path(path).open("rb") as stream:
-        words = np.frombuffer(stream.read(18), "<u2").astype(int)
-        stream.seek((words[0] & 0xFF) * 512 - 509)
-        is_intel = stream.read(1) == b"\x54"  # little endian
-        size = stream.seek(0, 2) - (words[8] - 1) * 512
+        head = stream.read(18)
+        stream.seek(head[0] * 512 - 509)
+        processor = stream.read(1)
+        size = stream.seek(0, 2)
+    words = np.frombuffer(head, ">u2" if processor == SGI else "<u2").astype(int).tolist()
     last = words[4] if words[4] < 2**16 - 1 else 0
-    stated = int(last - words[3] + 1) if 0 < words[3] <= last else 0
-    width = 4 if words[7] >= 2**15 else 2  # bytes: a scale below zero says that values are floats
-    frame = (4 * words[1] + words[2]) * width
-    if not is_intel or not frame or size < 0:
-        return stated
-    held = int(size // frame)  # the last block may be filled up: by frames that nobody stated
-    return max(stated, held if (held - max(stated, MOST_STATED)) * frame >= 512 else 0)
+    frames = last - words[3] + 1 if 0 < words[3] <= last else 0
+    sign = words[7] if processor == INTEL else words[6]
+    width = 4 if sign >= 2**15 else 2  # bytes: a scale below zero says that values are floats
+    return words[2], frames, (4 * words[1] + words[2]) * width, size - (words[8] - 1) * 512

@@ -22,11 +22,17 @@ HERE = Path(__file__).parent
 BOOT = "import runpy, sys; sys.exit(runpy.run_path(sys.argv[1])['main'](*sys.argv[2:]))"
 
 
-def read_isolated(script: str, path: Path, kind: str) -> dict[str, NDArray[Any]]:
-    """What the function `read` of a script makes of a file, run in another process."""
+def read_isolated(
+    script: str, path: Path, kind: str, functions: tuple[str, ...] = ("read",)
+) -> dict[str, NDArray[Any]]:
+    """What a function of a script makes of a file, run in another process.
+
+    The next of the functions is tried where one crashes.
+    """
+    function, *others = functions
     with TemporaryDirectory(prefix="intent_read_") as folder:
         result = Path(folder) / "arrays.npz"
-        arguments = (HERE / "isolated_main.py", HERE / script, path.resolve(), result)
+        arguments = (HERE / "isolated_main.py", HERE / script, path.resolve(), result, function)
         command = [sys.executable, "-c", BOOT, *map(str, arguments)]
         try:
             done = subprocess.run(
@@ -34,6 +40,8 @@ def read_isolated(script: str, path: Path, kind: str) -> dict[str, NDArray[Any]]
             )
             if done.returncode == 0:
                 return read_arrays(result)
+            if done.returncode < 0 and others:
+                return read_isolated(script, path, kind, tuple(others))
             said = " ".join(done.stdout.decode(errors="replace").split())
             why = printable(said) or f"a file that ends the library with {done.returncode}"
         except (subprocess.TimeoutExpired, UntrustedError, OSError) as error:

@@ -11,8 +11,8 @@ MOST_MEMORY = 2**32
 which 0.5 GB are read."""
 
 
-def main(script: str, path: str, result: str) -> int:
-    """Write what the function `read` of a script returns as `.npz`; on failure, say why."""
+def main(script: str, path: str, result: str, function: str) -> int:
+    """Write what a function of a script returns as `.npz`; on failure, say why."""
     try:
         import resource  # not on every system
     except ImportError:
@@ -20,7 +20,7 @@ def main(script: str, path: str, result: str) -> int:
     else:
         resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     try:
-        arrays = runpy.run_path(script)["read"](path)
+        arrays = runpy.run_path(script)[function](path)
     except Exception as error:  # the libraries raise what they meet
         sys.stdout.write(str(error) or type(error).__name__)
         return 1

@@ -135,10 +135,20 @@ def test_more_than_255_markers_and_lax_headers(tmp_path):
     (tmp_path / "a.c3d").write_bytes(c3d_file(points, labels=names))
     (found,) = imported(tmp_path / "a.c3d", three("M280"))
     assert np.allclose(found.samples[0].values, (PLACE + 100.0) / 1000)
-    for options in ({"repeat": True}, {"analog_stated": 9}):
+    for options in ({"repeat": True}, {"analog_stated": 9}, {"order": ">"}):
         (tmp_path / "b.c3d").write_bytes(c3d_file(PLACE[:, None], labels=["W"], **options))
         (found,) = imported(tmp_path / "b.c3d", three("W"))
         assert np.allclose(found.samples[0].values, PLACE / 1000)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_file_that_crashes_one_library_is_read_by_the_other(order, tmp_path):
+    """ezc3d 1.7.2 does of analog channels without scales."""
+    pytest.importorskip("c3d")
+    data = c3d_file(PLACE[:, None], labels=["W"], analog=3, order=order)
+    (tmp_path / "a.c3d").write_bytes(data)
+    (found,) = imported(tmp_path / "a.c3d", three("W"))
+    assert np.allclose(found.samples[0].values, PLACE / 1000)
 
 
 def csv(folder: Path, header: str, lines) -> Path:
