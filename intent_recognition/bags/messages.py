@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 from contextlib import redirect_stderr, suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from io import StringIO
 from typing import Any
 
@@ -88,15 +88,15 @@ def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
     name = said.name if said is not None else type_name
     if said is not None and said.encoding == "ros1msg":
         name = normalize_msgtype(name)
-    text = ""
+    text = None
     if said is not None and said.data:
         with suppress(Exception):  # the parser of definitions raises what it meets
             text = _typestore(said.encoding, bytes(said.data), name).generate_msgdef(
                 name, ros_version=2
             )[0]
-    if not text and name in jazzy_names():
+    if text is None and name in jazzy_names():
         text = definition(name).text
-    if not text:
+    if text is None:  # that of std_msgs/msg/Empty is empty
         return said
     return Schema(data=text.encode(), encoding="ros2msg", id=said.id if said else 0, name=name)
 
@@ -109,7 +109,11 @@ def _typestore(encoding: str, data: bytes, name: str) -> Typestore:
     if encoding == "ros1msg":
         check_definition(name, text)
         header = {HEADER: jazzy_types().fielddefs[HEADER]}  # ROS 2 has no `seq` in it
-        store.register({**get_types_from_msg(text, name), **header})
+        types = get_types_from_msg(text, name)
+        for kind, (constants, fields) in types.items():  # ROS 2 has small letters alone
+            small = [(field.lower(), content) for field, content in fields]
+            types[kind] = (constants, small if len(dict(small)) == len(fields) else fields)
+        store.register({**types, **header})
     elif encoding == "ros2idl" and len(text) <= LONGEST_DEFINITION:
         parts = re.split(r"^=+\nIDL: .*\n", text, flags=re.MULTILINE)
         for part in filter(str.strip, parts):
@@ -161,13 +165,24 @@ def schema_decoder(schema: Schema) -> Decoder | None:
 
 
 def _check_fields(type_name: str, text: str) -> None:
-    """Make sure that a definition has all fields of Jazzy's; it may have more."""
+    """Make sure that a definition has all fields of Jazzy's, or is that of another release.
+
+    It may have more.
+    """
     store, found = jazzy_types(), get_types_from_msg(text, type_name)
     for name in found.keys() & jazzy_names():
+        if any(found[name][1] == types.get(name, ((), ()))[1] for types in _releases()):
+            continue
         has = dict(found[name][1])
         for field, kind in store.fielddefs[name][1]:
             if has.get(field) != kind:
                 raise ValueError(f"{name} without its field {field}, or with another type of it")
+
+
+@cache
+def _releases() -> list[dict[str, Any]]:
+    """Fields of the types of each release of ROS 1 and 2."""
+    return [get_typestore(release).fielddefs for release in Stores]
 
 
 def is_standard(schema: Schema) -> bool:

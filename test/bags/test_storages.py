@@ -19,12 +19,15 @@ from bag_builder import (
     write_bag,
     write_ros1,
 )
+from mcap.records import Schema
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
 
 from intent_recognition.bags import BagReader, recover
 from intent_recognition.bags.definitions import definition
+from intent_recognition.bags.messages import complete_schema, schema_decoder
 from intent_recognition.cli.main import main
 from intent_recognition.errors import BagError
 
@@ -215,6 +218,18 @@ def test_a_bag_in_sqlite(mode, tmp_path):
         (tmp_path / "bag/bag.db3").write_bytes(data[: len(data) // 2])
         with pytest.raises(BagError, match=r"SQLite|database"):
             list(BagReader(tmp_path / "bag").raw_messages())
+
+
+@pytest.mark.parametrize("release", [r for r in Stores if r != Stores.EMPTY])
+def test_types_as_each_release_has_them(release):
+    """A marker of Foxy has no texture, a range of Humble no variance, a camera of ROS 1 a D."""
+    store, form = get_typestore(release), "ros1msg" if "ros1" in release.value else "ros2msg"
+    for name in sorted(store.fielddefs.keys() & get_typestore(Stores.ROS2_JAZZY).fielddefs):
+        if "/msg/" not in name:
+            continue
+        text, _ = store.generate_msgdef(name, ros_version=2 if form == "ros2msg" else 1)
+        said = Schema(data=text.encode(), encoding=form, id=1, name=name)
+        assert schema_decoder(complete_schema(said, name)) is not None
 
 
 def test_the_commands_take_them(tmp_path, repository, capsys):
