@@ -18,9 +18,11 @@ from bag_builder import (
     raw,
     write_bag,
     write_ros1,
+    write_session,
 )
 from mcap.records import Schema
 from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
@@ -241,3 +243,28 @@ def test_the_commands_take_them(tmp_path, repository, capsys):
     assert main(["inspect", str(tmp_path / "one.bag"), "--dofs", dofs]) == 0
     assert "50" in capsys.readouterr().out
     assert main(["train", *bags, "--dofs", dofs, "--output", model, "--unlabelled"]) == 0
+
+
+def test_evaluate_says_the_same_of_every_storage(tmp_path, repository, monkeypatch):
+    for name in ("mcap", "db3", "ros1"):
+        (tmp_path / name).mkdir()
+    write_session(tmp_path / "mcap/day", ["plate", "screw"] * 3)
+    messages = [*BagReader(tmp_path / "mcap/day").raw_messages()]
+    kinds = {one.topic: one.type for one in messages}
+    ros2 = Ros2Writer(tmp_path / "db3/day", version=9, storage_plugin=StoragePlugin.SQLITE3)
+    with ros2, Ros1Writer(tmp_path / "ros1/day.bag") as ros1:
+        for writer, store in ((ros2, STORE), (ros1, NOETIC)):
+            ids = {t: writer.add_connection(t, kind, typestore=store) for t, kind in kinds.items()}
+            for one in messages:
+                data = one.data if writer is ros2 else STORE.cdr_to_ros1(one.data, one.type)
+                writer.write(ids[one.topic], one.log_time_ns, data)
+    options = ["--dofs", str(repository / "config/dofs.yaml"), "--basis", "5"]
+    options += ["--protocol", "kfold:2", "--unknown-tasks", "off", "--json", "scores.json"]
+    found = {}
+    for name in ("mcap", "db3", "ros1"):
+        monkeypatch.chdir(tmp_path / name)
+        bag = "day.bag" if name == "ros1" else "day"
+        assert main(["evaluate", bag, *options]) == 0
+        found[name] = (tmp_path / name / "scores.json").read_text().replace("day.bag", "day")
+    assert '"plate"' in found["mcap"]
+    assert found["db3"] == found["ros1"] == found["mcap"]
