@@ -35,6 +35,11 @@ what is shown:
 --port PORT  port of the page (default: %(default)s)
 --headless   no window of the simulation
 
+what is written:
+--output DIR  folder of model, report and logs (default: %(default)s)
+--record BAG  record the session to a bag
+--json OUT    all numbers
+
 # with a page to watch it, and to teach it tasks
 intent demo --dashboard
 # a short one without a window
@@ -77,8 +82,8 @@ from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_model import check_model, trained_model
 from intent_recognition.cli.demo_scene import CELL, LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import refuse_options, run_session
-from intent_recognition.cli.options import Subparsers, add_command, add_options, number
-from intent_recognition.cli.output import PRINTED, add_json_option, console_beside, write_json
+from intent_recognition.cli.options import PRINTED, number
+from intent_recognition.cli.output import console_beside, write_json
 from intent_recognition.composing import read_sequences
 from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
@@ -93,35 +98,20 @@ DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
 """Simulated seconds per real second, without and with a page to watch. Convention."""
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    parser = add_command(
-        subparsers,
-        "demo",
-        run,
-        __doc__,
-        scenario={"choices": SCENARIOS, "default": "toolbox"},
-        pour={"default": "empty"},
-        task_list={"default": "habit", "type": str},
-        interactions={"type": number(int, 1), "default": 0},
-        changes={"type": number(int, 0), "default": 0},
-        arm={"default": "lwr"},
-        tip={"default": ""},
-        base={"default": ""},
-        seed={"type": number(int, 0), "default": 1},
-        rate=number(float, 0.01, 50.0),
-        port={"type": number(int, 1, 65535), "default": 8080},
-    )
-    written = parser.add_argument_group("what is written")
-    add_options(
-        written,
-        """
-        --output DIR  folder of model, report and logs (default: %(default)s)
-        --record BAG  record the session to a bag
-        """,
-        output={"default": Path("out/demo")},
-    )
-    add_json_option(written, "all numbers")
+OPTIONS = {
+    "scenario": {"choices": SCENARIOS, "default": "toolbox"},
+    "pour": {"default": "empty"},
+    "task_list": {"default": "habit", "type": str},
+    "interactions": {"type": number(int, 1), "default": 0},
+    "changes": {"type": number(int, 0), "default": 0},
+    "arm": {"default": "lwr"},
+    "tip": {"default": ""},
+    "base": {"default": ""},
+    "seed": {"type": number(int, 0), "default": 1},
+    "rate": number(float, 0.01, 50.0),
+    "port": {"type": number(int, 1, 65535), "default": 8080},
+    "output": {"default": Path("out/demo")},
+}
 
 
 def run(args: argparse.Namespace) -> int:

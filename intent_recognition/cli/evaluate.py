@@ -21,6 +21,7 @@ what is scored:
 
 what is written:
 --report OUT.html  write an HTML report
+--json OUT         the numbers
 
 # leave one out
 intent evaluate demos --dofs my_dofs.yaml --report evaluation.html
@@ -33,13 +34,13 @@ intent evaluate demos --protocol logo:person
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, brief_list, busy, escape, progress_bar, say
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
 from intent_recognition.cli.rejections import (
     print_doubtful,
@@ -57,19 +58,11 @@ from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 ONLINE = ("recognised", "acted_on", "wrongly_acted_on", "median_share_at_decision")
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    parser = add_command(
-        subparsers,
-        "evaluate",
-        run,
-        __doc__,
-        start_posture={"choices": ("on", "off", "both"), "default": "off"},
-        unknown_tasks={"choices": ("on", "off"), "default": "on"},
-    )
-    add_recording_options(parser, "recording")
-    add_unlabelled_options(parser)
-    output.add_json_option(parser, "the numbers")
+OPTIONS = {
+    "start_posture": {"choices": ("on", "off", "both"), "default": "off"},
+    "unknown_tasks": {"choices": ("on", "off"), "default": "on"},
+}
+MORE = (partial(add_recording_options, segmentation="recording"), add_unlabelled_options)
 
 
 def run(args: argparse.Namespace) -> int:

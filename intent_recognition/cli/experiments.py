@@ -11,6 +11,7 @@ names NAME    experiment to run (default: all; --list shows them)
 --bags DIR    folder of recordings (default: the shipped ones)
 --jobs JOBS   number of processes (default: %(default)s)
 --list        show the names and stop
+--json OUT    the numbers
 
 # what there is
 intent experiments --list
@@ -27,14 +28,8 @@ from pathlib import Path
 
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, say
-from intent_recognition.cli.options import Subparsers, add_command, number
-from intent_recognition.cli.output import (
-    PRINTED,
-    add_json_option,
-    check_output,
-    console_beside,
-    write_json,
-)
+from intent_recognition.cli.options import PRINTED, number
+from intent_recognition.cli.output import check_output, console_beside, write_json
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.share import source_tree
 
@@ -49,24 +44,22 @@ def are_here() -> bool:
     return True
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(
-        subparsers,
-        "experiments",
-        run,
-        __doc__,
-        names={"nargs": "*"},
-        output={"default": Path("out/experiments")},
-        seed={"type": number(int, 0), "default": 1},
-        seeds={"type": number(int, 1), "default": 3},
-        jobs={"type": number(int, 1), "default": 2},
-    )
+def offer_names(parser: argparse.ArgumentParser) -> None:
+    """Complete the names of experiments."""
     if are_here():
         from experiments.catalogue import EXPERIMENTS
 
         offer(parser, "names", tuple(entry.name for entry in EXPERIMENTS))
-    add_json_option(parser, "the numbers")
+
+
+OPTIONS = {
+    "names": {"nargs": "*"},
+    "output": {"default": Path("out/experiments")},
+    "seed": {"type": number(int, 0), "default": 1},
+    "seeds": {"type": number(int, 1), "default": 3},
+    "jobs": {"type": number(int, 1), "default": 2},
+}
+MORE = (offer_names,)
 
 
 def run(args: argparse.Namespace) -> int:

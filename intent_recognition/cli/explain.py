@@ -6,6 +6,7 @@ bag BAG            bag directory or .mcap file
 --model M.npz      model that `intent train` wrote
 --against TASK     a task, or none, instead of the runner-up
 --report OUT.html  write an HTML report
+--json OUT         the evidence
 
 # as tables, and as figures in a page
 intent explain demos/give_bracket_00 --model bracket.npz --report why.html
@@ -24,7 +25,6 @@ from rich.console import Console
 from intent_recognition.bags import BagReader
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, busy, escape, say
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.evaluation import Explanation, explain
 from intent_recognition.model import load_model
 from intent_recognition.report import heading, without_rows, write_explanation_report
@@ -33,10 +33,7 @@ PARTS = 3
 """Parts of the time until a decision that the table shows. Convention: one screen."""
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    parser = add_command(subparsers, "explain", run, __doc__, model={"required": True})
-    output.add_json_option(parser, "the evidence")
+OPTIONS = {"model": {"required": True}}
 
 
 def run(args: argparse.Namespace) -> int:

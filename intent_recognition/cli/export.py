@@ -21,16 +21,12 @@ import yaml
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import make_console, say
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.tables import export_columns, export_map, write_lerobot, write_table
 
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    add_command(subparsers, "export", run, __doc__, output={"required": True})
+OPTIONS = {"output": {"required": True}}
 
 
 def run(args: argparse.Namespace) -> int:

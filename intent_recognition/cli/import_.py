@@ -27,7 +27,6 @@ from rich.table import Table
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.recordings import DOFS
 from intent_recognition.cli.rejections import nothing_of, print_doubtful, print_left_out
 from intent_recognition.demonstrations import DofSpec
@@ -41,11 +40,6 @@ from intent_recognition.tables import (
     load_map,
     suggest_map,
 )
-
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    add_command(subparsers, "import", run, __doc__)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -9,6 +9,7 @@ task TASK         `pouring`, or the label of a task in --library
                   function from a rollout to a number
 --rollouts N      rollouts in all, earlier ones included (default: %(default)s)
 --seed SEED       random seed of practice (default: %(default)s)
+--json OUT        costs and outcomes
 
 for a task of a library:
 --beside X Y Z  where the robot's hand should end, from where the person's comes to rest [m], along
@@ -39,6 +40,7 @@ intent improve pouring --short 0.9 --accept
 
 import argparse
 import sys
+from functools import partial
 from os.path import relpath
 
 from rich.console import Console
@@ -54,7 +56,7 @@ from intent_recognition.cli.improve_subjects import (
     subject_of,
     undo,
 )
-from intent_recognition.cli.options import Subparsers, add_command, add_options, number
+from intent_recognition.cli.options import add_options, number
 from intent_recognition.cli.teach import add_library_options
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
 
@@ -62,22 +64,7 @@ CHECKS = 5
 """Pours with which the start and what practice has come to are compared at the end."""
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(
-        subparsers,
-        "improve",
-        run,
-        __doc__,
-        rollouts={"type": number(int, 1), "default": 40},
-        seed={"type": number(int, 0), "default": 1},
-        beside=number(float),
-        moved={"type": number(float), "default": (0.0, 0.0, 0.0)},
-        cup={"default": "mug"},
-        into={"default": "tumbler"},
-        wanted={"type": number(int, 1, 40), "default": 40},
-        short={"type": number(float, 0.0, 2.0), "default": 0.0},
-    )
+def _accept_or_undo(parser: argparse.ArgumentParser) -> None:
     add_options(
         parser.add_mutually_exclusive_group(),
         f"""
@@ -86,8 +73,19 @@ def add_parser(subparsers: Subparsers) -> None:
         --undo    take the last --accept back
         """,
     )
-    output.add_json_option(parser, "costs and outcomes")
-    add_library_options(parser, None)
+
+
+OPTIONS = {
+    "rollouts": {"type": number(int, 1), "default": 40},
+    "seed": {"type": number(int, 0), "default": 1},
+    "beside": number(float),
+    "moved": {"type": number(float), "default": (0.0, 0.0, 0.0)},
+    "cup": {"default": "mug"},
+    "into": {"default": "tumbler"},
+    "wanted": {"type": number(int, 1, 40), "default": 40},
+    "short": {"type": number(float, 0.0, 2.0), "default": 0.0},
+}
+MORE = (_accept_or_undo, partial(add_library_options, default=None))
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ task has done since each change. The exit code is 1 if a bag is damaged.
 paths BAG|MODEL|TASKS...  a bag, a folder of bags, a model, or a library of tasks; any number
 --dofs F                  DOF file whose streams are checked (default: all tracked bodies and
                           joint_states)
+--json OUT                what is in it
 
 # one line per recording
 intent inspect bags/toolbox/test
@@ -30,7 +31,6 @@ from intent_recognition.cli import output
 from intent_recognition.cli.console import escape, make_console, plain_table, print_facts
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.rejections import print_doubtful
 from intent_recognition.demonstrations import (
     BagSummary,
@@ -55,12 +55,6 @@ from intent_recognition.model import (
 from intent_recognition.signals import Rejection, StreamFinding, stream_doubts
 
 CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
-
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(subparsers, "inspect", run, __doc__)
-    output.add_json_option(parser, "what is in it")
 
 
 def run(args: argparse.Namespace) -> int:

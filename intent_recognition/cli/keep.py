@@ -7,12 +7,7 @@ corrected, and other tasks stay as they are. A running task_teacher must have re
 intent keep --library tasks
 """
 
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.teach import add_library_options
-from intent_recognition.cli.undo import change_library
+from intent_recognition.cli.undo import run  # noqa: F401  of this command, too
 
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(subparsers, "keep", change_library, __doc__)
-    add_library_options(parser)
+MORE = (add_library_options,)

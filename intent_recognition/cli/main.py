@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from intent_recognition import __version__
 from intent_recognition.cli.completion import COMPLETION, add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
-from intent_recognition.cli.options import CommandParser
+from intent_recognition.cli.options import CommandParser, add_module
 from intent_recognition.errors import IntentError, missing_package, one_line
 from intent_recognition.interrupts import (
     INTERRUPTED,
@@ -51,8 +51,8 @@ def make_parser(commands: Iterable[str] = COMMANDS, whole: bool = True) -> argpa
         if not whole:
             subparsers.add_parser(command, help=COMMANDS[command])
             continue
-        module = command + "_" * keyword.iskeyword(command)
-        importlib.import_module(f"intent_recognition.cli.{module}").add_parser(subparsers)
+        name = f"intent_recognition.cli.{command}" + "_" * keyword.iskeyword(command)
+        add_module(subparsers, command, importlib.import_module(name))
     return parser
 
 

@@ -9,12 +9,13 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeAlias, TypeVar
 
 from intent_recognition.cli.help import COMMANDS, HEADING, Formatter
 from intent_recognition.nodes.processes import yaml_value
 
-Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Subparsers: TypeAlias = "argparse._SubParsersAction[Any]"
 Number = TypeVar("Number", int, float)
 
 PART = r"[A-Za-z_{][\w{}]*"
@@ -26,6 +27,8 @@ PATHS = {
     *("MAP.yaml", "OUT.html", "PLAN.yaml", "SESSION", "SESSIONS", "SOURCE", "TARGET", "URDF"),
 }
 """Metavars of arguments that are paths."""
+PRINTED = Path("-")
+"""The value of `--json` without OUT: standard output."""
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -78,6 +81,18 @@ def number(
     return read
 
 
+def add_module(subparsers: Subparsers, name: str, module: ModuleType) -> None:
+    """Add the command of a module by `add_command`.
+
+    Its function `run` does it, if it has one, and its docstring is the text. `OPTIONS` are further
+    keywords, and functions in `MORE` add to the parser what is no row of a table.
+    """
+    run, more = getattr(module, "run", None), getattr(module, "OPTIONS", {})
+    parser = add_command(subparsers, name, run, module.__doc__, **more)
+    for add in getattr(module, "MORE", ()):
+        add(parser)
+
+
 def add_command(
     subparsers: Subparsers,
     name: str,
@@ -113,6 +128,13 @@ def add_command(
     return parser
 
 
+def add_actions(parser: argparse.ArgumentParser) -> Subparsers:
+    """Where the actions of a command are added, of which one has to be named."""
+    return parser.add_subparsers(
+        title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
+    )
+
+
 def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) -> None:
     """Add the arguments of tables, in which they stand as in the help of the command.
 
@@ -120,7 +142,8 @@ def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) 
         group: parser or group that gets them.
         tables: for each argument its name and its metavar, two spaces or more, and what it does;
             without a metavar it is a switch, `...` takes one or more, and `PATHS` are paths. A line
-            that ends in a colon is the title of a group.
+            that ends in a colon is the title of a group. Of `--json OUT` it says what is written;
+            that option means the same in every command.
         more: by the name of an argument its type, or other keywords of `add_argument`.
     """
     for section in filter(None, textwrap.dedent(tables).strip().split("\n\n")):
@@ -148,6 +171,17 @@ def _argument(row: str) -> tuple[str, dict[str, Any]]:
     spec, text = re.split(r" {2,}", row, maxsplit=1)
     name, *metavars = spec.split(" ")
     options: dict[str, Any] = {"help": " ".join(text.split())}
+    if name == "--json":
+        said = (
+            f"write {options['help']} as JSON to OUT; without OUT print that, and nothing else, to"
+        )
+        return name, {
+            "help": f"{said} to standard output",
+            "metavar": "OUT",
+            "type": a_path,
+            "nargs": "?",
+            "const": PRINTED,
+        }
     if len(metavars) > 1:
         options |= {"nargs": len(metavars), "metavar": tuple(metavars)}
     elif metavars:

@@ -10,24 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import make_console
-from intent_recognition.cli.options import a_path
+from intent_recognition.cli.options import PRINTED
 from intent_recognition.errors import ArgumentError, ResourceBusyError, optional
-
-PRINTED = Path("-")
-"""The value of `--json` without OUT: standard output."""
-
-
-def add_json_option(group: argparse._ActionsContainer, what: str) -> None:
-    """Add `--json [OUT]`, which means the same in every command."""
-    group.add_argument(
-        "--json",
-        type=a_path,
-        nargs="?",
-        const=PRINTED,
-        metavar="OUT",
-        help=f"write {what} as JSON to OUT; without OUT print that, and nothing else, to standard"
-        " output",
-    )
 
 
 def console_beside(args: argparse.Namespace, *options: str) -> Console:

@@ -19,7 +19,7 @@ from rich.console import Console
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, make_console, say
-from intent_recognition.cli.options import Subparsers, a_path, add_command, number
+from intent_recognition.cli.options import a_path, add_actions, add_command, number
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.durable import write_text
@@ -39,12 +39,8 @@ from intent_recognition.untrusted import read_named
 YAML = (".yaml", ".yml")
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(subparsers, "plan", None, __doc__)
-    actions = parser.add_subparsers(
-        title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
-    )
+def _add_actions(parser: argparse.ArgumentParser) -> None:
+    actions = add_actions(parser)
     add_command(
         actions,
         "learn",
@@ -67,6 +63,9 @@ def add_parser(subparsers: Subparsers) -> None:
         plan PLAN.yaml  a file of `intent plan learn`
         """
     add_command(actions, "show", _show, text)
+
+
+MORE = (_add_actions,)
 
 
 def load_plan(path: Path) -> WorkPlan:

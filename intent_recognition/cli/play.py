@@ -24,8 +24,6 @@ from rich.progress import TextColumn
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import bar_with
 from intent_recognition.cli.options import (
-    Subparsers,
-    add_command,
     add_node_options,
     node_arguments,
     number,
@@ -37,18 +35,12 @@ PARAMETERS = ("rate", "loop", "start_paused", "wait_for_subscribers", "clock", "
 SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(
-        subparsers,
-        "play",
-        run,
-        __doc__,
-        rate={"type": number(float, 0), "default": 1.0},
-        paused={"dest": "start_paused"},
-        wait={"dest": "wait_for_subscribers", "type": number(float, 0), "default": 3.0},
-    )
-    add_node_options(parser)
+OPTIONS = {
+    "rate": {"type": number(float, 0), "default": 1.0},
+    "paused": {"dest": "start_paused"},
+    "wait": {"dest": "wait_for_subscribers", "type": number(float, 0), "default": 3.0},
+}
+MORE = (add_node_options,)
 
 
 def run(args: argparse.Namespace) -> int:

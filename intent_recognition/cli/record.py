@@ -14,27 +14,18 @@ intent record --output session_00
 import argparse
 
 from intent_recognition.cli.options import (
-    Subparsers,
-    add_command,
     add_node_options,
     node_arguments,
     topic_name,
 )
 from intent_recognition.errors import ResourceBusyError
 
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(
-        subparsers,
-        "record",
-        run,
-        __doc__,
-        topics={"type": topic_name, "nargs": "*"},
-        output={"required": True},
-        task={"default": ""},
-    )
-    add_node_options(parser)
+OPTIONS = {
+    "topics": {"type": topic_name, "nargs": "*"},
+    "output": {"required": True},
+    "task": {"default": ""},
+}
+MORE = (add_node_options,)
 
 
 def run(args: argparse.Namespace) -> int:

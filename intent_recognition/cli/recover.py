@@ -4,6 +4,7 @@ holds. The damaged recording is not changed.
 
 bag BAG       bag directory or .mcap file
 --output BAG  directory of the new bag
+--json OUT    what was saved and lost
 
 # write a whole recording beside the damaged one
 intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved
@@ -19,13 +20,8 @@ from intent_recognition.bags import RecoveryReport, recover
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy
 from intent_recognition.cli.inspect_bag import damage_line
-from intent_recognition.cli.options import Subparsers, add_command
 
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(subparsers, "recover", run, __doc__, output={"required": True})
-    output.add_json_option(parser, "what was saved and lost")
+OPTIONS = {"output": {"required": True}}
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ bags BAG...        a labelled bag, a folder of them, or a session bag; any numbe
 --max-wrong SHARE  share of interactions that may be acted on wrongly, as the parameter `max_wrong`
                    of primitive_activation (default: %(default)s)
 --report OUT.html  write an HTML report
+--json OUT         the numbers
 
 # before the robot moves
 intent rehearse bracket.npz holdout --report rehearsal.html
@@ -18,7 +19,7 @@ from rich.console import Console
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, escape, progress_bar, say
-from intent_recognition.cli.options import Subparsers, add_command, number
+from intent_recognition.cli.options import number
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.evaluation import (
@@ -33,17 +34,7 @@ from intent_recognition.recognition import MAX_WRONG, decision_settings
 from intent_recognition.report import rehearsal_tables, write_rehearsal_report
 from intent_recognition.signals import Demonstration
 
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    parser = add_command(
-        subparsers,
-        "rehearse",
-        run,
-        __doc__,
-        max_wrong={"type": number(float, 0.001, 0.5), "default": MAX_WRONG},
-    )
-    output.add_json_option(parser, "the numbers")
+OPTIONS = {"max_wrong": {"type": number(float, 0.001, 0.5), "default": MAX_WRONG}}
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,6 +5,7 @@ when a task became active.
 bag BAG            bag directory or .mcap file
 --model M.npz      model that `intent train` wrote
 --report OUT.html  write an HTML report of the decisions, as `intent explain` does
+--json OUT         every observation
 
 # the posterior over time, and when the robot would have acted
 intent replay demos/give_bracket_00 --model bracket.npz
@@ -22,17 +23,12 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.explain import write_report
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.errors import BagError
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
 
-
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    parser = add_command(subparsers, "replay", run, __doc__, model={"required": True})
-    output.add_json_option(parser, "every observation")
+OPTIONS = {"model": {"required": True}}
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,6 +5,7 @@ otherwise cut by the motion of both agents. Markers in the session are not used.
 session SESSION  one bag, or its .mcap file
 --dofs F         DOF file, where no model is given (default: the shipped config/dofs.yaml)
 --output BAGS    folder of the new bags (default: %(default)s)
+--json OUT       the segments
 
 # cut at the rests of both agents, then find out which tasks there are
 intent segment sessions/monday --unlabelled --output demos
@@ -21,7 +22,7 @@ from rich.console import Console
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, escape, plain_table, say
-from intent_recognition.cli.options import Subparsers, add_command, add_options
+from intent_recognition.cli.options import add_options
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import (
@@ -33,11 +34,7 @@ from intent_recognition.evaluation import (
 from intent_recognition.model import load_model
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    parser = add_command(
-        subparsers, "segment", run, __doc__, output={"default": Path("out/segments")}
-    )
+def _labelled_or_not(parser: argparse.ArgumentParser) -> None:
     add_options(
         parser.add_mutually_exclusive_group(),
         """
@@ -45,7 +42,10 @@ def add_parser(subparsers: Subparsers) -> None:
         --unlabelled   cut by motion alone (the default without --model)
         """,
     )
-    output.add_json_option(parser, "the segments")
+
+
+OPTIONS = {"output": {"default": Path("out/segments")}}
+MORE = (_labelled_or_not,)
 
 
 def run(args: argparse.Namespace) -> int:

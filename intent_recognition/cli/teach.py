@@ -26,8 +26,6 @@ from rich.console import Console
 
 from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.options import (
-    Subparsers,
-    add_command,
     add_node_options,
     add_options,
     node_arguments,
@@ -50,19 +48,6 @@ Spin = Callable[[Callable[[], object], float], bool]
 """Run callbacks until a condition holds, at most so many seconds; returns whether it holds."""
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(
-        subparsers,
-        "teach",
-        run,
-        __doc__,
-        seconds=number(float, 0.1),
-        count={"type": number(int, 0), "default": 0},
-    )
-    add_library_options(parser)
-
-
 def add_library_options(
     parser: argparse.ArgumentParser, default: Path | None = DEFAULT_LIBRARY
 ) -> None:
@@ -79,6 +64,10 @@ def add_library_options(
         library={"default": default},
     )
     add_node_options(parser)
+
+
+OPTIONS = {"seconds": number(float, 0.1), "count": {"type": number(int, 0), "default": 0}}
+MORE = (add_library_options,)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@ be used is named.
 
 what is written:
 --output M.npz  model file to write
+--json OUT      what was learned and left out
 
 # learn from the shipped recordings
 intent train bags/toolbox/train --output toolbox.npz
@@ -16,6 +17,7 @@ intent train demos --unlabelled --output tasks.npz
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +25,6 @@ from rich.console import Console
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, busy, escape
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.recordings import (
     accumulate_all,
     add_recording_options,
@@ -54,15 +55,14 @@ PACE_WORDS = {
 """How `PACES` are printed."""
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command to `intent`."""
-    parser = add_command(subparsers, "train", run, __doc__, output={"required": True})
-    add_recording_options(parser, "movement")
-    add_unlabelled_options(parser)
-    add_sessions_option(parser)
-    add_adding_options(parser)
-    add_worker_options(parser)
-    output.add_json_option(parser, "what was learned and left out")
+OPTIONS = {"output": {"required": True}}
+MORE = (
+    partial(add_recording_options, segmentation="movement"),
+    add_unlabelled_options,
+    add_sessions_option,
+    add_adding_options,
+    add_worker_options,
+)
 
 
 def run(args: argparse.Namespace) -> int:

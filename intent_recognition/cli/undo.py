@@ -9,7 +9,6 @@ intent undo --library tasks
 import argparse
 
 from intent_recognition.cli.console import busy, make_console
-from intent_recognition.cli.options import Subparsers, add_command
 from intent_recognition.cli.teach import (
     add_library_options,
     refuse_other_model,
@@ -22,13 +21,10 @@ FOUND_S = 2.0
 """Longest wait for a running estimator [s]. Convention."""
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(subparsers, "undo", change_library, __doc__)
-    add_library_options(parser)
+MORE = (add_library_options,)
 
 
-def change_library(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
     """Change the library as the command says, and give the model to a running estimator."""
     if not args.library.is_dir():
         cure = "Name the one that `intent teach` or task_teacher made."

@@ -22,7 +22,7 @@ from typing import Any
 
 from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.options import (
-    Subparsers,
+    add_actions,
     add_command,
     add_node_options,
     add_options,
@@ -40,16 +40,12 @@ Points = tuple[ViaPoint, ...]
 Change = Callable[[argparse.Namespace, Points], Sequence[ViaPoint]]
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(subparsers, "via", None, __doc__)
-    actions = parser.add_subparsers(
-        title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
-    )
+def _add_actions(parser: argparse.ArgumentParser) -> None:
+    actions = add_actions(parser)
     add = add_command(
         actions,
         "add",
-        partial(run, _add),
+        partial(_run, _add),
         """
         Add a point, or replace the one of the same name.
 
@@ -79,7 +75,7 @@ def add_parser(subparsers: Subparsers) -> None:
         phase=number(float, 0.0, 1.0),
         time=number(float, 0.0),
     )
-    show = partial(run, lambda _, points: points)
+    show = partial(_run, lambda _, points: points)
     listed = add_command(actions, "list", show, "Print the points in force.")
     text = """
         Remove points, by name or all.
@@ -87,12 +83,15 @@ def add_parser(subparsers: Subparsers) -> None:
         names NAME  names of the points
         --all       remove all points
         """
-    remove = add_command(actions, "remove", partial(run, _remove), text, names={"nargs": "*"})
+    remove = add_command(actions, "remove", partial(_run, _remove), text, names={"nargs": "*"})
     for action in (add, listed, remove):
         add_node_options(action)
 
 
-def run(change: Change, args: argparse.Namespace) -> int:
+MORE = (_add_actions,)
+
+
+def _run(change: Change, args: argparse.Namespace) -> int:
     """Read what is in force, change it, and print it."""
     from rclpy.node import Node
 

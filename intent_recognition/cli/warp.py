@@ -15,6 +15,7 @@ target TARGET      file of a mesh or point cloud
 --viewpoint X Y Z  where the camera was [m], for clouds without normals
 --seed SEED        seed of the points sampled on a mesh
 --grasp            carry the source's grasp to the target: where, from where, how wide
+--json OUT         the parameters
 
 # a mesh, with the shipped mug
 intent warp mug bowl.obj
@@ -39,7 +40,7 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, make_console
-from intent_recognition.cli.options import Subparsers, add_command, number
+from intent_recognition.cli.options import number
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
@@ -64,23 +65,16 @@ ROWS = (
 )
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command."""
-    parser = add_command(
-        subparsers,
-        "warp",
-        run,
-        __doc__,
-        report={"nargs": "?", "const": Path("warp.html")},
-        mapping={"choices": ("label", "point"), "default": "label"},
-        neighbours={"type": number(int, 1), "default": 1},
-        points={"type": number(int, 1), "default": N_POINTS},
-        scale={"type": number(float, 1e-9, 1e9), "default": 1.0},
-        toward=number(float),
-        viewpoint=number(float),
-        seed={"type": number(int, 0), "default": 0},
-    )
-    output.add_json_option(parser, "the parameters")
+OPTIONS = {
+    "report": {"nargs": "?", "const": Path("warp.html")},
+    "mapping": {"choices": ("label", "point"), "default": "label"},
+    "neighbours": {"type": number(int, 1), "default": 1},
+    "points": {"type": number(int, 1), "default": N_POINTS},
+    "scale": {"type": number(float, 1e-9, 1e9), "default": 1.0},
+    "toward": number(float),
+    "viewpoint": number(float),
+    "seed": {"type": number(int, 0), "default": 0},
+}
 
 
 def run(args: argparse.Namespace) -> int:

@@ -8,6 +8,7 @@ import pytest
 from cli.recorded import DOFS, TRUTH, write_all
 from model_builder import learned_model
 
+from intent_recognition.cli.options import add_module
 from intent_recognition.model import save_model
 
 
@@ -23,7 +24,8 @@ def parse():
     def read(command: str, *arguments: object) -> argparse.Namespace:
         parser = argparse.ArgumentParser(prog="intent")
         subparsers = parser.add_subparsers(dest="command")
-        importlib.import_module(f"intent_recognition.cli.{command}").add_parser(subparsers)
+        module = importlib.import_module(f"intent_recognition.cli.{command}")
+        add_module(subparsers, command, module)
         return parser.parse_args([command, *map(str, arguments)])
 
     return read

@@ -11,6 +11,7 @@ from kinematics.robots import lwr_urdf
 from std_msgs.msg import String
 
 from intent_recognition.cli import via
+from intent_recognition.cli.options import add_module
 from intent_recognition.composing import read_via_points
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes import qos
@@ -26,7 +27,7 @@ def folder(tmp_path_factory):
 
 def parsed(*words):
     parser = argparse.ArgumentParser()
-    via.add_parser(parser.add_subparsers())
+    add_module(parser.add_subparsers(), "via", via)
     return parser.parse_args(["via", *map(str, words)])
 
 
