@@ -44,12 +44,6 @@ class RegisteredNode(NamedTuple):
 
     Attributes:
         module: whose `main` runs it.
-        does: in one sentence.
-        subscribes: topics.
-        publishes: topics.
-        offers: services.
-        calls: services of others.
-        managed: whether it is a lifecycle node.
     """
 
     module: str

@@ -18,7 +18,6 @@ class BagPart(NamedTuple):
         start_ns: log time of its first message, or earlier.
         end_ns: log time of its last message, or later; before the next part begins.
         path: directory of the new bag; must not exist.
-        custom_data: its labels.
     """
 
     start_ns: int

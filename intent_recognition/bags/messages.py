@@ -39,8 +39,6 @@ class RawMessage:
     Attributes:
         topic: name as recorded.
         type: "package/msg/Name".
-        log_time_ns: when it was recorded.
-        publish_time_ns: when it was sent.
         data: CDR bytes with their encapsulation header.
         sequence: number given by the publisher, 0 when unknown.
     """
@@ -60,7 +58,6 @@ class BagMessage:
     Attributes:
         topic: name as recorded.
         type: "package/msg/Name".
-        log_time_ns: when it was recorded.
         stamp_ns: stamp of its header, or the log time for a type without header.
         message: an object with the attributes of the type.
     """

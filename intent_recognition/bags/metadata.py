@@ -25,8 +25,6 @@ class TopicInfo:
 
     Attributes:
         name: topic name as recorded, with its leading slash.
-        type: full message type.
-        message_count: messages recorded.
         type_hash: RIHS01 hash of the type.
         offered_qos_profiles: rosbag2's list of QoS profiles, empty when unknown.
     """

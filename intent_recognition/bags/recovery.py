@@ -19,8 +19,6 @@ class RecoveryReport:
     """What was saved and what was not.
 
     Attributes:
-        source: the damaged bag.
-        output: the new bag.
         message_counts: messages saved, by topic.
         start_ns: log time of the first message saved, 0 for none.
         end_ns: log time of the last message saved.

@@ -143,7 +143,6 @@ def _report(
     cost: Cost,
     console: Console,
 ) -> None:
-    """Print and write what came of it."""
     numbers: dict[str, object] = {
         "about": session.about,
         "costs": session.costs.tolist(),

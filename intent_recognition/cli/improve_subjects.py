@@ -150,7 +150,6 @@ class TaskOfFolder:
 
 
 def _folder(args: argparse.Namespace) -> TaskFolder:
-    """The folder of tasks."""
     path = args.library or DEFAULT_LIBRARY
     present = path / LIBRARY_MODEL
     if not present.exists() and args.model is None:

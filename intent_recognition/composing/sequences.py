@@ -61,7 +61,6 @@ class Step:
     """One task of a sequence.
 
     Attributes:
-        task: its label.
         when: what begins it, besides being recognised.
         within_s: time after the step before for which it is waited for.
     """
@@ -101,8 +100,6 @@ class SequenceProgress(NamedTuple):
     Attributes:
         name: of the sequence; empty outside of any.
         step: number of the step that runs or is waited for.
-        running: whether it runs.
-        since_s: since when.
         ordered: whether its condition has held: it shall begin.
         n_started: interactions that were taken into account.
     """

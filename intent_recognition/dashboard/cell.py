@@ -165,7 +165,6 @@ class TransferState:
     Attributes:
         holding: who holds the object, such as `offering`; empty before the first.
         felt: the values by name.
-        at_s: when they came.
         forces: [N], of `FORCES` and `SENSOR`.
     """
 
@@ -213,7 +212,6 @@ class CellState:
         nodes: health by node name.
         teaching: last sentence of `teach/status`.
         skills: changes of each task, the oldest first.
-        via_points: in force.
         plan: of the assembly, None without one.
         progress: of each step, whether it is `done`, `forgotten`, `may come` or `later`.
         transfer: what is felt at the robot's hand.

@@ -85,7 +85,6 @@ class CompareTab:
         return markup.remark(ABOUT) if self._models else markup.ways(NO_MODELS, CURES)
 
     def _run(self) -> None:
-        """Run both models over the recording and show what came out."""
         try:
             bag = self._bags[self._bag.value]
             models = [self._models[field.value] for field in self._chosen]

@@ -37,7 +37,6 @@ class Stance:
     Attributes:
         ground_m: between the feet (3,), world.
         faces_rad: direction of the face, about the world's z; 0 is along x.
-        height_m: of the body.
         left: whether the left wrist is the given one.
     """
 

@@ -66,7 +66,6 @@ class HandlingMoment:
     """What the topics say now.
 
     Attributes:
-        now_s: time.
         active: task that the robot is executing, "" if none.
         begun: task that the person does, as far as is known, "" if none.
         hand: pose of the robot's hand (4, 4), world; None if it is unknown.

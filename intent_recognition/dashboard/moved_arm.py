@@ -27,7 +27,6 @@ class MovedArm(NamedTuple):
         hand: where its hand is (3,) [m], world, for joint angles (n,) [rad].
         posture_at: joint angles (n,) near others (n,) that have the hand at a position (3,); raises
             KinematicsError where there are none.
-        limits: of its joints.
     """
 
     joint_names: tuple[str, ...]

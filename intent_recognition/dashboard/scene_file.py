@@ -76,7 +76,6 @@ class Thing(Placed, frozen=True):
 
     Attributes:
         name: one word, unique in the scene.
-        parts: what it is made of.
     """
 
     name: Annotated[str, Meta(pattern=r"^\w+\Z")]
@@ -87,7 +86,6 @@ class Body(Thing, frozen=True):
     """Something that is taken and given in a task, and whose place is `pose` before.
 
     Attributes:
-        task: label.
         brought_by: `robot` fetches it for the person, or `person` for the robot.
         grasp: where the robot's hand is when it takes it from its place [m], world.
         in_hand: its middle from the wrist of a person who brings it [m], world axes.

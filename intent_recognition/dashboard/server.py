@@ -205,12 +205,7 @@ class _Guard:
         return response
 
     def can_be_done(self, action: Action, held: set[str]) -> bool:
-        """Whether the page shows what is acted on, enabled, so that a person can do it.
-
-        Args:
-            action: that was sent.
-            held: handles that its sender drags.
-        """
+        """Whether the page shows what is acted on, enabled, so that a person can do it."""
         if self.page is None:
             return False
         if isinstance(action, ChangeControl):

@@ -89,7 +89,6 @@ class ViaPointControls:
         return path[low] + (at - low) * (path[low + 1] - path[low])
 
     def _show(self) -> None:
-        """List the points, and draw those of the hand."""
         names = tuple(point.name for point in self._points) or (NOTHING,)
         self._chosen.options = names
         set_value(self._chosen, names[-1])

@@ -26,7 +26,6 @@ class PageAccess(NamedTuple):
     """What the parts of the page need; each is made on the page where it is called.
 
     Attributes:
-        server: of the page.
         commands: reaches the other nodes, and notifies.
         do: runs a function in the thread of the graph, at the next update.
     """

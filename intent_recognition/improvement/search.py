@@ -41,7 +41,6 @@ class CovarianceSearch:
 
     Attributes:
         n_axes: number of coordinates k.
-        seed: of the points it draws.
         step: standard deviation of the first points; 1 is the primitive's own.
     """
 

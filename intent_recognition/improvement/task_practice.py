@@ -66,7 +66,6 @@ class Person(NamedTuple):
     """A person as recorded, and what the robot has to do.
 
     Attributes:
-        name: of the recording.
         duration_s: of the interaction [s].
         observed: at `sample_phases()`, (m, P).
         hand_m: where the person's hand was then (m, 3) [m].
@@ -105,7 +104,6 @@ class TaskPractice:
     Attributes:
         costs: names of those that fit.
         step: how far the search begins to look, in standard deviations.
-        task: label.
     """
 
     costs = ("distance", "time")

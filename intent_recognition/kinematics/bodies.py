@@ -30,7 +30,6 @@ class Box(NamedTuple):
     """A thing that stands in the cell.
 
     Attributes:
-        name: what it is called in messages.
         center: (3,) [m], in the frame of the URDF's root link.
         size: whole edge lengths (3,) [m].
         quaternion: x, y, z, w.

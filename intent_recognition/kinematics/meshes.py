@@ -27,8 +27,6 @@ def check_meshes(meshes: Iterable[ET.Element]) -> None:
     for one that stands in an OBJ as its material. What cannot be found or read is left to them:
     they say so.
 
-    Args:
-        meshes: elements `mesh` of a URDF.
 
     Raises:
         ArgumentError: a mesh is neither.

@@ -43,11 +43,8 @@ class UrdfChain(NamedTuple):
     Attributes:
         xml: the URDF without shapes, continuous joints with limits that are never met, for
             pinocchio (`separate_names`).
-        base: link at which the chain begins.
-        tip: link at which it ends.
         names: independent joints that move the tip, from the base on, and those beyond it.
         continuous: which of them have no position limits.
-        limits: theirs.
         mimics: joints of the whole URDF that copy another.
         assumed: names of those without a limit of speed or effort, which have the defaults.
     """

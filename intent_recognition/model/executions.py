@@ -36,7 +36,6 @@ class Execution:
 
     Attributes:
         time: when it ended, ISO 8601.
-        task: its label.
         bag: the recording, relative to the folder; an old one may have been removed.
         model: what the task was like then: the model in the folder, relative to it; empty where
             the folder had none.

@@ -25,7 +25,6 @@ class SkillPeriod(NamedTuple):
     """A task between two of its changes.
 
     Attributes:
-        task: its label.
         since: when it began, ISO 8601; empty: with the first execution.
         what: the change, in words.
         model: the model since then, relative to the folder.

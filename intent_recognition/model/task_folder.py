@@ -390,5 +390,4 @@ def _read(found: FromBags) -> list[TrainingExample]:
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Whether two files hold the same."""
     return other.is_file() and filecmp.cmp(one, other, shallow=False)

@@ -52,7 +52,6 @@ class Taught(NamedTuple):
     """The tasks of a model; None without one.
 
     Attributes:
-        library: of the tasks.
         arm: whose hand they are of; None where they are of joints.
         reference: quaternion that orientations of that hand start from (4,); empty without them.
     """

@@ -57,9 +57,6 @@ class PostureInput:
         diagnostics: what is rejected is counted under `posture_<reason>`, a posture that could
             not be used under `start_posture_<why>`, once a movement and task; a graph without an
             arm counts nothing.
-
-    Attributes:
-        estimators: of all people.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):

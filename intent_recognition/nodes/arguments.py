@@ -12,9 +12,7 @@ class Argument:
     """A value that can be given when a graph is started.
 
     Attributes:
-        name: name of the launch argument.
         kind: str, bool, int, float, or tuple for texts and list for numbers, separated by commas.
-        description: one sentence.
         needed: whether the graph cannot start without it.
     """
 

@@ -47,10 +47,8 @@ class BagPlayer(Node):
 
     Attributes:
         done: everything was played and `exit_at_end` holds.
-        finished: set when everything was played.
         position_s: recorded time of the last message, since the bag's first.
         duration_s: recorded time from the bag's first to its last message.
-        published: messages published so far.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -159,7 +157,6 @@ class BagPlayer(Node):
         self.done = self._values["exit_at_end"]
 
     def _play_once(self) -> None:
-        """Publish each message when it is due."""
         begin_ns = self._start_ns + round(self._values["start_offset"] * 1e9)
         anchor: _Anchor | None = None
         self._latest_s = 0.0

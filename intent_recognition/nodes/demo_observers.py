@@ -29,7 +29,6 @@ class RecordingObserver(Node):
     Attributes:
         joints: newest positions of the arm by name; None before there are any.
         task: first active task of this recording; empty if there was none.
-        active: whether a task is active now.
         held: posture farthest from the one before, while the task was active; None without one.
     """
 
@@ -87,7 +86,6 @@ class PouringObserver(Node):
 
     Attributes:
         parameters: newest warped parameters of each container, by name.
-        balls: newest counts.
         active: the active task; empty when idle.
         refused: why the pour was refused; empty if it was not.
     """

@@ -32,7 +32,6 @@ class NodeSpec:
         remappings: topic name to the argument that sets it.
         topics: topic name to the one it is in this graph.
         executable: of the node; empty: of its name.
-        frames: whether the node uses /tf.
         clock: parameter that makes the node publish /clock; it then does not follow it.
         when: argument that must be set for the node to start; empty: always started.
         unless: argument that must not be set.
@@ -146,7 +145,6 @@ class GraphSpec:
     """Nodes that start together, in this order.
 
     Attributes:
-        nodes: names of the nodes.
         defaults: values of arguments that are not given.
         params: shipped parameter file of all nodes; the user's file lies over it.
         without: arguments of its nodes that mean nothing here.
@@ -267,7 +265,6 @@ def _follow_the_clock(graph: str, values: dict[str, object]) -> None:
 
 
 def _starts(name: str, values: Mapping[str, object]) -> bool:
-    """Whether the arguments let a node start."""
     spec = NODES[name]
     return bool((not spec.when or values.get(spec.when)) and not values.get(spec.unless))
 

@@ -77,7 +77,6 @@ class IntentEstimatorNode(ManagedNode):
         return tuple(b.estimator for b in self.people.values()) if self._configured else ()
 
     def _meet(self, person: str) -> None:
-        """Follow a person, if that is a new one."""
         if person in self.people:
             return
         self.people[person] = belief = PersonBelief(
@@ -98,7 +97,6 @@ class IntentEstimatorNode(ManagedNode):
             self._plan.check(changes[PLAN], self._estimators)
 
     def _change(self, changes: Changes) -> None:
-        """Apply new values of parameters."""
         if VIA_POINTS in changes:
             self._via_points.change(changes[VIA_POINTS])
             self._via_points.use(self._estimators, self._postures.arm)

@@ -43,11 +43,6 @@ class IntentOutput:
     Args:
         frames: where the predicted hand is told.
         person: whose topics; empty for the only one.
-
-    Attributes:
-        tasks: publisher of `intent/tasks`.
-        trajectory: publisher of `intent/robot_trajectory`.
-        human_trajectory: publisher of `intent/human_trajectory`.
     """
 
     _model: Model

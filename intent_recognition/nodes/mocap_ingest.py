@@ -109,13 +109,11 @@ class MocapIngest(Node):
             self._hear(f"{label}/{body}")
 
     def _hear(self, body: str) -> None:
-        """Subscribe to a body of the tracker."""
         self._waiting[body] = deque()
         topic, take = f"mocap/{body}/pose", partial(self._on_pose, body)
         self._diagnostics.subscribe(PoseStamped, topic, take, qos.SENSOR, raw=True)
 
     def _tell(self, body: str) -> None:
-        """Publish a body of a person."""
         self._states[body] = IngestState()
         self._outputs[body] = self.create_publisher(Odometry, f"human/{body}", qos.SENSOR)
 
@@ -129,7 +127,6 @@ class MocapIngest(Node):
             waiting.clear()
 
     def _changed(self, changes: Changes) -> IngestSettings:
-        """The settings with new values."""
         fields: dict[str, Any] = {LIVE[name]: value for name, value in changes.items()}
         return replace(self._settings, **fields)
 
@@ -200,7 +197,6 @@ class MocapIngest(Node):
         self._ingest(name, measured)
 
     def _ingest(self, body: str, measured: PoseNumbers) -> None:
-        """Check a pose, and send it on."""
         start_s = time.perf_counter()
         first = not self._states[body].recent
         self._states[body], result = ingest_pose(

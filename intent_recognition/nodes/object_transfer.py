@@ -170,7 +170,6 @@ class ObjectTransfer(Node):
         self._attended = message.data or self._attended
 
     def _meet(self, body: str, person: str) -> None:
-        """Hear where a person's hand is."""
         topic = f"human/{person}/{body}" if person else f"human/{body}"
         self._people[person] = deque(maxlen=2)
         take = partial(self._on_person, person)

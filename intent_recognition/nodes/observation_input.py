@@ -55,9 +55,6 @@ class ObservationInput:
         observe_context: the same for samples of the scene.
         person: whose topics: poses are heard on human/<person>/<body>, other things on
             <person>/<topic>; those of the scene are everybody's.
-
-    Attributes:
-        frame: frame of the last position.
     """
 
     def __init__(

@@ -204,7 +204,6 @@ def parameter_sources(arguments: Sequence[str], node: str) -> dict[str, str]:
 
 
 def _names(path: str, node: str) -> list[str]:
-    """Parameters that a file sets for a node."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError):

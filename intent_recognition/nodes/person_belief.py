@@ -36,8 +36,6 @@ class PersonBelief:
 
     Attributes:
         estimator: of the person, from `configure` on.
-        inputs: what is observed of the person.
-        output: what is published about the person.
         status: level and text.
         publish_rate: of predictions [Hz].
     """

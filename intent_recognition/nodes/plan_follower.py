@@ -57,7 +57,6 @@ class PlanFollower:
         self._file = self._file if "\n" in text else text
 
     def _save(self) -> str:
-        """Write the plan in force."""
         if self._plan is None or not self._file:
             cure = "Start with `plan:=FILE`."
             raise ArgumentError.about(PLAN, "a plan from a file", "none", cure)

@@ -32,9 +32,6 @@ class PlanningSceneLink:
         frame: of the scene, in which our boxes stand; objects in another one are rejected.
         own: our boxes; they are not taken back from the scene.
 
-    Attributes:
-        boxes: those of the scene.
-
     Raises:
         ArgumentError: moveit_msgs is not installed for it.
     """

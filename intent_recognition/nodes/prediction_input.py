@@ -27,7 +27,6 @@ class PredictionNumbers(NamedTuple):
     """What a message with a prediction holds.
 
     Attributes:
-        label: of the task.
         onset_ns: when it began; 0 without a stamp.
         of_hand: whether the columns are those of a hand instead of joints.
         times_s: (T,) from the stamp.

@@ -102,7 +102,6 @@ class PrimitiveActivation(ManagedNode):
         self.start()
 
     def _meet(self, person: str) -> None:
-        """Hear what is believed of a person."""
         hear, of = self.diagnostics.subscribe, f"intent/{person}/" if person else "intent/"
         tasks, predicted = partial(self._on_tasks, person), partial(self._on_prediction, person)
         hear(JointState, f"{of}tasks", tasks, qos.STATE, TASKS)
@@ -345,7 +344,6 @@ class PrimitiveActivation(ManagedNode):
     # Set-up
 
     def _changed(self, changes: Changes) -> ActivationParameters:
-        """The parameters with new values."""
         settings = self._settings.changed(changes)
         of_motion = sorted(set(changes) & set(AT_REST))
         activation = self.activation
@@ -358,7 +356,6 @@ class PrimitiveActivation(ManagedNode):
         return settings
 
     def _change(self, changes: Changes) -> None:
-        """Go on with new values."""
         self._settings = self._changed(changes)
         if self.activation is not None:
             self._set_joints(self.joint_names)

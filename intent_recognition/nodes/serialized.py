@@ -19,8 +19,6 @@ class PoseNumbers(NamedTuple):
     """What a node uses of a pose.
 
     Attributes:
-        stamp_ns: of the header.
-        frame_id: of the header.
         pose: position [m] and orientation xyzw, (7,).
         covariance: of position and rotation, (6, 6), None in a message without one.
     """

@@ -37,7 +37,6 @@ class TaskPracticeService:
     """Begins, ends and accepts practice of a task, for the `TaskTeacher` that has it.
 
     Attributes:
-        running: whether it goes on.
         trial: model that is tried by the estimator now; None: the library's.
     """
 
@@ -128,7 +127,6 @@ class TaskPracticeService:
         return _Begun(practised, session, cost)
 
     def _try_next(self) -> None:
-        """Give the estimator the library with the next point."""
         assert self._begun is not None
         begun = self._begun
         self._judged_before = None

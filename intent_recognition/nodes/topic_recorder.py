@@ -179,7 +179,6 @@ class TopicRecorder(Node):
             self.get_logger().warning(f"nobody publishes {topics} yet; what comes is recorded")
 
     def _check_names(self, topics: Sequence[str]) -> None:
-        """Refuse topics that would be one and the same in the bag."""
         stored: dict[str, str] = {}
         for topic in topics:
             other = stored.setdefault(self._stored_name(self._expanded(topic)), topic)

@@ -26,7 +26,6 @@ class DoneTask(NamedTuple):
     """What somebody did in an assembly.
 
     Attributes:
-        task: its label.
         who: name of the person or robot; empty where that was not recorded.
         objects: number of each kind of object that it took.
         duration_s: time that it took; 0 where that was not recorded.

@@ -128,7 +128,6 @@ def _step(
     assemblies: Sequence[Assembly],
     found: Sequence[Sequence[Occurrence | None]],
 ) -> WorkStep:
-    """What is known of a step."""
     records = [
         assembly[one.index(step)]
         for assembly, one in zip(assemblies, found, strict=True)

@@ -46,8 +46,6 @@ class StepState(NamedTuple):
     """What is believed of a step.
 
     Attributes:
-        name: of the step.
-        task: its label.
         done: probability that it is done.
         next: probability that the next movement does it.
         forgotten: probability that it was left out, though a step was done that needs it.
@@ -77,7 +75,6 @@ class WorkProgress:
 
     Attributes:
         plan: of the steps that can be recognised.
-        labels: as given.
         n_taken: movements that it has taken note of.
 
     Raises:

@@ -32,7 +32,6 @@ class WorkStep:
 
     Attributes:
         name: unlike any other: the task, and a number where it is done again ("screw 2").
-        task: its label.
         share: of assemblies in which it is done, in (0, 1].
         who: share of the times that it was done by each person or robot, where that was recorded.
         objects: number of each kind of object that it takes, on average.

@@ -53,7 +53,6 @@ class ContextModel:
 
     Attributes:
         names: of the M numbers.
-        units: their units.
         mean: m, (K, M).
         covariance: S, (K, M, M).
         gain: G, (K, D N, M).

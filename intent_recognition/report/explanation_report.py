@@ -94,7 +94,6 @@ def short_name(name: str, names: Sequence[str]) -> str:
 
 
 def _blocks(one: Explanation) -> tuple[html.Block, ...]:
-    """Figures and table of one explanation."""
     movement_s = max(float(one.times_s[-1]), 1e-9)
     trace = {
         "labels": one.labels,

@@ -187,7 +187,6 @@ def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) ->
 
 
 def _draw_phase(axes: "Axes", phase: str, at: ScoreValues, values: ScoreValues) -> None:
-    """The curve of a kind of phase."""
     style = PHASE_STYLES.get(phase, {"color": PALETTE[2], "marker": "^"})
     style = {"markersize": 5.5, "clip_on": False, "zorder": 3} | style  # whole at the axis, too
     axes.plot(at, values, label=PHASE_NAMES.get(phase, phase), **style)

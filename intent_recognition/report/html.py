@@ -30,7 +30,6 @@ class Column:
     """Heading of a table's column.
 
     Attributes:
-        title: its text.
         unit: of its numbers.
         align: of heading and cells.
         form: of its numbers, as `format` takes it.
@@ -49,7 +48,6 @@ class TableBlock:
     Attributes:
         columns: C headings.
         rows: each of C cells.
-        caption: what the table shows.
         marked: indices of rows to be set off (misses, say).
         strong: indices of rows in bold (totals, say).
 
@@ -103,7 +101,6 @@ class KeyNumber:
     """One number that matters, with the paper's beside it.
 
     Attributes:
-        label: what it is.
         ours: value with unit, as text.
         paper: the paper's value, empty without one.
         good: True or False colours it, None does not.

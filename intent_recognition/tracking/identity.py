@@ -50,7 +50,6 @@ class Track(NamedTuple):
     """A person who is followed.
 
     Attributes:
-        person: its name.
         label: of the tracker, at the last sight.
         stamp_ns: of that sight.
         mean: position [m] and velocity [m/s] then, (2, 3).
@@ -68,7 +67,6 @@ class Identities(NamedTuple):
     """What is remembered between frames, at first nothing; never modified.
 
     Attributes:
-        tracks: the persons who are followed.
         unknown_until_ns: of labels whose persons cannot be told apart, until when.
         n_undone: exchanges of the tracker that were undone so far.
         n_unknown: times that two could not be told apart.

@@ -48,7 +48,6 @@ class TrackedPose:
     """An accepted pose in the world frame.
 
     Attributes:
-        stamp_ns: time of measurement.
         position: (3,) [m].
         orientation: unit quaternion (4,) xyzw.
         orientation_measured: False if the tracker gave none (an all-zero quaternion);
@@ -76,7 +75,6 @@ class Rejected:
 
     Attributes:
         reason: one of `REASONS`.
-        detail: a sentence for the log.
     """
 
     reason: str

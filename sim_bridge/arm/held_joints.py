@@ -13,11 +13,7 @@ FINGER_FORCE_N = 20.0
 
 
 class HeldJoints:
-    """Holds fingers as far from the middle as asked for, and others near zero.
-
-    Attributes:
-        names: of the joints.
-    """
+    """Holds fingers as far from the middle as asked for, and others near zero."""
 
     def __init__(self, client: BulletClient, body: int, joints: Sequence[Joint]) -> None:
         self._client, self._body, self._joints = client, body, joints

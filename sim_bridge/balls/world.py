@@ -30,9 +30,6 @@ class BallWorld(AbstractContextManager["BallWorld"]):
     Balls in maximal coordinates and a small contact threshold make it three times faster than
     Bullet's defaults. Use as a context: leaving it ends the world.
 
-    Args:
-        hollow: the inside of the container.
-        ball_radius_m: of every ball.
     """
 
     def __init__(self, hollow: Hollow, ball_radius_m: float) -> None:

@@ -61,7 +61,6 @@ class Interaction:
         onset_s: start of the reach.
         end_s: end of the reach.
         goal_m: where the wrist stops, (3,), world.
-        reach: the movement.
         changed_from: label of the task as which a changed reach began, else empty.
         change_s: when it was changed; NaN if it was not.
         leaves_s: when the worker waits for the robot no longer.
@@ -156,7 +155,6 @@ def plan_people(
 def _intended(
     rng: np.random.Generator, intention: Intention, start_m: Floats, side: float
 ) -> WristMovement:
-    """Draw a reach, and what it is changed to."""
     reach = draw_reach(rng, intention.task, start_m, side=side)
     if not intention.then:
         return reach

@@ -128,7 +128,6 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
 
 
 def _labels_of(text: str) -> tuple[str, ...]:
-    """Labels of a comma separated text or of a file."""
     if text and "," not in text and text not in STYLES and Path(text).is_file():
         try:
             content = load_yaml(read_text(Path(text)))

@@ -54,7 +54,6 @@ class Manner:
     """How one trial is done: times [s], the weight that is expected [N], and misses.
 
     Attributes:
-        reaction_s, reach_s, load_s, pull_s, busy_s: times.
         weight_n: that the person lifts with.
         toward: direction in which the object is brought to the person (3,).
         miss_m: from where the hand should hold to where it does (3,).

@@ -25,7 +25,6 @@ class TransferObject(NamedTuple):
     """A box that is handed over.
 
     Attributes:
-        mass_kg: its mass.
         half_edges_m: vertical, between the fingers, and from robot to person.
         grasp_m: how far from its centre, toward the robot, the robot holds it.
     """

@@ -38,10 +38,6 @@ class ArmCommands:
         clock: of the physics.
         diagnostics: count what is rejected.
         spread: sets the stiffness by predictions; None: nothing does.
-
-    Attributes:
-        follower: has the reference.
-        spread: as given.
     """
 
     def __init__(

@@ -60,8 +60,6 @@ class ArmSim(Node):
         kwargs: as a node takes them.
 
     Attributes:
-        arm: in its world.
-        clock: of the physics.
         commands: what the arm is told.
         scene: what handles the things in its world; None without any.
     """
@@ -109,7 +107,6 @@ class ArmSim(Node):
         self.arm.close()
 
     def _find_robot(self) -> Robot:
-        """The arm that the parameters name."""
         values = declare(self, "robot")
         base = values["base_position"] or None
         return find_robot(values["robot"], tip=values["tip"], base_position_m=base)
@@ -136,7 +133,6 @@ class ArmSim(Node):
     def _make_scene(
         self, pouring: PouringScene, lever_m: float
     ) -> ToolboxGripper | PouringScene | TransferScene | None:
-        """Put the things of the scene into the arm's world."""
         name, seed, stamp = self._given["scene"], self._given["seed"], self.clock.stamp
         if name == TRANSFERS:
             return TransferScene(self, self.arm, seed, lever_m, stamp, self._answers.note)
@@ -236,7 +232,6 @@ class ArmSim(Node):
         return response
 
     def _report(self) -> None:
-        """Bring the numbers of the diagnostics up to date."""
         pacer, values = self.clock.pacer, self.diagnostics.value
         if not pacer.begun:
             self.diagnostics.status(Level.WARN, "waiting for /clock")

@@ -74,7 +74,6 @@ class _Worker:
         self._tasks.publish(String(data=""))
 
     def _announce(self, elapsed_ns: int) -> None:
-        """Publish the labels of reaches that have begun or ended."""
         while self._next_label < len(self._labels):
             at_ns, label, number = self._labels[self._next_label]
             if at_ns > elapsed_ns:
@@ -169,14 +168,12 @@ class CoworkerSim(Node):
             self._tick(message.clock.sec * 1_000_000_000 + message.clock.nanosec)
 
     def _tick(self, now_ns: int) -> None:
-        """Publish the samples whose time has come."""
         self.first_stamp_ns = self.first_stamp_ns or now_ns
         go_on = [worker.tick(self.first_stamp_ns, now_ns) for worker in self.workers]
         if not any(go_on):
             self._finish()
 
     def _finish(self) -> None:
-        """Say that the session is over."""
         if self._timer is not None:
             self._timer.cancel()
         for worker in self.workers:

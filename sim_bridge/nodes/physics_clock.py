@@ -32,7 +32,6 @@ class Pacer:
         largest_batch: most steps to hand out at once, so that messages are served in between.
 
     Attributes:
-        begun: whether the clock runs.
         factor: the same, as it is now.
         dropped_s: simulated time that was left out.
     """

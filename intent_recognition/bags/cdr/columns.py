@@ -47,8 +47,6 @@ class JointPart(NamedTuple):
 
     Attributes:
         rows: which of the topic's messages these are, int64 (n,).
-        frame_id: of the header.
-        names: joint names as recorded.
         position: (n, J); J is 0 where the field is empty, and need not be the number of names.
         velocity: (n, J).
         effort: (n, J).

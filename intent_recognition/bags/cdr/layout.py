@@ -68,7 +68,6 @@ class NumberRun(NamedTuple):
     Attributes:
         start: offset of the first in the message [bytes].
         dtype: of each, as `struct` and numpy name it, such as "<d".
-        length: how many there are.
     """
 
     start: int
@@ -167,12 +166,7 @@ class Layout:
 
 
 class LayoutCache:
-    """Layouts of the messages of one topic, which rarely has more than one.
-
-    Args:
-        type_name: message type of Jazzy, "package/msg/Name".
-        most: layouts kept.
-    """
+    """Layouts of the messages of one topic, which rarely has more than one."""
 
     def __init__(self, type_name: str, most: int = MOST_LAYOUTS):
         self._type, self._most = type_name, most

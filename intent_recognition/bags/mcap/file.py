@@ -28,12 +28,8 @@ class Item(NamedTuple):
     """One message; sorts by log time, then as recorded: by block, then by row.
 
     Attributes:
-        log_time_ns: when it was recorded.
         offset: of its block in the file.
         row: in the block.
-        publish_time_ns: when it was sent.
-        sequence: number given by the publisher.
-        data: as recorded.
         channel: that it is of.
     """
 

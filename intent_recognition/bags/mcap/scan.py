@@ -55,7 +55,6 @@ class Damage:
 
     Attributes:
         offset: where it begins [bytes].
-        reason: what is wrong with it.
         start_ns: log time of the last message before it, or of its first; 0 when unknown.
         end_ns: log time of its last message, 0 when unknown.
     """

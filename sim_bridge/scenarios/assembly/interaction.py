@@ -46,7 +46,6 @@ class AssemblyInteraction:
     """What both do, times in seconds on the session's clock.
 
     Attributes:
-        task: label.
         worker: (onset, movement) of the observed wrist, in order.
         assistant: the same of the predicted one.
         goal_m: where the worker's wrist waits for the assistant, (3,).

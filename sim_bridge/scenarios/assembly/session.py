@@ -33,7 +33,6 @@ class AssemblySession:
     """A planned session.
 
     Attributes:
-        interactions: what is done, in order.
         worker, assistant: what the tracker sees of each wrist, 100 Hz, at the same times.
     """
 
@@ -106,7 +105,6 @@ def of_worker(session: AssemblySession) -> SessionPlan:
 
 
 def _retract(rng: np.random.Generator, start_m: Floats, rest: Place) -> Reach:
-    """The way back to a new resting place."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.012 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)
     return Reach("", start_m, rest.draw(rng), rng.uniform(0.8, 1.0), bow, 1.0, turn)

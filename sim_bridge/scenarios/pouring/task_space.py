@@ -73,7 +73,6 @@ class SideGrasp:
 
     Attributes:
         lip_m: the container's lip in its own frame (3,), toward its +x.
-        height_m: of the container.
     """
 
     lip_m: Floats

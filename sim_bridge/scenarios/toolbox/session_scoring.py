@@ -294,5 +294,4 @@ def _trace(
 
 
 def _seconds(stamps_ns: Integers, onset_ns: int) -> Floats:
-    """Times after an onset."""
     return np.asarray((stamps_ns - onset_ns) * 1e-9, dtype=np.float64)

@@ -225,7 +225,6 @@ class ToolboxTransfers:
         hand.feel(weight_n)
 
     def _put_away(self) -> None:
-        """Nothing is in the hands any more."""
         robot = self._thing is not None and self.held
         if self._thing is not None:
             self._arm.client.removeBody(self._thing.body)
