@@ -95,7 +95,6 @@ class ArmTracking:
             self._look_for_lateness(measured)
 
     def _look_for_lateness(self, measured: Measured) -> None:
-        """Learn how late commands are."""
         time_ns = measured.time_ns
         asked = self._asked(time_ns)
         if asked is None:

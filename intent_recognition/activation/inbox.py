@@ -58,7 +58,6 @@ class EstimatorInbox:
     """Checks stamps, decides on a task, and keeps the newest prediction.
 
     Attributes:
-        decision: the state of the decision.
         question: the tasks that the movement under way may be while none is acted on, and their
             probabilities; empty where there is but one, or none of them is as probable.
         held_back: why a recognised task is not executed (its end is uncertain), or empty.

@@ -26,7 +26,6 @@ class _Blocked(NamedTuple):
     Attributes:
         inbox: of whom it is.
         prediction: the newest that was tried.
-        tried_ns: when.
         until_ns: how long it is waited for once its movement is over.
     """
 

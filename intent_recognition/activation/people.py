@@ -15,7 +15,6 @@ class HelpRequest(NamedTuple):
     """A person whose task is certain.
 
     Attributes:
-        person: who.
         probability: of the task.
         needed_ns: when the arm is needed at the end of its path.
         duration_s: of that path.
@@ -60,7 +59,6 @@ class People:
 
     Attributes:
         attended: whom the arm helps, or would help.
-        inbox: what is known of that person.
         reasons: who asked when that was decided: when the arm is needed, and how certain the task.
     """
 

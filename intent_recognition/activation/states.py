@@ -108,9 +108,6 @@ class PredictedInteraction(NamedTuple):
     """What the estimator predicts of an interaction.
 
     Attributes:
-        label: its task.
-        onset_ns: when it began.
-        path: the arm's path.
         end_std: largest standard deviation at the end over the controlled DOFs of each unit,
             {"rad": ...}; None if unknown.
     """
@@ -229,7 +226,6 @@ class Outcome(NamedTuple):
     """What became of an interaction.
 
     Attributes:
-        label: its task.
         what: "arrived", "broken off" or "stopped: REASON".
         n_corrections: places to which a person took the arm.
     """

@@ -71,5 +71,4 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
 
 
 def _ns(time: Any) -> int:
-    """A stamp or duration [ns]."""
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)

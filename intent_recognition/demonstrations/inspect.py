@@ -37,7 +37,6 @@ class TopicSummary:
 
     Attributes:
         name: as recorded.
-        type: full message type.
         count: messages that can be read.
         rate_hz: one over the median step of the stamps, 0 with fewer than two messages.
         gaps: (stamp_ns before the gap, length in s) of every step longer than three medians.
@@ -64,15 +63,12 @@ class BagSummary:
     """A whole recording.
 
     Attributes:
-        path: of the bag.
-        task: its label, None without.
         custom_data: all labels.
         start_ns: log time of the first message that can be read.
         end_ns: log time of the last.
         topics: one summary each, in the order recorded.
         demonstrations: of a session bag, in order; empty for others.
         unfinished: demonstrations of a session whose end is missing or whose label is none.
-        damage: parts that cannot be read.
         notes: other oddities, as sentences.
     """
 

@@ -69,7 +69,6 @@ class Sample(NamedTuple):
     """One measurement.
 
     Attributes:
-        source: what it is of.
         observation: its `group` counts the signals of that source.
     """
 

@@ -36,9 +36,7 @@ class SessionPart:
 
     Attributes:
         index: its number in the session, from 0.
-        task: its label.
         start_ns: when it began, on the clock of the messages' stamps.
-        end_ns: when it ended.
     """
 
     index: int
@@ -51,8 +49,6 @@ class TaskSequence(NamedTuple):
     """Tasks that followed one another without a long pause between them.
 
     Attributes:
-        source: path of the bag.
-        tasks: their labels, in order.
         durations_s: time between each label and the empty text after it.
     """
 

@@ -44,7 +44,6 @@ class Explanation(NamedTuple):
 
     Attributes:
         task: what became active; empty where nothing did.
-        onset_ns: when the movement began.
         after_s: of the decision, after onset; without one, when a task was the most probable.
         labels: of the K tasks, and none.
         times_s: of the n estimates of the movement, after onset, (n,).

@@ -79,8 +79,6 @@ class ReactiveCase(NamedTuple):
     """One recording that was left out.
 
     Attributes:
-        windows: the baseline, of the training recordings.
-        test: the recording.
         start: posture of the controlled agent when it begins.
     """
 

@@ -32,7 +32,6 @@ class Rehearsed(NamedTuple):
     """What a model would have done during one recording.
 
     Attributes:
-        recorded: the recording.
         activated: all tasks that became active, in order.
         decided_s: when the true one did, after the movement's start; NaN if it never did.
         labels: of the K tasks, and none.
@@ -133,7 +132,6 @@ def rehearse(
 
 
 def _follow(library: TaskLibrary, recorded: Demonstration, settings: DecisionSettings) -> Rehearsed:
-    """One recording."""
     true = library.labels.index(str(recorded.task))
     followed, computed_s = list[tuple[Estimate, DecisionState]](), list[float]()
     began_s = perf_counter()

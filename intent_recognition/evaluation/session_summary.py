@@ -68,7 +68,6 @@ class InteractionRecord:
 
     Attributes:
         index: number in the session, from 1.
-        task: what the human did.
         recognised: what was decided first; of a changed movement, what was active soon after its
             end. Empty or "none" if nothing was.
         observations: number of observations from onset to the decision.
@@ -77,8 +76,6 @@ class InteractionRecord:
         hand_error_m: measured hand to the place the demonstrator's rule gives; None if the task
             was not recognised.
         arrival_s: the robot's arrival, counted from the human's end; negative = before it.
-        movement_s: duration of the human's movement.
-        note: anything odd.
         changed_from: the task as which a movement began that the human changed on the way, else
             empty; `task` is what it became.
         handed_over: whether the object changed hands and was not dropped; None where objects are
@@ -130,7 +127,6 @@ class PersonSummary:
     """The interactions of one of several people.
 
     Attributes:
-        person: name.
         n: interactions.
         recognised: of them those whose task was the most probable one at the end of the movement.
         helped: of them those in which the arm did that task for this person.

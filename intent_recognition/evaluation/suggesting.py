@@ -19,7 +19,6 @@ class Suggestion(NamedTuple):
     """A demonstration that is worth more than others.
 
     Attributes:
-        task: its label.
         like: number of the rehearsed movement that it should be like.
         prevented: of the rehearsed interactions, how many fewer are expected to go wrong.
     """

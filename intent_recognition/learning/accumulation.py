@@ -34,7 +34,6 @@ class Accumulated(NamedTuple):
         tasks: statistics of each label.
         used: names of those learned from, the first `NAMES_KEPT`.
         rejected: (name, reason) of those left out, the first `NAMES_KEPT`.
-        n_rejected: number of recordings left out.
     """
 
     preprocessing: Preprocessing | None

@@ -35,11 +35,8 @@ class TrainingExample(NamedTuple):
     """One demonstration as weights.
 
     Attributes:
-        name: of the recording.
-        task: its label.
         weights: (D, N), observed DOFs first.
         residual_variance: (D,).
-        duration_s: of the interaction.
         observed: samples at evenly spaced phases, (m, P).
         controlled: at the scored phases, (s, Q).
         aligned: the example over the reference phase of its task, with another basis; None where

@@ -31,8 +31,7 @@ MAX_RIVALS = 8
 """Other tasks, those with the nearest means, that a demonstration is compared with. Convention: it
 bounds the time; tasks farther away have no evidence to speak of."""
 MAX_FLOATS = 2**19
-"""Numbers in the covariances filtered at a time. Measured: 4 MB take about the least time.
-"""
+"""Numbers in the covariances filtered at a time. Measured: 4 MB take about the least time."""
 T = TypeVar("T")
 
 
@@ -73,7 +72,6 @@ class LeftOutExample(NamedTuple):
         observed: its samples, (m, P).
         seen: the same at the scored phases, (s, P).
         truth: of the controlled DOFs there, (s, Q).
-        duration_s: of the demonstration.
         log_duration: mean of the logarithms of the others' durations [log s].
     """
 

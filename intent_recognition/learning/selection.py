@@ -118,7 +118,6 @@ class Choice(NamedTuple):
     """What was chosen.
 
     Attributes:
-        best: the hyperparameters.
         coupling: of the residuals, learned with them; None where there is none in any task.
         tried: all hyperparameters that were scored.
     """

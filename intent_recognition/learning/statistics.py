@@ -37,7 +37,6 @@ class TaskStatistics:
         residual_sum: sum of the residual variances, (D,).
         log_duration_mean: mean of the logarithms of the durations in seconds.
         log_duration_scatter: sum of their squared deviations from it.
-        duration_sum_s: sum of the durations.
         context_mean: mean context, (M,).
         context_scatter: sum of outer products of the contexts' deviations from it, (M, M).
         context_cross: the same of the weights' and the contexts' deviations, (D N, M).

@@ -36,10 +36,8 @@ class Trained:
     """A library with the statistics that are needed to add demonstrations to it.
 
     Attributes:
-        library: the tasks.
         preprocessing: how a recording becomes an example.
         tasks: statistics of each label, in the library's order.
-        chosen: hyperparameters.
     """
 
     library: TaskLibrary
@@ -54,7 +52,6 @@ class TrainingReport(NamedTuple):
     Attributes:
         used: names of those learned from, of very many the first 1000.
         rejected: (name, reason) of those left out, of very many the first 1000.
-        chosen: the hyperparameters taken.
         tried: all that were scored; none where the hyperparameters of a model were kept.
         n_used, n_rejected: how many in all.
         trained: the library with its statistics, to add demonstrations to.

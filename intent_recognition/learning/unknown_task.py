@@ -111,7 +111,6 @@ class Comparison(NamedTuple):
         without: a library without some demonstrations.
         compared: numbers of the tasks.
         n_tasks: how many share the prior; those not compared are too far away to count.
-        recorded: the movement.
     """
 
     without: LeftOut

@@ -46,7 +46,6 @@ class ClearPath(NamedTuple):
     """A path that is clear.
 
     Attributes:
-        path: to follow.
         away: how far it was moved at `N_SAMPLES` phases (T, n) [rad]; None where it was not.
         how: "", "bent" within the spread of its task, or "replanned".
         later_s: a command of it starts so much later, for finding it took its time [s].

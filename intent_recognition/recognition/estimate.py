@@ -99,13 +99,11 @@ class Prediction(NamedTuple):
     """Trajectory of one agent under the most probable task.
 
     Attributes:
-        task: its label.
         onset_ns: the stamp from which the trajectory's times count.
         trajectory: means and standard deviations.
         start: what became of the controlled agent's posture at onset: POSTURE_USED,
             POSTURE_OUTSIDE, POSTURE_UNKNOWN, or empty for the observed agent.
         names: of the d DOFs of the trajectory.
-        units: theirs.
     """
 
     task: str

@@ -385,7 +385,6 @@ class IntentEstimator:
         self._use(self._context.apply())
 
     def _use(self, library: TaskLibrary) -> None:
-        """Go on with a library of the same DOFs."""
         self.taught, self.library = library, self._bend(library)
         self._detector.use(self.library.onset)
         self.expectation.swap(self.library, self._task_prior)

@@ -27,7 +27,6 @@ class Evidence(NamedTuple):
     """What speaks for a task, and against a rival.
 
     Attributes:
-        task: its label.
         rival: that of the other one.
         names: of the P observed DOFs.
         times_s: of the n observations after onset, (n,).

@@ -32,7 +32,6 @@ class StreamFinding(NamedTuple):
     """What is wrong, or may be, with a recording.
 
     Attributes:
-        name: of the recording.
         reason: one sentence, with the likely cause.
     """
 
@@ -47,8 +46,6 @@ class SpeedCorrelation(NamedTuple):
     """Correlation of both agents' speeds over the lag of the controlled one.
 
     Attributes:
-        name: of the recording.
-        task: its label.
         values: at `LAGS_S`, (L,).
         doubts: what the recording alone gives reason to doubt.
         movement: digest of the observed agent's values; recordings of equal ones are copies.

@@ -28,7 +28,6 @@ class Header:
     """What is above the numbers.
 
     Attributes:
-        names: of the columns.
         skip: rows before the numbers.
         about: further attributes of the `Table`.
         ends_blank: whether a blank line ends the table.

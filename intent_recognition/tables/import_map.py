@@ -55,7 +55,6 @@ class ColumnsOf:
     """Where the values of one entry of the DOF file come from.
 
     Attributes:
-        entry: the entry.
         columns: one for each DOF, in its order; none where bags are imported.
         unit: of the columns, "" for what the file says, or else that of the entry.
         file: which file of a recording, "" where it has one.
@@ -73,8 +72,6 @@ class Cut(NamedTuple):
     """One segment of a list, in seconds of the file's own clock, both ends included.
 
     Attributes:
-        start_s: its begin.
-        end_s: its end.
         task: its label, "" for that of the map.
         file: the recording that it is of, by its name, "" for every one.
     """

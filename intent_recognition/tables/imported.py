@@ -18,7 +18,6 @@ class EntrySamples(NamedTuple):
     """What one entry of the DOF file gets.
 
     Attributes:
-        entry: the entry.
         stamps_ns: int64 (T,), strictly increasing.
         values: (T, d) in the unit of the entry, NaN where nothing was measured.
     """
@@ -33,7 +32,6 @@ class ImportedDemonstration:
     """One demonstration of a table, as it is written to a bag.
 
     Attributes:
-        name: of its bag.
         custom_data: its label `task`, where it has one, and further texts.
         samples: for each entry of the DOF file.
         frame: of poses.

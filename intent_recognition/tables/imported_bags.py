@@ -15,9 +15,7 @@ class ImportedBag:
     """A recording, or a part of one, to be written as a bag.
 
     Attributes:
-        name: of its bag.
         custom_data: its label `task`, where it has one, and further texts.
-        source: the recording.
         start_ns: log time of its first message, or earlier.
         end_ns: log time of its last message, or later.
     """

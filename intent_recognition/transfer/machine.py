@@ -105,10 +105,8 @@ class Situation(NamedTuple):
     """What is felt at one moment.
 
     Attributes:
-        time_s: of the measurement.
         force_n: on the hand (3,), world.
         moving: whether the arm is under way to where it was told to go.
-        speed_m_s: of the hand.
         half_opening_m: distance of a finger from the middle; NaN if it is not measured.
         near: whether the person's hand is at the object; None if nobody tracks it.
         person_m_s: speed of the person's hand; 0 if nobody tracks it.
@@ -142,7 +140,6 @@ class TransferOutput(NamedTuple):
         share: of the load that the person has, 0 to 1; 0 where it does not matter.
         weight_n: of the object as far as it is known.
         grip_n: force of each finger; 0: open.
-        slip: whether the object slips now.
     """
 
     holding: Holding
