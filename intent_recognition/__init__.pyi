@@ -1,150 +1,84 @@
 # SPDX-License-Identifier: Apache-2.0
-from .activation import Activation, ActivationSettings
-from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
-from .bags import BagReader, BagWriter, recover
-from .composing import ViaPoint, read_sequences, read_via_points
-from .demonstrations import DofEntry, DofSpec, load_dofs, read_demonstrations, settle_orientations
-from .errors import (
-    ArgumentError,
-    BagError,
-    DofError,
-    IntentError,
-    ModelError,
-    ShapeError,
-    TrainingError,
-)
-from .evaluation import evaluate, make_folds, reliability_bins
-from .filtering import TaskPosterior
-from .gaussian import Gaussian, GaussianMixture, condition, fit_gaussian_mixture, marginal
-from .learning import (
-    TrainingSettings,
-    cut_to_movement,
-    fit_interaction_promp,
-    learn,
-    learn_mixture,
-    learn_with_report,
-)
-from .model import Model, load_model, save_model
-from .objects import find_object, load_object
-from .plans import learn_plan, read_plan
-from .promp import (
-    Blend,
-    InteractionProMP,
-    NormalizedRBFBasis,
-    TaskLibrary,
-    Trajectory,
-    blend,
-    co_activate,
-    smooth_switch,
-    via_point,
-)
-from .recognition import (
-    DecisionSettings,
-    DecisionState,
-    Estimate,
-    IntentEstimator,
-    decide,
-    decision_settings,
-    predict_controlled,
-    recognize_task,
-)
-from .signals import Demonstration, Observation, Signal, from_tangent, mean_orientation, to_tangent
-from .warping import (
-    AnnotatedObject,
-    Grasp,
-    ObjectCloud,
-    ObjectModel,
-    Part,
-    PouringParameters,
-    WarpedObject,
-    WarpedPrimitive,
-    pouring_parameters,
-    warp_grasp,
-    warp_object,
-)
+from .activation import Activation as Activation
+from .activation import ActivationSettings as ActivationSettings
+from .alignment import Alignment as Alignment
+from .alignment import AlignmentSettings as AlignmentSettings
+from .alignment import Warp as Warp
+from .alignment import align as align
+from .alignment import align_to as align_to
+from .bags import BagReader as BagReader
+from .bags import BagWriter as BagWriter
+from .bags import recover as recover
+from .composing import ViaPoint as ViaPoint
+from .composing import read_sequences as read_sequences
+from .composing import read_via_points as read_via_points
+from .demonstrations import DofEntry as DofEntry
+from .demonstrations import DofSpec as DofSpec
+from .demonstrations import load_dofs as load_dofs
+from .demonstrations import read_demonstrations as read_demonstrations
+from .demonstrations import settle_orientations as settle_orientations
+from .errors import ArgumentError as ArgumentError
+from .errors import BagError as BagError
+from .errors import DofError as DofError
+from .errors import IntentError as IntentError
+from .errors import ModelError as ModelError
+from .errors import ShapeError as ShapeError
+from .errors import TrainingError as TrainingError
+from .evaluation import evaluate as evaluate
+from .evaluation import make_folds as make_folds
+from .evaluation import reliability_bins as reliability_bins
+from .filtering import TaskPosterior as TaskPosterior
+from .gaussian import Gaussian as Gaussian
+from .gaussian import GaussianMixture as GaussianMixture
+from .gaussian import condition as condition
+from .gaussian import fit_gaussian_mixture as fit_gaussian_mixture
+from .gaussian import marginal as marginal
+from .learning import TrainingSettings as TrainingSettings
+from .learning import cut_to_movement as cut_to_movement
+from .learning import fit_interaction_promp as fit_interaction_promp
+from .learning import learn as learn
+from .learning import learn_mixture as learn_mixture
+from .learning import learn_with_report as learn_with_report
+from .model import Model as Model
+from .model import load_model as load_model
+from .model import save_model as save_model
+from .objects import find_object as find_object
+from .objects import load_object as load_object
+from .plans import learn_plan as learn_plan
+from .plans import read_plan as read_plan
+from .promp import Blend as Blend
+from .promp import InteractionProMP as InteractionProMP
+from .promp import NormalizedRBFBasis as NormalizedRBFBasis
+from .promp import TaskLibrary as TaskLibrary
+from .promp import Trajectory as Trajectory
+from .promp import blend as blend
+from .promp import co_activate as co_activate
+from .promp import smooth_switch as smooth_switch
+from .promp import via_point as via_point
+from .recognition import DecisionSettings as DecisionSettings
+from .recognition import DecisionState as DecisionState
+from .recognition import Estimate as Estimate
+from .recognition import IntentEstimator as IntentEstimator
+from .recognition import decide as decide
+from .recognition import decision_settings as decision_settings
+from .recognition import predict_controlled as predict_controlled
+from .recognition import recognize_task as recognize_task
+from .signals import Demonstration as Demonstration
+from .signals import Observation as Observation
+from .signals import Signal as Signal
+from .signals import from_tangent as from_tangent
+from .signals import mean_orientation as mean_orientation
+from .signals import to_tangent as to_tangent
+from .warping import AnnotatedObject as AnnotatedObject
+from .warping import Grasp as Grasp
+from .warping import ObjectCloud as ObjectCloud
+from .warping import ObjectModel as ObjectModel
+from .warping import Part as Part
+from .warping import PouringParameters as PouringParameters
+from .warping import WarpedObject as WarpedObject
+from .warping import WarpedPrimitive as WarpedPrimitive
+from .warping import pouring_parameters as pouring_parameters
+from .warping import warp_grasp as warp_grasp
+from .warping import warp_object as warp_object
 
 __version__: str
-
-__all__ = [
-    "Activation",
-    "ActivationSettings",
-    "Alignment",
-    "AlignmentSettings",
-    "AnnotatedObject",
-    "ArgumentError",
-    "BagError",
-    "BagReader",
-    "BagWriter",
-    "Blend",
-    "DecisionSettings",
-    "DecisionState",
-    "Demonstration",
-    "DofEntry",
-    "DofError",
-    "DofSpec",
-    "Estimate",
-    "Gaussian",
-    "GaussianMixture",
-    "Grasp",
-    "IntentError",
-    "IntentEstimator",
-    "InteractionProMP",
-    "Model",
-    "ModelError",
-    "NormalizedRBFBasis",
-    "ObjectCloud",
-    "ObjectModel",
-    "Observation",
-    "Part",
-    "PouringParameters",
-    "ShapeError",
-    "Signal",
-    "TaskLibrary",
-    "TaskPosterior",
-    "TrainingError",
-    "TrainingSettings",
-    "Trajectory",
-    "ViaPoint",
-    "Warp",
-    "WarpedObject",
-    "WarpedPrimitive",
-    "align",
-    "align_to",
-    "blend",
-    "co_activate",
-    "condition",
-    "cut_to_movement",
-    "decide",
-    "decision_settings",
-    "evaluate",
-    "find_object",
-    "fit_gaussian_mixture",
-    "fit_interaction_promp",
-    "from_tangent",
-    "learn",
-    "learn_mixture",
-    "learn_plan",
-    "learn_with_report",
-    "load_dofs",
-    "load_model",
-    "load_object",
-    "make_folds",
-    "marginal",
-    "mean_orientation",
-    "pouring_parameters",
-    "predict_controlled",
-    "read_demonstrations",
-    "read_plan",
-    "read_sequences",
-    "read_via_points",
-    "recognize_task",
-    "recover",
-    "reliability_bins",
-    "save_model",
-    "settle_orientations",
-    "smooth_switch",
-    "to_tangent",
-    "via_point",
-    "warp_grasp",
-    "warp_object",
-]

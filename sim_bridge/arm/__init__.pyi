@@ -1,40 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
-from .lock_step import ANSWERING, NO_ANSWER_S, Edge, LockStep
-from .robots import NAMES, Robot, describe_robot, find_robot
-from .spread_control import BANDWIDTH_RAD_S, DISTURBANCE, SpreadControl
-from .state import ArmState
-from .surroundings import Surroundings, add_box
-from .trajectory_command import RejectedTrajectoryError, TrajectoryCommand
-from .trajectory_follower import ArmReference, TrajectoryFollower
-from .urdf import add_inertial, add_joint, text_of
-from .urdf_loading import load_urdf
-
-__all__ = [
-    "ANSWERING",
-    "BANDWIDTH_RAD_S",
-    "DISTURBANCE",
-    "NAMES",
-    "NO_ANSWER_S",
-    "STEPS_PER_SAMPLE",
-    "TIME_STEP_S",
-    "ArmReference",
-    "ArmState",
-    "Edge",
-    "LockStep",
-    "RejectedTrajectoryError",
-    "Robot",
-    "SensorNoise",
-    "SimulatedArm",
-    "SpreadControl",
-    "Surroundings",
-    "TrajectoryCommand",
-    "TrajectoryFollower",
-    "add_box",
-    "add_inertial",
-    "add_joint",
-    "describe_robot",
-    "find_robot",
-    "load_urdf",
-    "text_of",
-]
+from .arm import STEPS_PER_SAMPLE as STEPS_PER_SAMPLE
+from .arm import TIME_STEP_S as TIME_STEP_S
+from .arm import SensorNoise as SensorNoise
+from .arm import SimulatedArm as SimulatedArm
+from .lock_step import ANSWERING as ANSWERING
+from .lock_step import NO_ANSWER_S as NO_ANSWER_S
+from .lock_step import Edge as Edge
+from .lock_step import LockStep as LockStep
+from .robots import NAMES as NAMES
+from .robots import Robot as Robot
+from .robots import describe_robot as describe_robot
+from .robots import find_robot as find_robot
+from .spread_control import BANDWIDTH_RAD_S as BANDWIDTH_RAD_S
+from .spread_control import DISTURBANCE as DISTURBANCE
+from .spread_control import SpreadControl as SpreadControl
+from .state import ArmState as ArmState
+from .surroundings import Surroundings as Surroundings
+from .surroundings import add_box as add_box
+from .trajectory_command import RejectedTrajectoryError as RejectedTrajectoryError
+from .trajectory_command import TrajectoryCommand as TrajectoryCommand
+from .trajectory_follower import ArmReference as ArmReference
+from .trajectory_follower import TrajectoryFollower as TrajectoryFollower
+from .urdf import add_inertial as add_inertial
+from .urdf import add_joint as add_joint
+from .urdf import text_of as text_of
+from .urdf_loading import load_urdf as load_urdf

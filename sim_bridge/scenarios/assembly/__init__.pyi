@@ -1,20 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-from .live import REST_M, in_assistants_place, plan_live
-from .session import MARGIN_S, SESSIONS, AssemblySession, of_worker, plan_session
-from .styles import ASSISTANT, FASTENING, HAND_OVER, PERSONAL_STD_M, WORKER
-
-__all__ = [
-    "ASSISTANT",
-    "FASTENING",
-    "HAND_OVER",
-    "MARGIN_S",
-    "PERSONAL_STD_M",
-    "REST_M",
-    "SESSIONS",
-    "WORKER",
-    "AssemblySession",
-    "in_assistants_place",
-    "of_worker",
-    "plan_live",
-    "plan_session",
-]
+from .live import REST_M as REST_M
+from .live import in_assistants_place as in_assistants_place
+from .live import plan_live as plan_live
+from .session import MARGIN_S as MARGIN_S
+from .session import SESSIONS as SESSIONS
+from .session import AssemblySession as AssemblySession
+from .session import of_worker as of_worker
+from .session import plan_session as plan_session
+from .styles import ASSISTANT as ASSISTANT
+from .styles import FASTENING as FASTENING
+from .styles import HAND_OVER as HAND_OVER
+from .styles import PERSONAL_STD_M as PERSONAL_STD_M
+from .styles import WORKER as WORKER

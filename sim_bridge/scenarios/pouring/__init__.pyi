@@ -1,46 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-from .live import LivePouring, balls_above_m, start_posture
-from .novel import (
-    HALF_FULL,
-    PourLevel,
-    Seen,
-    annotated_source,
-    learn_pouring_skill,
-    plan,
-    read_demonstrated,
-    read_pour,
-    seen_as,
-)
-from .pairs import N_BALLS, PAIRS, TASK, container_named, half_full_radius_m
-from .practice import SHORT_STD_RADII, PouringPractice, short_skill
-from .table import PouringTable
-from .task_space import OPENING_M, PourPath, SideGrasp, plan_joints, seen_path
-
-__all__ = [
-    "HALF_FULL",
-    "N_BALLS",
-    "OPENING_M",
-    "PAIRS",
-    "SHORT_STD_RADII",
-    "TASK",
-    "LivePouring",
-    "PourLevel",
-    "PourPath",
-    "PouringPractice",
-    "PouringTable",
-    "Seen",
-    "SideGrasp",
-    "annotated_source",
-    "balls_above_m",
-    "container_named",
-    "half_full_radius_m",
-    "learn_pouring_skill",
-    "plan",
-    "plan_joints",
-    "read_demonstrated",
-    "read_pour",
-    "seen_as",
-    "seen_path",
-    "short_skill",
-    "start_posture",
-]
+from .live import LivePouring as LivePouring
+from .live import balls_above_m as balls_above_m
+from .live import start_posture as start_posture
+from .novel import HALF_FULL as HALF_FULL
+from .novel import PourLevel as PourLevel
+from .novel import Seen as Seen
+from .novel import annotated_source as annotated_source
+from .novel import learn_pouring_skill as learn_pouring_skill
+from .novel import plan as plan
+from .novel import read_demonstrated as read_demonstrated
+from .novel import read_pour as read_pour
+from .novel import seen_as as seen_as
+from .pairs import N_BALLS as N_BALLS
+from .pairs import PAIRS as PAIRS
+from .pairs import TASK as TASK
+from .pairs import container_named as container_named
+from .pairs import half_full_radius_m as half_full_radius_m
+from .practice import SHORT_STD_RADII as SHORT_STD_RADII
+from .practice import PouringPractice as PouringPractice
+from .practice import short_skill as short_skill
+from .table import PouringTable as PouringTable
+from .task_space import OPENING_M as OPENING_M
+from .task_space import PourPath as PourPath
+from .task_space import SideGrasp as SideGrasp
+from .task_space import plan_joints as plan_joints
+from .task_space import seen_path as seen_path

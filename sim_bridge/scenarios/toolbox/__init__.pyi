@@ -1,51 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-from .gripper import ToolboxGripper
-from .objects import ObjectHolder, ToolboxObjects
-from .other_arms import ToolboxArm
-from .scene import (
-    HOME,
-    HOME_HAND_M,
-    LIFT_M,
-    STANDS_M,
-    arm_posture,
-    hand_rotation,
-    handover_point,
-    handover_rotation,
-    home_pose,
-    pose,
-    stand_pose,
-)
-from .session_scoring import (
-    DECIDED_WITHIN_S,
-    EARLIEST_DECISION_S,
-    Scoring,
-    first_sample_ns,
-    score_people,
-    toolbox_places,
-)
-from .transfers import ToolboxTransfers
-
-__all__ = [
-    "DECIDED_WITHIN_S",
-    "EARLIEST_DECISION_S",
-    "HOME",
-    "HOME_HAND_M",
-    "LIFT_M",
-    "STANDS_M",
-    "ObjectHolder",
-    "Scoring",
-    "ToolboxArm",
-    "ToolboxGripper",
-    "ToolboxObjects",
-    "ToolboxTransfers",
-    "arm_posture",
-    "first_sample_ns",
-    "hand_rotation",
-    "handover_point",
-    "handover_rotation",
-    "home_pose",
-    "pose",
-    "score_people",
-    "stand_pose",
-    "toolbox_places",
-]
+from .gripper import ToolboxGripper as ToolboxGripper
+from .objects import ObjectHolder as ObjectHolder
+from .objects import ToolboxObjects as ToolboxObjects
+from .other_arms import ToolboxArm as ToolboxArm
+from .scene import HOME as HOME
+from .scene import HOME_HAND_M as HOME_HAND_M
+from .scene import LIFT_M as LIFT_M
+from .scene import STANDS_M as STANDS_M
+from .scene import arm_posture as arm_posture
+from .scene import hand_rotation as hand_rotation
+from .scene import handover_point as handover_point
+from .scene import handover_rotation as handover_rotation
+from .scene import home_pose as home_pose
+from .scene import pose as pose
+from .scene import stand_pose as stand_pose
+from .session_scoring import DECIDED_WITHIN_S as DECIDED_WITHIN_S
+from .session_scoring import EARLIEST_DECISION_S as EARLIEST_DECISION_S
+from .session_scoring import Scoring as Scoring
+from .session_scoring import first_sample_ns as first_sample_ns
+from .session_scoring import score_people as score_people
+from .session_scoring import toolbox_places as toolbox_places
+from .transfers import ToolboxTransfers as ToolboxTransfers
