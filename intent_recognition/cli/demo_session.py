@@ -112,11 +112,6 @@ def watched_graph(
     """A domain for a node of this process and those that it starts, which end with it.
 
     Meanwhile signals are noted.
-
-    Args:
-        args: the options of `intent demo`.
-        make_observer: builds this process's node, of options of a node.
-        simulated_time: whether that node goes by /clock.
     """
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.parameter import Parameter

@@ -41,25 +41,8 @@ class DashboardPage:
     """Shows a cell and passes on what is pressed; call `update` at the rate of the page.
 
     Callbacks of the page run in its threads; what they ask for is done in `update`, which the
-    graph's thread calls.
-
-    Args:
-        host: address to serve on.
-        port: port to serve on.
-        state: the cell.
-        commands: reaches the other nodes.
-        teleoperation: moves the wrist and the arm.
-        session: shows, records and learns.
-        bags: recordings to choose from.
-        models: model files to choose from.
-        play: starts a player.
-        stop: ends one.
-        scene: what stands in the cell; None: nothing is known of it.
-        hand_link: link of the arm that is its hand; empty: the one that most joints move.
-        names: further names under which the page is reached.
-        read_only: nobody operates the page.
-        light: when the scene is light, see `welcome`.
-        clock: seconds, monotonic.
+    graph's thread calls. Without `hand_link` the hand is the link that most joints move; `light` is
+    as of `welcome`.
 
     Raises:
         ResourceBusyError: the port is taken.

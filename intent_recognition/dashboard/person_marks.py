@@ -55,13 +55,7 @@ class Lines:
 
 
 class PersonMarks:
-    """Draws a `PersonState`.
-
-    Args:
-        server: the page.
-        name: of the person; empty for the only one, who is not labelled.
-        colour: of the person's wrist.
-    """
+    """Draws a `PersonState`; the only person has no name, and no label."""
 
     def __init__(self, server: viser.ViserServer, name: str, colour: Colour):
         self._scene, self._name, self._colour = server.scene, name, colour

@@ -64,12 +64,6 @@ class PersonView:
 
     The frames of the bones hang on one another, so that a posture is sent as two rotations, and
     one more where the figure leans.
-
-    Args:
-        server: of the page.
-        stance: of the person.
-        root: node of the scene.
-        colour: of the person, red, green and blue from 0 to 255; grey where there is only one.
     """
 
     def __init__(

@@ -24,14 +24,7 @@ Play = Callable[[Path, float, float], BagPlayer]
 
 
 class ReplayTab:
-    """The third tab.
-
-    Args:
-        page: as of all tabs.
-        bags: recordings to choose from.
-        play: starts a player at (bag, offset [s], rate).
-        stop: ends a player.
-    """
+    """The third tab."""
 
     def __init__(
         self, page: PageAccess, bags: Sequence[Path], play: Play, stop: Callable[[BagPlayer], None]

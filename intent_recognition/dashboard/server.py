@@ -81,15 +81,8 @@ def serve_page(
 ) -> viser.ViserServer:
     """A server on exactly this port: viser by itself would take the next free one.
 
-    Args:
-        host: address to serve on.
-        port: port to serve on.
-        title: of the page.
-        admission: who may open it.
-        operator: who may operate it.
-        refused: told why an onlooker's action was not done; called in the server's thread.
-        light: when the scene is light, see `welcome`.
-        slow: called in the server's thread when a browser that draws slowly opens the page.
+    In its thread it tells `refused` why an onlooker's action was not done, and calls `slow` when a
+    browser that draws slowly opens the page.
 
     Raises:
         ResourceBusyError: the port is taken, the address is not this machine's, or this viser

@@ -66,15 +66,7 @@ LONGEST_DESCRIPTION = 1_000_000
 
 
 class CellSubscriptions:
-    """Subscribes with a node and fills a `CellState`.
-
-    Args:
-        node: owner of the subscriptions.
-        state: what is filled.
-        body: the tracked body that is drawn.
-        reject: told of a message that cannot be shown: why, and what was wrong.
-        clock: seconds, monotonic.
-    """
+    """Fills a `CellState`; `reject` is told why a message cannot be shown, and what was wrong."""
 
     def __init__(
         self,

@@ -105,14 +105,7 @@ class WatchTab:
 
 
 class PersonPanel:
-    """Bars, and a plot below; somebody with a name who is gone is not shown.
-
-    Args:
-        server: the page; the panel is made where it is called.
-        name: of the person; empty for the only one.
-        colour: of the person.
-        order: place on the page; None: the last one.
-    """
+    """Bars, and a plot below; somebody with a name who is gone is not shown."""
 
     def __init__(
         self, server: viser.ViserServer, name: str, colour: str = "", order: float | None = None

@@ -59,11 +59,6 @@ class CompliantHand:
         lift_n: force upward that the person adds on purpose, for the object's weight [N].
         force_n: on the object (3,), of the last step.
         holds: whether it has hold of the object.
-
-    Args:
-        position_m: where it is at first.
-        strength: of the person.
-        rng: of the noise.
     """
 
     def __init__(self, position_m: Floats, strength: Strength, rng: np.random.Generator) -> None:

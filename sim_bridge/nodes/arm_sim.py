@@ -54,11 +54,6 @@ class ArmSim(Node):
     Joints beside the chain of the arm, such as fingers, are in `joint_states` after those of the
     chain; the scene moves them.
 
-    Args:
-        name: of the node.
-        robot: which arm; None: the parameters say.
-        kwargs: as a node takes them.
-
     Attributes:
         commands: what the arm is told.
         scene: what handles the things in its world; None without any.

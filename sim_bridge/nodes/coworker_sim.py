@@ -32,15 +32,7 @@ POLL_S = 0.02
 
 
 class _Worker:
-    """One of the people: publishes samples and labels as their time comes.
-
-    Args:
-        node: that publishes.
-        plan: of the session.
-        person: name; empty for the only one.
-        diagnostics: of the node.
-        frame: of the poses.
-    """
+    """One of the people: publishes samples and labels as their time comes."""
 
     def __init__(
         self, node: Node, plan: SessionPlan, person: str, diagnostics: Diagnostics, frame: str

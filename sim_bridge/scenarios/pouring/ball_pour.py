@@ -42,14 +42,7 @@ def capacity(container: Container, ball_radius_m: float) -> int:
 
 
 class BallPours(AbstractContextManager["BallPours"]):
-    """Pours with one pair of containers; use as a context, leaving it ends the physics.
-
-    Args:
-        cup: in the hand.
-        second: poured into.
-        ball_radius_m: of every ball.
-        n_balls: in the cup.
-    """
+    """Pours with one pair of containers; use as a context, leaving it ends the physics."""
 
     def __init__(
         self, cup: Container, second: Container, ball_radius_m: float, n_balls: int
