@@ -95,9 +95,7 @@ class LocalCost(NamedTuple):
 def recorded_phase(basis: Floats, parameters: Floats) -> tuple[Floats, Floats]:
     """h at the reference phases, (n, T), and the rate between them, (n, T - 1) (Eq. 15).
 
-    Args:
-        basis: (T - 1, K).
-        parameters: shift, then weights of the log rate, (n, K + 1).
+    Of a basis (T - 1, K) and parameters (n, K + 1): shift, then weights of the log rate.
     """
     log_rate = (basis @ parameters[:, 1:, None])[..., 0]
     rate = np.exp(np.clip(log_rate, -MAX_LOG_RATE, MAX_LOG_RATE))
@@ -173,12 +171,9 @@ def _cost(problem: WarpProblem, parameters: Floats, phase: Floats, distance: Flo
 
 
 def descend(problem: WarpProblem, start: Floats, n_iterations: int) -> tuple[Floats, Floats]:
-    """Parameters (n, K + 1) and costs (n,) after damped Gauss-Newton steps; no cost ever rises.
+    """Parameters (n, K + 1) and costs (n,) after damped Gauss-Newton steps from a start (n, K + 1).
 
-    Args:
-        problem: data and prior of n demonstrations.
-        start: (n, K + 1).
-        n_iterations: at most so many steps.
+    No cost ever rises.
     """
     parameters = np.array(start)
     local = local_cost(problem, parameters)

@@ -95,11 +95,7 @@ class GaussianBatch:
         return state[:, :size].copy(), covariance.reshape(len(state), size, size)
 
     def mixture(self, weight: Floats) -> Gaussian:
-        """Mean and covariance of their mixture (Ewerton et al. 2015, Eq. 14).
-
-        Args:
-            weight: probability of each, (n,).
-        """
+        """Mean and covariance of their mixture by weights (n,) (Ewerton et al. 2015, Eq. 14)."""
         both = weight @ self.state
         mean = both[: self._size]
         apart = (self.mean - mean) * np.sqrt(weight)[:, None]

@@ -97,13 +97,9 @@ class Arm:
         return self.moving_skeleton(q, np.zeros(np.shape(q)))[0]
 
     def moving_skeleton(self, q: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
-        """Likewise, and how fast the fastest of them moves (T,) [m/s].
+        """Likewise, and how fast (T,) [m/s] the fastest moves at velocities (T, n) [rad/s, or m/s].
 
         No point of the lines between them is faster.
-
-        Args:
-            q: (T, n).
-            velocity: of the joints (T, n) [rad/s, or m/s].
         """
         q, rates = (self._vector(a, "q").reshape(-1, self.n_joints) for a in (q, velocity))
         values = q @ self._reduced.drive.T + self._reduced.offset
@@ -112,12 +108,10 @@ class Arm:
     def most_motion(self, velocity: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
         """What no point of the skeleton exceeds in any posture: (T,) [m/s] and (T,) [m/s^2].
 
+        Velocities and accelerations are those that no joint exceeds, (T, n) each.
+
         The derivative of a point by joint j is at most its lever, the length of the chain beyond
         it; that by two joints at most the lever of the one nearer to the tip.
-
-        Args:
-            velocity: that no joint exceeds (T, n).
-            acceleration: that no joint exceeds (T, n).
         """
         drive = np.abs(self._reduced.drive)
         rates, changes = np.abs(velocity) @ drive.T, np.abs(acceleration) @ drive.T

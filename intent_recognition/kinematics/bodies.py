@@ -180,8 +180,7 @@ class Bodies:
     def steps(self, travel: Floats) -> int:
         """Into how many parts intervals must be cut for `contacts` to miss nothing between samples.
 
-        Args:
-            travel: how far each joint turns in an interval, at most (T, n) [rad].
+        In each a joint turns by at most `travel` (T, n) [rad].
         """
         largest = float((travel @ self._reach).max(initial=0.0))
         return max(int(np.ceil(largest / (2.0 * self.clearance_m))), 1)

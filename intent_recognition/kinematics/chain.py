@@ -17,6 +17,8 @@ from intent_recognition.array_types import Floats
 class Chain(NamedTuple):
     """n joints, from the base on; those that do not move are among them.
 
+    Values of joints are in rad or m; those of fixed joints do not count.
+
     Attributes:
         origins: poses in the frame of the joint before, (n, 4, 4) [m].
         turns: axes of revolute joints, unit vectors, zero for the others, (n, 3).
@@ -29,12 +31,7 @@ class Chain(NamedTuple):
 
 
 def tip_positions(chain: Chain, values: Floats) -> Floats:
-    """Positions of the last joint's frame in the base frame, (T, 3) [m].
-
-    Args:
-        chain: n joints.
-        values: of its joints, (T, n) [rad or m]; those of fixed joints do not count.
-    """
+    """Positions of the last joint's frame in the base frame, (T, 3) [m], for values (T, n)."""
     values = np.asarray(values, dtype=np.float64)
     tips = np.zeros((len(values), 3))
     for joint in reversed(range(len(chain.origins))):
@@ -46,12 +43,7 @@ def tip_positions(chain: Chain, values: Floats) -> Floats:
 
 
 def tip_pose(chain: Chain, values: Floats) -> Floats:
-    """Pose of the last joint's frame in the base frame, (4, 4) [m].
-
-    Args:
-        chain: n joints.
-        values: of its joints, (n,) [rad or m]; those of fixed joints do not count.
-    """
+    """Pose of the last joint's frame in the base frame, (4, 4) [m], for values (n,)."""
     wxyz, positions = joint_poses(chain, values)
     local = np.tile(np.eye(4), (len(wxyz), 1, 1))
     local[:, :3, :3] = Rotation.from_quat(np.roll(wxyz, -1, axis=1)).as_matrix()
@@ -62,11 +54,7 @@ def tip_pose(chain: Chain, values: Floats) -> Floats:
 def joint_poses(chain: Chain, values: Floats) -> tuple[Floats, Floats]:
     """Where each joint's frame is in that of its parent: quaternions wxyz (n, 4), positions (n, 3).
 
-    The joints need not follow one another.
-
-    Args:
-        chain: n joints.
-        values: (n,) [rad or m]; those of fixed joints do not count.
+    For values (n,); the joints need not follow one another.
     """
     values = np.asarray(values, dtype=np.float64)[:, None]
     rotations = Rotation.from_matrix(chain.origins[:, :3, :3])

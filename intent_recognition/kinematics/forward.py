@@ -25,11 +25,7 @@ def joint_vector(q: ArrayLike, argument: str = "q") -> Floats:
 
 
 def frame_poses(q: ArrayLike) -> Floats:
-    """Return the poses of frames 0..7 in the base frame, shape (..., 8, 4, 4).
-
-    Args:
-        q: joint angles (..., 7) [rad].
-    """
+    """Return the poses of frames 0..7 in the base frame, (..., 8, 4, 4), for q (..., 7) [rad]."""
     q = joint_vector(q)
     cos, sin = np.cos(q), np.sin(q)
     step = np.zeros((*q.shape, 4, 4))

@@ -74,9 +74,7 @@ class Links(NamedTuple):
     def moving_points(self, q: Floats, rates: Floats) -> tuple[Floats, Floats]:
         """Origins of the joints and of the tip, (T, nv + 1, 3) [m], and the fastest (T,) [m/s].
 
-        Args:
-            q: of the joints (T, nv).
-            rates: of the joints (T, nv).
+        Joints and their rates are (T, nv).
         """
         still = np.zeros((len(q), 3))
         frames = [(np.eye(3), still, still, still)]  # the base, then the joints

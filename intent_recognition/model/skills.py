@@ -59,14 +59,10 @@ class SkillPeriod(NamedTuple):
 def skill_history(
     changes: Sequence[Change], executions: Sequence[Execution]
 ) -> dict[str, list[SkillPeriod]]:
-    """The periods of each task, the oldest first.
+    """The periods of each task, the oldest first, from changes in that order and any executions.
 
     An execution belongs to the last change of its task before it. Where a change was taken back,
     that is a period of its own.
-
-    Args:
-        changes: of the folder, the oldest first.
-        executions: in any order.
     """
     found: dict[str, list[SkillPeriod]] = {}
     for change in changes:

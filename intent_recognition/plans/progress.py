@@ -122,8 +122,7 @@ class WorkProgress:
     def next_tasks(self, habit: Floats | None = None) -> Floats:
         """Probability that each task is that of the next movement, (K,); sums to one.
 
-        Args:
-            habit: what usually follows the task before, (K,); None: nothing is known of that.
+        `habit` (K,) is what usually follows the task before; None: nothing is known of that.
         """
         step, anew, idle = self._choice(habit)
         p = self._weight @ (step @ self._of_task + anew @ self._of_task + idle)

@@ -136,8 +136,7 @@ class WorkPlan:
 def closure(before: Floats) -> Floats:
     """What follows by transitivity: along the most probable chain, its links being independent.
 
-    Args:
-        before: probability that i must come before j, (n, n).
+    Of the probability that i must come before j, (n, n).
     """
     found = before.copy()
     for k in range(len(found)):  # Floyd and Warshall, with products in place of sums

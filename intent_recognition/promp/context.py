@@ -75,11 +75,7 @@ class ContextModel:
         return SAME_CONTEXT * np.sqrt(least)
 
     def given(self, values: Floats) -> Given:
-        """Condition the weights on a context.
-
-        Args:
-            values: of the context, (M,); NaN for what is not known.
-        """
+        """Condition the weights on a context (M,); NaN for what is not known."""
         known = np.flatnonzero(np.isfinite(values))
         factor = cholesky(self.covariance[:, known[:, None], known], name="covariance of context")
         cross = np.matmul(self.gain, self.covariance[:, :, known])

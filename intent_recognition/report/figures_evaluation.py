@@ -143,10 +143,7 @@ def confusion_shares_figure(
 ) -> "Figure":
     """How often each task (rows) was taken for which (columns), as shares of the row.
 
-    Args:
-        counts: (K, K + 1).
-        true: names of the rows.
-        recognised: names of the columns, none the last.
+    Of counts (K, K + 1) and the names of both, none the last column.
     """
     counts = np.asarray(counts, dtype=float)
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)

@@ -74,13 +74,7 @@ def rehearsal_tables(
 
 
 def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Rehearsed]) -> Path:
-    """Write the report as one HTML file.
-
-    Args:
-        path: of the file; its folder is made if it is missing.
-        tables: of `rehearsal_tables`.
-        worst: the runs with the worst moments, the worst first.
-    """
+    """Write the report as one HTML file, whose folder is made; the worst runs come first."""
     sections = []
     for title, (names, *rows) in tables.items():
         columns = [html.Column(name.removeprefix(">"), align="left") for name in names]

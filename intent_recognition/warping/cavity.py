@@ -52,13 +52,7 @@ class Cavity:
 
 
 def fit_cavity(points: Floats, normals: Floats, rim: Rim) -> Cavity:
-    """Fit the inner surface below a rim.
-
-    Args:
-        points: of container and rim (n, 3) [m].
-        normals: outward unit normals (n, 3).
-        rim: of the container.
-    """
+    """Fit the inner surface below a rim to points (n, 3) [m] with outward unit normals (n, 3)."""
     local, facing = rim.to_local(points), normals @ rim.axes.T
     depth, shape = -local[:, 0], rim.shape(local[:, 1:])
     distance = np.maximum(np.hypot(local[:, 1], local[:, 2]), 1e-12)

@@ -10,11 +10,9 @@ from intent_recognition.gaussian import tube_faces
 
 
 def surface_volume(vertices: Floats, faces: Integers) -> float:
-    """Volume enclosed by a closed, outward wound surface.
+    """Volume [m^3] enclosed by a closed surface of vertices (n, 3) [m].
 
-    Args:
-        vertices: points (n, 3) in metres.
-        faces: vertex indices (m, 3), counter-clockwise seen from outside.
+    Its faces (m, 3) are counter-clockwise seen from outside.
     """
     triangles = vertices[faces] - vertices.mean(0)
     return float(_signed_volumes(triangles).sum())
@@ -96,14 +94,12 @@ def half_volume_angle(
 
 
 def _below(heights: Floats, volumes: Floats) -> float:
-    """Volume below a plane through the origin: of tetrahedra between it and triangles.
+    """Volume below a plane through the origin: of tetrahedra (m,) between it and triangles.
+
+    Of the heights (m, 3) of their corners above the plane.
 
     Where the plane cuts a triangle, one corner is alone on its side. What it cuts off there is that
     share of the two edges, and of the tetrahedron, whose third corner is on the plane.
-
-    Args:
-        heights: of the triangles' corners above the plane (m, 3).
-        volumes: of the tetrahedra (m,).
     """
     n_below = (heights < 0.0).sum(1)
     cut = (n_below == 1) | (n_below == 2)

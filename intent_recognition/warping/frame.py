@@ -59,15 +59,10 @@ class ObjectFrame:
 
 
 def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> ObjectFrame:
-    """Frame of an object whose opening is known.
+    """Frame of points (n, 3) [m] with outward unit normals (n, 3), whose opening is known.
 
     The second axis points to the handle. Without one it is that of the largest spread across the
     first axis, which does not matter for round objects.
-
-    Args:
-        points: (n, 3) [m].
-        normals: outward unit normals (n, 3).
-        opening: of the object.
     """
     up = opening.up
     offsets = points - opening.centre

@@ -224,11 +224,7 @@ OTHER_PIECE = 0.25
 
 
 def check_scan(points: Floats) -> None:
-    """Refuse a cloud that cannot be one cup or bowl in metres.
-
-    Args:
-        points: (n, 3), finite.
-    """
+    """Refuse points (n, 3) that cannot be one cup or bowl in metres."""
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not SMALLEST_M < extent < LARGEST_M:
         cure = "Give points in metres; millimetres are scaled by 0.001."

@@ -33,15 +33,12 @@ class OpeningPlane:
 
 
 def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> OpeningPlane | None:
-    """Find the opening from a first guess of the rim.
+    """Find the opening of points (n, 3) [m] with outward unit normals (n, 3).
+
+    It begins at a first guess of the rim, the probability (n,) of each point.
 
     Planes through three probable rim points each are scored by the rim probability near them,
     less what lies above; the best are kept and the one that looks into most surface is taken.
-
-    Args:
-        points: (n, 3) in metres.
-        normals: outward unit normals (n, 3).
-        rim_probability: (n,) of each point.
 
     Returns:
         The opening; None if no plane has a ring of rim with a cavity below.

@@ -54,10 +54,9 @@ class Rim:
         return self.centre + self.outline @ self.axes[1:]
 
     def shape(self, flat: Floats) -> Floats:
-        """The crest's distance (n,) from its centre, in mean radii, toward points (n, 2).
+        """The crest's distance (n,) from its centre, in mean radii, toward points (n, 2) about it.
 
-        Args:
-            flat: along the second and third axis, about the centre.
+        They are along the second and third axis.
         """
         radii = np.linalg.norm(self.outline, axis=1) / self.radius_m
         corners = np.arange(len(radii)) * 2.0 * np.pi / len(radii)
@@ -75,16 +74,11 @@ class Rim:
 
 
 def fit_rim(points: Floats, normals: Floats, frame: ObjectFrame) -> Rim:
-    """Fit plane, centre and outline to rim points.
+    """Fit plane, centre and outline to rim points (n, 3) [m] with outward unit normals (n, 3).
 
     The distance from the centre is a smooth function of the direction plus the thickness of the
     rim times how far the normal points outward: the crest is where it points along the axis. So
     it does not matter which side of the rim a camera saw.
-
-    Args:
-        points: of the rim (n, 3) [m].
-        normals: outward unit normals (n, 3).
-        frame: of the object.
     """
     if len(points) < MIN_RIM_POINTS:
         cure = "Scan the opening from above, with more points."

@@ -183,11 +183,9 @@ def describe_robot(robot: str = "") -> str:
 
 
 def derived_gains(torque: Floats, inertia: Floats) -> ControllerGains:
-    """Gains of an arm that is not the LWR.
+    """Gains of an arm that is not the LWR, from torque limits (n,) [Nm].
 
-    Args:
-        torque: limits (n,) [Nm].
-        inertia: of each joint alone in the ready posture (n,) [kg m^2].
+    The inertia (n,) [kg m^2] is of each joint alone in the ready posture.
     """
     torque = np.minimum(torque, LARGEST_TORQUE_NM)
     stiffness = STIFFNESS_PER_RAD * torque

@@ -49,10 +49,8 @@ def level_axes(tilt_rad: float) -> Floats:
 def tilt_along(world: BallWorld, balls_m: Floats, tilts_rad: Floats) -> Tilted:
     """Fill a container and tilt it toward +x about its lip, until the end or until it is empty.
 
-    Args:
-        world: its balls are replaced.
-        balls_m: settled centres (N, 3).
-        tilts_rad: angle in each physics step (K,).
+    Balls with settled centres (N, 3) replace those of the world; the tilts (K,) [rad] are those in
+    each physics step.
     """
     world.fill(balls_m)
     world.step(round(CALM_S / STEP_S))

@@ -29,10 +29,9 @@ def pieces_between(inner: Floats, outer: Floats) -> list[Floats]:
 
 
 def close_rings(rings: Floats) -> trimesh.Trimesh:
-    """Join rings to a tube and close both ends with fans.
+    """Join rings (R, S, 3) [m] to a tube and close both ends with fans.
 
-    Args:
-        rings: (R, S, 3) corners in metres, each ring counter-clockwise seen from the last one.
+    Each is counter-clockwise seen from the last one.
     """
     vertices = np.concatenate([rings.reshape(-1, 3), rings[[0, -1]].mean(1)])
     return trimesh.Trimesh(vertices, closed_tube_faces(*rings.shape[:2]), process=False)

@@ -56,14 +56,9 @@ def _joined(
 
 
 def superposed(movement: WristMovement, before: WristMovement, into_s: float) -> JoinedMovement:
-    """A movement that begins while the one before still ends: the hand makes both at once.
+    """A movement that begins `into_s` after the onset of one that still ends: the hand makes both.
 
     So do people who go over from one reach to another (superposition: Flash and Henis 1991).
-
-    Args:
-        movement: from where the one before ends.
-        before: the other.
-        into_s: time after its onset at which the movement begins.
     """
 
     def positions(time_s: Floats) -> Floats:

@@ -91,9 +91,7 @@ def sample_wrist(
 def quaternions(rotation_vectors: Floats, rest: Floats = REST_QUATERNION) -> Floats:
     """Unit quaternions xyzw (T, 4) of the wrist in the world, without a jump of sign.
 
-    Args:
-        rotation_vectors: rotations relative to the rest orientation (T, 3), in the wrist's axes.
-        rest: the wrist's orientation at rest, quaternion xyzw (4,).
+    Of rotation vectors (T, 3) in the wrist's axes, relative to its orientation at rest, xyzw (4,).
     """
     angle = np.linalg.norm(rotation_vectors, axis=1)
     half_sinc = 0.5 * np.sinc(angle / (2.0 * np.pi))
