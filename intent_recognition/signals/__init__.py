@@ -39,7 +39,7 @@ from intent_recognition.signals.signal import (
     POSITION_FIELDS,
     Signal,
 )
-from intent_recognition.signals.streams import common_span, stream_defect
+from intent_recognition.signals.streams import common_span, stream_defect, zeros
 from intent_recognition.signals.turns import (
     ANGLE_UNIT,
     begin_near,

@@ -81,7 +81,7 @@ def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
     return [
         *(clock or _in_part(recorded)),
         *_sparse(recorded),
-        *_zeros(recorded),
+        *(said for one in (*recorded.observed, *recorded.controlled) for said in zeros(one)),
         *_found_late(recorded),
         *(reason for is_certain, reason in _misfits(recorded, brief) if not is_certain),
         *_resting(recorded),
@@ -222,31 +222,31 @@ def _sparse(recorded: _Recorded) -> Iterator[str]:
         rate_hz = 1e9 / np.median(steps_ns) if len(steps_ns) else np.inf
         if rate_hz >= LEAST_RATE_HZ - 1e-6:
             continue
-        if not np.any(steps_ns % 10**9):
-            yield (
-                f"the times of {in_words(signal)} are whole seconds. Likely milliseconds, or"
-                " numbers of samples, for seconds: correct the times."
-            )
-        else:
+        if np.any(steps_ns % 10**9):
             yield (
                 f"{in_words(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found"
                 f" online below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
             )
-
-
-def _zeros(recorded: _Recorded) -> Iterator[str]:
-    """Signals that jump to zero in all DOFs: many programs write that for what they do not see."""
-    for signal in (*recorded.observed, *recorded.controlled):
-        zero = np.all(signal.values == 0.0, axis=1)
-        if len(signal.names) < 2 or not zero.any() or zero.all():
-            continue
-        steps = np.linalg.norm(np.diff(signal.values, axis=0), axis=1)
-        edge = zero[1:] != zero[:-1]
-        if steps[edge].min() > ZERO_STEPS * steps[~edge].max(initial=0.0):
+        else:
             yield (
-                f"{in_words(signal)} is at exactly zero in {zero.sum()} of {len(zero)} samples, and"
-                " jumps there. Likely nothing was measured then: leave these samples out."
+                f"the times of {in_words(signal)} are whole seconds. Likely milliseconds, or"
+                " numbers of samples, for seconds: correct the times."
             )
+
+
+def zeros(signal: Signal) -> list[str]:
+    """Whether it jumps to zero in all DOFs: many programs write that for what they do not see."""
+    zero = np.all(signal.values == 0.0, axis=1)
+    if len(signal.names) < 2 or not zero.any() or zero.all():
+        return []
+    steps = np.linalg.norm(np.diff(signal.values, axis=0), axis=1)
+    edge = zero[1:] != zero[:-1]
+    if steps[edge].min() <= ZERO_STEPS * steps[~edge].max(initial=0.0):
+        return []
+    return [
+        f"{in_words(signal)} is at exactly zero in {zero.sum()} of {len(zero)} samples, and jumps"
+        " there. Likely nothing was measured then: leave these samples out."
+    ]
 
 
 def _found_late(recorded: _Recorded) -> Iterator[str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.signals import Misfit, Rejection, Signal, misfit, time_misfit
+from intent_recognition.signals import Misfit, Rejection, Signal, misfit, time_misfit, zeros
 from intent_recognition.tables.imported import EntrySamples
 
 LONG_STEP_S = 4.0
@@ -62,6 +62,8 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         found = None if part.entry.orientation else misfit(signal)
         if found is not None:
             yield _with_cure(found)
+        if not part.entry.context:
+            yield from zeros(signal)
         extent = float(np.ptp(values, axis=0).max(initial=0.0)) if values.size else 0.0
         if part.entry.unit == "m" and not part.entry.context and 0.0 < extent < STILL_M:
             yield (

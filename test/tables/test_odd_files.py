@@ -209,3 +209,11 @@ def test_names_in_several_lines(kind, tmp_path):
 def test_metres_that_are_called_millimetres_are_named(tmp_path):
     samples, said = imported(tmp_path, "a.csv", plain(scale=1e-3), unit="mm", time={"column": "t"})
     assert samples is not None and "say in the map columns_unit: m." in said
+
+
+def test_zeros_of_plain_columns_are_named(tmp_path):
+    lost = plain(hidden=range(60, 65), cell="0", scale=1e-3)
+    samples, said = imported(tmp_path, "a.csv", lost, time={"column": "t"})
+    assert samples is not None and "is at exactly zero in 5 of 200 samples" in said
+    good = plain(scale=1e-3)
+    assert not imported(tmp_path, "b.csv", good, time={"column": "t"})[1]
