@@ -59,7 +59,7 @@ STRENGTH = 4.0
 REGRESSION_STRENGTHS = (30.0, 100.0)
 """The same for each task's own covariance, from which the controlled agent's regression comes; the
 first where nothing can be left out (docs/decisions/covariance_target.md)."""
-INDEPENDENT = (0.0, 0.01, 0.1)
+INDEPENDENT = (0.0, 0.01)
 """Independent parts of these weights' variance that are tried
 (docs/decisions/covariance_target.md)."""
 NOISE_SCALES = (1.0, 4.0, 16.0)
