@@ -285,6 +285,7 @@ def test_of_very_many_demonstrations_a_bounded_number_is_left_out(monkeypatch):
     ] == [0, 0, 1, 1]
 
 
+@pytest.mark.usefixtures("usually_tried")
 def test_the_best_of_all_that_were_tried_is_chosen():
     data = accumulated(5, counts=(3, 3))
     chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
