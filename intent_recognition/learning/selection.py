@@ -166,7 +166,12 @@ def choose(
     lags = _lags(*candidates[first.pace])
     lag = best_with(first, *(first._replace(lag=lag) for lag in lags)).lag
     best = best_with(
-        *(Hyperparameters(pace, scale, lag=lag) for pace in candidates for scale in NOISE_SCALES)
+        *(
+            Hyperparameters(pace, scale, lag=one)
+            for pace in candidates
+            for scale in NOISE_SCALES
+            for one in sorted({0.0, lag})
+        )
     )
     best = best_with(best._replace(borrowed=0.0))
     best = best_with(*(best._replace(independent=part) for part in INDEPENDENT[1:]))
@@ -180,10 +185,14 @@ def choose(
 
 
 def _lags(library: TaskLibrary, tasks: Mapping[str, TaskStatistics]) -> list[float]:
-    """The lag after which the observed DOFs explain most of the controlled ones, if it is one."""
+    """The lag after which the observed DOFs explain most of the controlled ones.
+
+    None where that is at once, or the longest of those compared: then nothing is a peak.
+    """
     floor, _ = variance_scales(tasks, library.units)
     explained = explained_by_lag(pooled_moments(tasks.values()), library.n_observed, floor)
-    return [float(lag) for lag in LAGS[[np.argmax(explained)]] if lag]
+    most = int(np.argmax(explained))
+    return [float(LAGS[most])] if 0 < most < len(LAGS) - 1 else []
 
 
 def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:

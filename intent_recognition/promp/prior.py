@@ -212,14 +212,15 @@ def structured_target(
 def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
     """Share of the controlled DOFs' variance that the observed ones explain, after each of `LAGS`.
 
-    By regression on the observed DOFs a lag before, on average over the phases, (L,).
+    By ridge regression on the observed DOFs a lag before, on average over the phases, (L,): few
+    demonstrations explain little.
 
     Args:
         pooled: scatter of all demonstrations about the means of their tasks.
         n_observed: number of observed DOFs, which come first.
         floor: variance floor per DOF, (D,).
     """
-    n_dofs, found = len(floor), []
+    n_dofs, ridge, found = len(floor), n_observed / pooled.freedom, []
     n_basis = len(pooled.matrix) // n_dofs
     for lag in LAGS:
         kernel = _averaging(n_basis, PHASE_WIDTH, lag)
@@ -228,7 +229,7 @@ def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
         local = np.einsum("kl,dlel->kde", kernel, scatter)
         scale = np.sqrt(np.einsum("kdd->kd", local) + pooled.freedom * floor)
         local /= scale[:, :, None] * scale[:, None, :]
-        seen = local[:, :n_observed, :n_observed] + FLOOR_OF_RANGE * np.eye(n_observed)
+        seen = local[:, :n_observed, :n_observed] + ridge * np.eye(n_observed)
         cross = local[:, :n_observed, n_observed:]
         found.append(np.mean(np.sum(cross * np.linalg.solve(seen, cross), axis=1)))
     return np.array(found, dtype=float)
