@@ -12,17 +12,12 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from benchmarks.synthetic import reach
 from intent_recognition.array_types import Floats
 from intent_recognition.evaluation import evaluate, make_folds
 from intent_recognition.signals import Demonstration
 
 SHARES, EARLY = ("0.25", "0.5", "0.75", "1.0"), ("0.1", "0.2", "0.3")
-
-
-def minimum_jerk(share: Floats) -> Floats:
-    """From 0 to 1 over shares [0, 1]."""
-    z = np.clip(share, 0.0, 1.0)
-    return z**3 * (10.0 - 15.0 * z + 6.0 * z**2)
 
 
 def copies(
@@ -35,7 +30,7 @@ def copies(
         times_s = np.arange(0.0, 0.7 + duration_s, step_s)
         points = np.vstack([np.zeros(3), usual[task] + 0.12 * rng.normal(size=(6, 3))])
         course = make_interp_spline(np.linspace(0.0, 1.0, 7), points, 3)
-        hand = course(minimum_jerk((times_s - 0.4) / duration_s))
+        hand = course(reach((times_s - 0.4) / duration_s))
         place, velocity, robot = hand[0], np.zeros(3), np.empty_like(hand)
         for k in range(len(times_s)):
             apart = hand[max(k - 120, 0)] - place
@@ -52,13 +47,13 @@ def people(
     home = np.array([1.2, 0.0, 0.5])
     for person in range(n_people):
         height, bow = 0.06 * rng.normal(size=3), 0.05 * rng.normal(size=3)
-        reach, tempo = np.exp([0.12, 0.25] * rng.normal(size=2))
+        length, tempo = np.exp([0.12, 0.25] * rng.normal(size=2))
         for task, number in np.ndindex(n_tasks, n):
             duration_s = 1.8 * tempo * np.exp(0.1 * rng.normal())
             times_s = np.arange(0.0, 0.8 + duration_s, 1 / 60)
-            goal = goals[task] * reach + height + 0.025 * rng.normal(size=3)
+            goal = goals[task] * length + height + 0.025 * rng.normal(size=3)
             ahead, later = (
-                minimum_jerk((times_s - start_s) / duration_s)[:, None] for start_s in (0.5, 0.65)
+                reach((times_s - start_s) / duration_s)[:, None] for start_s in (0.5, 0.65)
             )
             hand = height + ahead * (goal - height) + bow * np.sin(np.pi * ahead)
             there = goals[task] * [-1, 1, 1] + [1.4, 0, 0] + 0.9 * (goal - goals[task])
