@@ -220,17 +220,19 @@ def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
         n_observed: number of observed DOFs, which come first.
         floor: variance floor per DOF, (D,).
     """
-    n_dofs, ridge, found = len(floor), n_observed / pooled.freedom, []
-    n_basis = len(pooled.matrix) // n_dofs
+    n_basis, found = len(pooled.matrix) // len(floor), []
+    scatter = pooled.matrix.reshape(len(floor), n_basis, -1, n_basis)
+    together, across = scatter[:n_observed, :, :n_observed], scatter[:n_observed, :, n_observed:]
+    own = np.einsum("ckcl->ckl", scatter[n_observed:, :, n_observed:])
+    least, ridge = pooled.freedom * floor, n_observed / pooled.freedom * np.eye(n_observed)
     for lag in LAGS:
-        kernel = _averaging(n_basis, PHASE_WIDTH, lag)
-        later = _moved(lag, n_observed, n_dofs, n_basis)
-        scatter = (later @ pooled.matrix @ later.T).reshape(n_dofs, n_basis, n_dofs, n_basis)
-        local = np.einsum("kl,dlel->kde", kernel, scatter)
-        scale = np.sqrt(np.einsum("kdd->kd", local) + pooled.freedom * floor)
-        local /= scale[:, :, None] * scale[:, None, :]
-        seen = local[:, :n_observed, :n_observed] + ridge * np.eye(n_observed)
-        cross = local[:, :n_observed, n_observed:]
+        kernel, later = _averaging(n_basis, PHASE_WIDTH, lag), _later(lag, n_basis)
+        seen = np.einsum("kl,olpl->kop", kernel, together)
+        cross = np.einsum("kl,olcm,lm->koc", kernel, across, later, optimize=True)
+        variance = kernel @ np.einsum("lm,cmn,ln->lc", later, own, later, optimize=True)
+        scale = np.sqrt(np.einsum("koo->ko", seen) + least[:n_observed])
+        cross /= scale[:, :, None] * np.sqrt(variance + least[n_observed:])[:, None]
+        seen = seen / (scale[:, :, None] * scale[:, None]) + ridge
         found.append(np.mean(np.sum(cross * np.linalg.solve(seen, cross), axis=1)))
     return np.array(found, dtype=float)
 
@@ -242,13 +244,18 @@ def _averaging(n_basis: int, width: float, lag: float) -> Floats:
     return kernel / kernel.sum(axis=1, keepdims=True)
 
 
-def _moved(lag: float, n_observed: int, n_dofs: int, n_basis: int) -> Floats:
-    """Takes weights of controlled DOFs a lag later in phase, interpolated linearly, (D N, D N)."""
+def _later(lag: float, n_basis: int) -> Floats:
+    """Takes weights of a DOF a lag later in phase, interpolated linearly, (N, N)."""
     place = np.clip(np.arange(n_basis) + lag * (n_basis - 1), 0.0, n_basis - 1.0)
     apart = np.abs(place[:, None] - np.arange(n_basis))
+    return np.asarray(np.maximum(1.0 - apart, 0.0), dtype=np.float64)
+
+
+def _moved(lag: float, n_observed: int, n_dofs: int, n_basis: int) -> Floats:
+    """Takes weights of controlled DOFs a lag later in phase, (D N, D N)."""
     moved: Floats = np.eye(n_dofs * n_basis)
     start = n_observed * n_basis
-    moved[start:, start:] = np.kron(np.eye(n_dofs - n_observed), np.maximum(1.0 - apart, 0.0))
+    moved[start:, start:] = np.kron(np.eye(n_dofs - n_observed), _later(lag, n_basis))
     return moved
 
 
