@@ -281,7 +281,6 @@ class ArmTracking:
         return JointReference.at_rest(measured.position)
 
     def _recent(self, now_ns: int) -> Measured | None:
-        """The measured arm, None where it is stale."""
         measured = self._measured
         age_ns = self._common.settings.max_joint_state_age_s * 1e9
         if measured is not None and now_ns - measured.time_ns <= age_ns:
@@ -292,7 +291,6 @@ class ArmTracking:
         return None
 
     def _reference(self, time_ns: int) -> JointReference | None:
-        """What the arm is asked for at a time, by the command in force then."""
         for command in reversed(self._history):
             if time_ns >= command.start_ns or command is self._history[0]:
                 return command.at(time_ns)
@@ -309,7 +307,6 @@ class ArmTracking:
         return 0.0 if asked is None else float(np.abs(measured.position - asked).max())
 
     def _report_once(self, reason: str, key: object, text: str) -> None:
-        """Reject, once as long as reason and key stay the same."""
         if self._reported != (reason, key):
             self._reported = (reason, key)
             self._reject(reason, text)

@@ -101,7 +101,6 @@ class Correcting:
         newest: PredictedInteraction | None,
         correction: Correction,
     ) -> Transition | str:
-        """Condition the primitive on where the arm was left, unless it was only bumped into."""
         interaction, phase = state.interaction, state.phase
         label = interaction.prediction.label
         if newest is not None and newest.label == label:

@@ -42,7 +42,6 @@ class _Estimate(NamedTuple):
 def _question(
     settings: DecisionSettings, state: DecisionState, labels: Sequence[str], probabilities: Floats
 ) -> dict[str, float]:
-    """What may be asked; see `EstimatorInbox`."""
     chances = dict(zip(labels, np.asarray(probabilities).tolist(), strict=True))
     if state.idle or state.active or chances[NONE] >= 0.5:
         return {}

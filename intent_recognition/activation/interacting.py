@@ -101,7 +101,6 @@ class Interacting:
         return Transition(Executing(interaction), command)
 
     def _wait(self, now_ns: int, prediction: PredictedInteraction) -> None:
-        """Try again later, where something is in the way."""
         clearance, blocked = self._parts.settings.clearance, self._blocked
         if clearance is None or (blocked is None and self._motions.things.obstruction is None):
             return

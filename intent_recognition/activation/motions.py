@@ -170,7 +170,6 @@ class Motions:
         return None if clearance is None else clearance.obstruction(plan, since_s)
 
     def _touches(self, plan: JointPlan, what: str) -> bool:
-        """Whether a plan comes too near to something; such a one is refused."""
         found = self._obstruction(plan)
         if found is not None:
             self.things.refuse(what, found)
@@ -316,7 +315,6 @@ class Motions:
         return way.command is self._arm.current and rests_s > clearance.wait_s
 
     def _too_fast(self, current: Command, start_ns: int) -> bool:
-        """Whether the motion in force is faster from a time on than people permit."""
         separation, begun_ns = self._common.settings.separation, current.start_ns
         return separation is not None and (
             separation.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
@@ -347,7 +345,6 @@ class Motions:
         return self._send_way(now_ns, start_ns, around)
 
     def _send_unless_outside(self, now_ns: int, start_ns: int, brake: JointPlan) -> Command | None:
-        """Send a brake, but none that leaves the position limits."""
         if brake.outside:
             return None
         return self._arm.put_in_force(now_ns, Command(start_ns, brake))

@@ -140,7 +140,6 @@ class People:
 
 
 def _in_words(request: HelpRequest, now_ns: int) -> str:
-    """Who asks, when the arm is needed, and how certain that is."""
     wait_s = (request.needed_ns - now_ns) * 1e-9
     when = f"in {wait_s:.1f} s" if wait_s > 0.0 else f"{-wait_s:.1f} s ago"
     return f"{request.person} {when} ({request.probability:.0%})"

@@ -327,7 +327,6 @@ class Activation:
         return self._enter(self._transitions.following(self.state, now_ns))
 
     def _is_free(self, now_ns: int) -> bool:
-        """Whether the arm may turn to another person."""
         state = self.state
         if isinstance(state, Arrived) and state.interaction.over:
             active = bool(self.decision.active) and now_ns >= self._transitions.exchanging_until_ns

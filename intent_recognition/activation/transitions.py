@@ -162,7 +162,6 @@ class Transitions:
         return Transition(Stopped(interaction, reason, self._arm.in_force().end_ns), command)
 
     def _reason_to_halt(self, now_ns: int) -> str:
-        """Why no motion may go on, or an empty text."""
         return (
             "stream_stopped" if self._parts.inbox.silent(now_ns) else self._arm.off_command(now_ns)
         )

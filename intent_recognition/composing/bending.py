@@ -70,7 +70,6 @@ def bend_all(
 def _asked(
     library: TaskLibrary, points: Sequence[ViaPoint], arm: Arm | None
 ) -> list[tuple[str, int, ControlPoint]]:
-    """What each point asks of each of its tasks, with the point's name."""
     return [
         (point.name, task, control_point(library, task, point, arm))
         for point in points
@@ -156,7 +155,6 @@ def hand_columns(names: Sequence[str]) -> list[int]:
 
 
 def _tasks(library: TaskLibrary, point: ViaPoint) -> list[int]:
-    """Numbers of the tasks that a point is for."""
     if not point.task:
         return list(range(library.n_tasks))
     if point.task not in library.labels:

@@ -49,7 +49,6 @@ class ViaPoint:
         return HAND in self.values
 
     def __str__(self) -> str:
-        """For people: what is asked, and when."""
         what = ", ".join(
             f"{name} {' '.join(f'{v:g}' for v in values)}" for name, values in self.values.items()
         )

@@ -140,7 +140,6 @@ class PracticeSession:
         self.tried = tried
 
     def _check(self, tried: list[Tried]) -> None:
-        """Make sure that rollouts can be gone on from; ValueError if not."""
         n_axes = self._practice.space.n_axes
         for one in tried:
             if len(one.point) != n_axes or not np.all(np.isfinite([*one.point, one.cost])):
@@ -184,6 +183,5 @@ class PracticeSession:
 
 
 def _digest(space: SearchSpace) -> str:
-    """What tells one primitive from another."""
     parts = (space.mean, space.axes, np.array(space.bound))
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:16]

@@ -199,7 +199,6 @@ class TaskPractice:
             bag.write(folder)
 
     def _samples(self, stamps: Integers, one: Rollout) -> tuple[EntrySamples, ...]:
-        """What is logged of an execution: the person's hand, and the arm's joints."""
         person = self._dofs.observed[0]
         columns = position_columns(person) or []
         values = np.full((len(stamps), len(person.fields)), np.nan)
@@ -241,7 +240,6 @@ class TaskPractice:
         return self._library.basis.design_matrix(ahead) @ moved.T
 
     def _plan(self, person: Person, weights: Floats) -> JointPlan | None:
-        """What the activation would send, from when the task is decided."""
         phases, duration_s = np.linspace(0.0, 1.0, N_PHASES), person.duration_s
         positions = self._path(person, weights, phases)
         try:
@@ -300,7 +298,6 @@ def warping_matrix(basis: NormalizedRBFBasis, ahead: float) -> Floats:
 
 
 def _hand_columns(dofs: DofSpec) -> list[int]:
-    """Columns of the person's hand among the observed numbers."""
     entry = dofs.observed[0]
     columns = position_columns(entry)
     if columns is None or entry.unit != "m" or entry.orientation:

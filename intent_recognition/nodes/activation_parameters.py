@@ -260,7 +260,6 @@ class ActivationParameters:
 
 
 def _read_model(path: str, names: tuple[str, ...]) -> "Model":
-    """A model file, checked."""
     from intent_recognition.model import load_model
 
     model = load_model(path)

@@ -94,7 +94,6 @@ class BagPlayer(Node):
         super().destroy_node()
 
     def _change(self, changes: Changes) -> None:
-        """Apply new values of parameters; the rate from the next message on."""
         self._values |= changes
         if "rate" in changes:
             self._rate_changed.set()

@@ -143,7 +143,6 @@ class CommandAction:
             self._fail("controller_aborted", why)
 
     def _explain(self, result: Any) -> str:
-        """The controller's own words, and the name of its error code."""
         codes = {
             getattr(self._type.Result, name): name.lower().replace("_", " ")
             for name in ("INVALID_GOAL", "INVALID_JOINTS", "OLD_HEADER_TIMESTAMP")
@@ -153,7 +152,6 @@ class CommandAction:
         return f"{code}: {result.error_string}" if result.error_string else code
 
     def _fail(self, reason: str, text: str) -> None:
-        """Cancel what is under way, and say that the newest command is not executed."""
         for goal in self._under_way:
             goal.cancel()
         self._under_way.clear()

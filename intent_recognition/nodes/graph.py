@@ -75,7 +75,6 @@ _SIMULATED = _from(
 
 
 def _warper(name: str, **toward: str) -> NodeSpec:
-    """The object_warper of one of two containers."""
     own = {f"object/{topic}": f"{name}/{topic}" for topic in _SEEN}
     return NodeSpec(
         _from(stands_above="stands_above"),
@@ -255,7 +254,6 @@ def arguments_of(graph: str, given: Mapping[str, object]) -> dict[str, object]:
 
 
 def _follow_the_clock(graph: str, values: dict[str, object]) -> None:
-    """Let all nodes take the time from /clock where one of them publishes it."""
     for name in GRAPHS[graph].nodes:
         spec = NODES[name]
         published = spec.fixed.get(spec.clock) or values.get(spec.parameters.get(spec.clock, ""))

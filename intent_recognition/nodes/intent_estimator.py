@@ -64,7 +64,6 @@ class IntentEstimatorNode(ManagedNode):
         self.start()
 
     def _start_over(self) -> None:
-        """Forget the movement and what came before: what comes next is earlier."""
         self._postures.start_over()
         for belief in self.people.values():
             belief.start_over()
@@ -73,7 +72,6 @@ class IntentEstimatorNode(ManagedNode):
 
     @property
     def _estimators(self) -> tuple[IntentEstimator, ...]:
-        """Those of all people, once there is a model."""
         return tuple(b.estimator for b in self.people.values()) if self._configured else ()
 
     def _meet(self, person: str) -> None:
@@ -126,7 +124,6 @@ class IntentEstimatorNode(ManagedNode):
         self.get_logger().info(self._tasks_by_name())
 
     def _topic_of(self, person: str) -> str:
-        """Where the first tracked body of a person is heard."""
         for entry in self._model.dofs.observed:
             if is_raw_pose(entry.topic, entry.type):
                 return human_topic(entry, person)
@@ -134,7 +131,6 @@ class IntentEstimatorNode(ManagedNode):
         raise ArgumentError.about("parameter persons", "a model of poses", "none", cure)
 
     def _configure(self, belief: PersonBelief) -> None:
-        """Let a person's estimator go by the model, which all of them share."""
         estimator = IntentEstimator(
             self._model.library,
             transitions=self._values["transition_prior"],
@@ -195,7 +191,6 @@ class IntentEstimatorNode(ManagedNode):
         return model
 
     def _take_sequence(self, message: DiagnosticStatus) -> None:
-        """Expect the step that a sequence is at."""
         self._step = values_of(message).get("task", "")
         for estimator in self._estimators:
             estimator.expect(self._step)

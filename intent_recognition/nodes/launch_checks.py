@@ -86,7 +86,6 @@ def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
 
 
 def _check_names(where: str, values: Mapping[str, object], executable: str) -> None:
-    """Refuse parameters that a node of ours does not have."""
     known = parameters_of(executable)
     for name in values:
         if name not in known and name.partition(".")[0] not in OF_EVERY_NODE:

@@ -59,7 +59,6 @@ def _start(
     robot_description: Callable[[str], str],
     of_arm: Callable[[str], Overrides],
 ) -> list[Node]:
-    """The nodes, now that the arguments have values."""
     names = [argument.name for argument in GRAPHS[graph].arguments()]
     check_arguments(graph, names, sys.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
@@ -106,7 +105,6 @@ def end_if_refused(event: Any, _context: object) -> None:
 
 
 def _section(file: str, executable: str) -> dict[str, object]:
-    """Parameters of an executable in a file, for a node that has another name."""
     content = load_yaml(read_text(Path(file))) or {}
     return dict(content.get(f"/**/{executable}", {}).get("ros__parameters", {}))
 
@@ -117,7 +115,6 @@ def _parameter(value: object) -> object:
 
 
 def _params_file(name: str) -> str:
-    """Path of the user's file, or of a shipped one."""
     if Path(name).is_file():
         return str(Path(name).absolute())
     try:

@@ -104,7 +104,6 @@ class MocapIngest(Node):
         when_clock_goes_back(self, self._start_over)
 
     def _meet(self, bodies: Sequence[str], label: str) -> None:
-        """Hear the bodies of somebody whom the tracker follows under a label."""
         for body in bodies:
             self._hear(f"{label}/{body}")
 
@@ -118,7 +117,6 @@ class MocapIngest(Node):
         self._outputs[body] = self.create_publisher(Odometry, f"human/{body}", qos.SENSOR)
 
     def _start_over(self) -> None:
-        """Forget the tracks: what comes next is earlier."""
         if self._identity is not None:
             self._identity.forget()
         self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
@@ -131,11 +129,9 @@ class MocapIngest(Node):
         return replace(self._settings, **fields)
 
     def _change(self, changes: Changes) -> None:
-        """Apply new values; the tracks stay."""
         self._settings = self._changed(changes)
 
     def _on_pose(self, body: str, data: bytes) -> None:
-        """Take the bytes of a PoseStamped."""
         try:
             measured = read_pose(data)
         except MessageError as error:
@@ -172,7 +168,6 @@ class MocapIngest(Node):
                 self._identified(body, placed)
 
     def _in_world(self, measured: PoseNumbers) -> PoseNumbers:
-        """A pose in the world frame, by the transform at its stamp."""
         known = frame_name(measured.frame_id) in self._settings.frames
         if known or measured.stamp_ns <= 0 or not np.isfinite(measured.pose).all():
             return measured  # as it is, to be checked
@@ -183,7 +178,6 @@ class MocapIngest(Node):
         return measured._replace(frame_id=world, pose=pose)
 
     def _identified(self, body: str, measured: PoseNumbers) -> None:
-        """Go on with a pose by its person, where people have names."""
         if self._identity is None:
             self._ingest(body, measured)
         else:

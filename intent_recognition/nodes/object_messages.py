@@ -87,7 +87,6 @@ def to_labelled_cloud(
 
 
 def _column(rows: NDArray, field: PointField, order: str) -> NDArray:
-    """One field (n,) of all points as float64."""
     if field.datatype not in TYPES:
         cure = "Use FLOAT32."
         raise MessageError.about(f"field {field.name}", "a known type", field.datatype, cure)

@@ -158,7 +158,6 @@ class ObjectTransfer(Node):
         self._task = message.data
 
     def _on_holding(self, message: Bool) -> None:
-        """The gripper grasped something by itself, or let it go."""
         self._machine.carry() if message.data else self._machine.drop()
 
     def _on_trajectory(self, message: JointTrajectory) -> None:

@@ -105,7 +105,6 @@ class ObservationInput:
                 self._backlog.subscribe(self._node, kind, name, callback, qos.LATCHED, raw=raw)
 
     def _heard_on(self, entry: DofEntry, raw: bool) -> str:
-        """Topic of an entry for this person."""
         person = "" if entry.context else self._person
         if raw:
             return human_topic(entry, person)

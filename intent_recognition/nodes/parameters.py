@@ -138,7 +138,6 @@ def _converted(value: Any, kind: Parameter.Type) -> Any:
 
 
 def _descriptor(kind: Parameter.Type, spec: ParameterSpec) -> ParameterDescriptor:
-    """Type, meaning and range of a parameter."""
     descriptor = ParameterDescriptor(
         type=kind.value, description=spec.description, read_only=not spec.live
     )

@@ -120,7 +120,6 @@ class PersonBelief:
             self._diagnostics.reject("bad_answer", str(error))
 
     def _observe(self, observation: Observation, topic: str) -> bool:
-        """Take an observation; False if it cannot be used."""
         stream = (observation.group, observation.derivative)
         if not self._accepts(stream, observation, topic, self.estimator.reason_to_reject):
             return False
@@ -136,7 +135,6 @@ class PersonBelief:
         return True
 
     def _observe_context(self, observation: Observation, topic: str) -> bool:
-        """Take a sample of the scene; False if it cannot be used."""
         stream = ("context", observation.group)
         return self._accepts(stream, observation, topic, self.estimator.update_context)
 
@@ -147,7 +145,6 @@ class PersonBelief:
         topic: str,
         reason_not_to: Callable[[Observation], str | None],
     ) -> bool:
-        """Whether an observation can be used; if not, it is counted."""
         if self._left_overs.include(stream, observation.stamp_ns):
             self._diagnostics.count("left_over")
             return False
@@ -186,7 +183,6 @@ class PersonBelief:
                 self.output.publish_human(estimate, human, self.inputs.frame)
 
     def _forget_if_lost(self, stamp_ns: int) -> None:
-        """Begin anew with somebody who has a name and was not seen for a while."""
         if self.person and abs(stamp_ns - self._newest_ns) > LOST_S * 1e9:
             self.forget()
         self._newest_ns = stamp_ns

@@ -108,7 +108,6 @@ class PlanFollower:
 
 
 def _read(text: str) -> WorkPlan | None:
-    """The plan in a file or a text; None of an empty one."""
     if not text:
         return None
     if "\n" in text:

@@ -139,7 +139,6 @@ def _primitive(shape: SolidPrimitive) -> tuple[Floats, Floats]:
 
 
 def _mesh(mesh: Any) -> tuple[Floats, Floats]:
-    """Centre and size of the box around a mesh, (3,) each [m]."""
     if not mesh.vertices:
         return np.zeros(3), np.zeros(3)
     points = np.array([(p.x, p.y, p.z) for p in mesh.vertices])

@@ -197,7 +197,6 @@ class PrimitiveActivation(ManagedNode):
         return PredictedInteraction(read.label, read.onset_ns, path, read.end_std)
 
     def _path(self, of_hand: bool, *numbers: Any) -> JointPath:
-        """Of the arm's joints, from times, positions and velocities of theirs or of the hand's."""
         hand_of = None
         if of_hand:
             arm = self._meet_arm()
@@ -205,7 +204,6 @@ class PrimitiveActivation(ManagedNode):
         return joint_path(self._limits, *numbers, hand_of=hand_of)
 
     def _path_of(self, trajectory: Trajectory) -> JointPath:
-        """The same from a trajectory of the model's controlled DOFs."""
         numbers = numbers_of(self._settings.entries, trajectory)
         return self._path(self._settings.of_hand, *numbers[:3])
 
@@ -320,7 +318,6 @@ class PrimitiveActivation(ManagedNode):
             self.diagnostics.publish()
 
     def _silent_streams(self) -> str:
-        """Which streams are silent, with their senders; empty if none is."""
         silent_s = self.diagnostics.silent_s
         dead = [f"{name} ({who})" for name, who in SENDERS.items() if silent_s(name) > SILENT_S]
         return f"silent: {', '.join(dead)}" if dead else ""

@@ -248,7 +248,6 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
 
 
 def _check_domain(domain: str) -> None:
-    """Refuse a ROS_DOMAIN_ID for which Fast DDS would end the process."""
     if domain and not (domain.isdecimal() and int(domain) <= MAX_DOMAIN):
         cure = "Use 0 to 101."
         raise ArgumentError.about("ROS_DOMAIN_ID", f"0 to {MAX_DOMAIN}", repr(domain), cure)

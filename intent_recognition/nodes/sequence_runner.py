@@ -137,7 +137,6 @@ class SequenceRunner:
     def _prediction(
         self, library: TaskLibrary, task: str, make_path: MakePath, arm: FindArm
     ) -> PredictedInteraction | None:
-        """What a task does on average, through the via points; None where that cannot be."""
         try:
             number = library.labels.index(task)
             points = [

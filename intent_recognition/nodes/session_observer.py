@@ -126,11 +126,9 @@ class SessionObserver(Node):
         ]
 
     def _now(self, take: Callable[[int, Any], None]) -> Callable[[Any], None]:
-        """Called with a message, call with the time and it."""
         return lambda message: take(now_ns(self), message)
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
-        """Take a message, and tell those whose time waits for it."""
         take(message)
         self._heard[topic] += 1
         self._answers.publish(answer_of(self.get_name(), self._heard))
@@ -202,7 +200,6 @@ def _tell(on_task: Callable[[str, str], None], person: str, message: String) -> 
 def _of_person(
     active: Sequence[tuple[int, str]], helped: Sequence[tuple[int, str]], person: str
 ) -> list[tuple[int, str]]:
-    """When the task that is active for a person changed, and to what."""
     changes = [(ns, 0, text) for ns, text in active] + [(ns, 1, text) for ns, text in helped]
     now, found = ["", ""], dict[int, str]()
     for at_ns, which, text in sorted(changes, key=lambda change: change[0]):
@@ -215,7 +212,6 @@ def _of_person(
 def _while_active(
     rows: Sequence[tuple[int, str, Floats]], active: Sequence[tuple[int, str]]
 ) -> list[tuple[int, str, Floats]]:
-    """The rows of times at which some task was active."""
     places = np.searchsorted([at_ns for at_ns, _ in active], [row[0] for row in rows], "right")
     return [row for row, k in zip(rows, places, strict=True) if k and active[k - 1][1]]
 

@@ -169,7 +169,6 @@ class TaskPracticeService:
 
 
 def _numbers(text: str) -> tuple[float, ...] | None:
-    """Three numbers of a text; None where it is empty."""
     if not text.strip():
         return None
     try:
@@ -183,5 +182,4 @@ def _numbers(text: str) -> tuple[float, ...] | None:
 
 
 def _unjudged(_: Rollout) -> float:
-    """Thumbs are given to executions, not to rollouts."""
     raise ValueError("only a person judges")

@@ -306,7 +306,6 @@ class TaskTeacher(TopicRecorder):
 
     @property
     def _model_in_force(self) -> str:
-        """The model that the estimator shall have."""
         return str(self.practice.trial or self.folder.model_path)
 
     def estimator_runs(self) -> bool:
@@ -320,7 +319,6 @@ class TaskTeacher(TopicRecorder):
         return own or (model.is_file() and self.folder.began_with(model))
 
     def _publish_skills(self) -> None:
-        """How each task has done since each of its last changes."""
         history = self.folder.history()
         last, skills = undoable(history), skill_history(history, self.executions.executions.all())
         message = DiagnosticArray()

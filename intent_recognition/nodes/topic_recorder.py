@@ -171,7 +171,6 @@ class TopicRecorder(Node):
                 self._follow(resolved, stored, types[0])
 
     def _warn_of_silent(self) -> None:
-        """Name what is still without a publisher, once."""
         self._patience.cancel()
         silent = sorted(set(self.wanted) - set(self._sources))
         if silent or not (self.wanted or set(self._sources) - set(ABSOLUTE_TOPICS)):
@@ -287,7 +286,6 @@ class TopicRecorder(Node):
                 self.diagnostics.value("messages", self._writer.message_count)
 
     def _give_up(self, error: DiskFullError) -> None:
-        """Report and stop; what was written is a whole bag."""
         self._writer = None
         self.diagnostics.status(Level.ERROR, str(error))
         self.get_logger().error(str(error))

@@ -100,7 +100,6 @@ class WarpedPrimitiveNode(Node):
             self._arrived = said["outcome"] == ARRIVED
 
     def _forget(self) -> None:
-        """No pour is under way: the clock went back."""
         self._end_ns, self._arrived = 0, False
 
     def _on_request(self, message: String) -> None:
@@ -126,7 +125,6 @@ class WarpedPrimitiveNode(Node):
         self.get_logger().info(f"pour {message.data}: {100.0 * plan.left:.0f} % are to be left")
 
     def _plan(self, asked: str) -> tuple[PourPlan, Floats]:
-        """The pour asked for, and its joints (T, 7) [rad]."""
         seen = {name: self._seen(name) for name in OBJECTS}
         if self._joints is None:
             raise MessageError.about("joint_states", "those of the arm", "none", "Start it.")

@@ -162,7 +162,6 @@ def mesh_target(
 
 
 def _wind(solid: "trimesh.Trimesh") -> None:
-    """Turn the triangles of a mesh outward."""
     trimesh = optional("trimesh")
 
     if not solid.is_winding_consistent:
@@ -189,7 +188,6 @@ def _hull_share(solid: "trimesh.Trimesh") -> float:
 
 
 def _is_sheet(solid: "trimesh.Trimesh") -> bool:
-    """Whether a mesh is one surface without a wall: it ends at an edge as long as a rim."""
     uses = np.bincount(solid.edges_unique_inverse)
     rim_m = float(solid.edges_unique_length[uses == 1].sum())
     return rim_m > SHORTEST_RIM * float(solid.scale)
@@ -207,7 +205,6 @@ def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:
 
 
 def _check_size(argument: str, points: Floats) -> None:
-    """Refuse what is not finite, and what is no object by its size."""
     bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
     if bad.any():
         got = f"{np.count_nonzero(bad)} with NaN or infinity, or beyond {LARGEST_M:g} m"
@@ -219,7 +216,6 @@ def _check_size(argument: str, points: Floats) -> None:
 
 
 def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
-    """The meshes of a file as one."""
     trimesh = optional("trimesh")
 
     if isinstance(loaded, trimesh.Scene):
@@ -233,7 +229,6 @@ def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
 def _cloud(
     loaded: "trimesh.PointCloud", n_points: int, scale: float, viewpoint: Floats | None, seed: int
 ) -> ObjectCloud:
-    """The cloud of a file with its normals, or with estimated ones."""
     points = np.array(loaded.vertices, dtype=float) * scale
     _check_size("points", points)
     normals = _file_normals(loaded, len(points))
@@ -246,7 +241,6 @@ def _cloud(
 
 
 def _file_normals(loaded: "trimesh.PointCloud", n: int) -> Floats | None:
-    """Normals nx, ny, nz of a PLY file's vertices."""
     raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:
         normals = np.column_stack([np.ravel(raw[name]) for name in ("nx", "ny", "nz")])

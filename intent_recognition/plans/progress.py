@@ -58,7 +58,6 @@ class StepState(NamedTuple):
     forgotten: float
 
     def __str__(self) -> str:
-        """One of `done`, `forgotten`, `may come` and `later`."""
         if self.done >= 0.5:
             return "done"
         if self.forgotten >= FORGOTTEN:
@@ -149,7 +148,6 @@ class WorkProgress:
         self._keep(np.concatenate(sets), np.concatenate(weights))
 
     def _keep(self, sets: Flags, weights: Floats) -> None:
-        """Believe in the most probable of these sets (M, n)."""
         done, where = np.unique(sets, axis=0, return_inverse=True)
         weight = np.bincount(where.ravel(), weights, minlength=len(done))
         best = np.argsort(-weight, kind="stable")[:MOST_STATES]

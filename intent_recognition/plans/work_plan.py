@@ -72,7 +72,6 @@ class WorkPlan:
     n_assemblies: int = 0
 
     def __post_init__(self) -> None:
-        """Check names and ranges."""
         if len(set(self.names)) != len(self.steps):
             _refuse("steps", "different names", ", ".join(self.names))
         unknown = {name for pair in (*self.order, *self.by_hand) for name in pair} - set(self.names)

@@ -39,7 +39,6 @@ def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Ex
 
 
 def _pose(numbers: Sequence[str]) -> tuple[Floats, Floats] | None:
-    """Position and quaternion of seven numbers; None if they are not a pose."""
     try:
         values = np.array([float(number) for number in numbers])
         RigidTransform(values[:3], values[3:])  # raises for what is no pose

@@ -145,7 +145,6 @@ def _predicted(track: Track, stamp_ns: int) -> Track:
 
 
 def _corrected(track: Track, label: str, position: Floats) -> Track:
-    """A predicted track after a measurement of its position."""
     variance = track.covariance[0, 0] + POSITION_STD_M**2
     gain = track.covariance[:, 0] / variance
     mean = track.mean + np.outer(gain, position - track.mean[0])

@@ -166,7 +166,6 @@ def ingest_pose(
 def _check_sample(
     settings: IngestSettings, stamp_ns: int, position: Floats, orientation: Floats, frame_id: str
 ) -> Rejected | None:
-    """Checks that need no earlier samples."""
     numbers = position.tolist()
     finite = all(map(math.isfinite, numbers + orientation.tolist()))
     if not finite or max(map(abs, numbers)) > FARTHEST_M:
@@ -237,7 +236,6 @@ def _follow_jump(
 
 
 def _within_gate(settings: IngestSettings, earlier: Sample, later: Sample) -> bool:
-    """Whether a person could have moved from one sample to the other."""
     reach_m = settings.max_speed_m_s * (later[0] - earlier[0]) * 1e-9 + settings.margin_m
     return math.dist(later[1], earlier[1]) <= reach_m
 

@@ -100,7 +100,6 @@ class TransformTree:
         return compose(self._chain(above_target, common, stamp_ns).inverse(), up)
 
     def _ancestors(self, frame: str) -> list[str]:
-        """A frame, its parent, and so on."""
         found = [frame]
         while frame in self._parents and len(found) <= LARGEST_DEPTH:
             frame = self._parents[frame]
@@ -115,7 +114,6 @@ class TransformTree:
         return pose
 
     def _at(self, child: str, stamp_ns: int) -> RigidTransform:
-        """Pose of a frame in its parent."""
         if child in self._fixed:
             return self._fixed[child]
         track = self._moving[child]

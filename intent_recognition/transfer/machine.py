@@ -334,7 +334,6 @@ class TransferMachine:
         self._since.clear()
 
     def _lasts(self, name: str, holds: bool, time_s: float, for_s: float) -> bool:
-        """Whether something has held for so long."""
         if not holds:
             self._since.pop(name, None)
             return False

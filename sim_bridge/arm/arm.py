@@ -224,7 +224,6 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         end_world(self.client)
 
     def __exit__(self, *_: object) -> None:
-        """Close the world."""
         self.close()
 
     def _apply_torque(self) -> None:

@@ -44,7 +44,6 @@ class Surroundings:
         return self.last if any(now - at <= APART_STEPS for at in self._since.values()) else None
 
     def _look(self, arm: SimulatedArm) -> None:
-        """Count the touches that the last step began."""
         for link, thing, fixture in self._contacts(arm):
             key = link, thing, fixture
             if arm.n_steps - self._since.get(key, -APART_STEPS - 1) > APART_STEPS:

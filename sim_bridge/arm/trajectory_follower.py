@@ -183,7 +183,6 @@ class TrajectoryFollower:
 
 
 def _sample(entries: list[_Entry], time_s: float) -> ArmReference:
-    """The reference by the last entry that has started."""
     for entry in reversed(entries):
         if entry.start_s <= time_s:
             return entry.sample(time_s)

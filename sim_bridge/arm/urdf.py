@@ -155,7 +155,6 @@ def add_world(root: ET.Element, base_position_m: tuple[float, float, float]) -> 
 
 
 def _block(x: float, y: float, height: float) -> ET.Element:
-    """What is drawn from the ground to a base."""
     visual = ET.Element("visual")
     ET.SubElement(visual, "origin", xyz=f"{x} {y} {0.5 * height}")
     size = f"{BLOCK_WIDTH_M} {BLOCK_WIDTH_M} {height}"

@@ -116,5 +116,4 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         self._folder.cleanup()
 
     def __exit__(self, *_: object) -> None:
-        """End the world."""
         self.close()

@@ -158,7 +158,6 @@ def _draw(rng: np.random.Generator, task: str, start_m: Floats, nominal_s: float
 
 
 def _last(movement: WristMovement) -> Reach:
-    """The reach that a movement ends as."""
     return movement if isinstance(movement, Reach) else _last(movement.second)
 
 

@@ -165,7 +165,6 @@ def _intended(
 def _following(
     movement: WristMovement, before: WristMovement | None, timing: SessionTiming
 ) -> WristMovement:
-    """A movement as it follows the one before, if there is one."""
     if before is None or not timing.overlap_share:
         return movement
     into_s = (1.0 - timing.overlap_share) * before.duration_s

@@ -52,7 +52,6 @@ class TaskStyle:
 
 
 def _style(*values: tuple[float, float, float]) -> TaskStyle:
-    """A style from its five vectors, in the order of the attributes."""
     arrays = [np.array(value, dtype=np.float64) for value in values]
     for array in arrays:
         array.setflags(write=False)

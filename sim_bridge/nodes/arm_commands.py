@@ -55,7 +55,6 @@ class ArmCommands:
         arm.before_step.append(self._control)
 
     def _control(self, arm: SimulatedArm) -> None:
-        """Set the reference and the push of the coming step."""
         if not arm.gravity_compensation:
             arm.set_reference(*self.follower.sample(arm.time_s))
         if self.spread is not None:

@@ -73,6 +73,5 @@ class ClockAnswers:
         return False
 
     def _gone(self, edge: Edge) -> str:
-        """Which end of an edge has left the graph; empty for neither."""
         there = {"", *self._node.get_node_names()}
         return next((name for name in (edge.sender, edge.taker) if name not in there), "")

@@ -126,7 +126,6 @@ class CoworkerSim(Node):
         return self.workers[0].plan
 
     def _start(self) -> None:
-        """Begin the session when its clock runs, the graph is ready and listens."""
         now_ns = self.get_clock().now().nanoseconds
         if waits_for := self._missing(now_ns):
             if waits_for != self._waits_for:
@@ -141,7 +140,6 @@ class CoworkerSim(Node):
             self._tick(now_ns)
 
     def _missing(self, now_ns: int) -> str:
-        """What the session waits for; empty: it can begin."""
         if now_ns <= 0:
             return "/clock"
         if nodes := self._readiness.missing():
@@ -175,7 +173,6 @@ class CoworkerSim(Node):
 
 
 def _make_plans(values: Mapping[str, Any], n_people: int) -> tuple[SessionPlan, ...]:
-    """The sessions that the parameters describe, one for each person."""
     seed, task_list, count = values["seed"], values["task_list"], values["interactions"]
     timing = SessionTiming(
         first_idle_s=values["first_idle"],

@@ -92,5 +92,4 @@ class BallPours(AbstractContextManager["BallPours"]):
         return self._second.clearance_m(landing) > 0.0
 
     def __exit__(self, *_: object) -> None:
-        """End the physics."""
         self._world.close()

@@ -65,7 +65,6 @@ def _rows(container: Container) -> tuple[Floats, Floats, Floats]:
 
 
 def _handle_pieces(container: Container) -> list[Floats]:
-    """The handle's tube, ring by ring."""
     if container.handle is None:
         return []
     # The last two corners close the ends, which lie in the wall.

@@ -186,7 +186,6 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         return self._last[1]
 
     def __exit__(self, *args: object) -> None:
-        """End the physics."""
         self._pours.__exit__(*args)
 
 

@@ -129,7 +129,6 @@ class PouringTable:
         return in_cup, in_second
 
     def _from(self, pose: Floats) -> Floats:
-        """The balls' centres (N, 3) in a frame."""
         locate = self._client.getBasePositionAndOrientation
         world = np.array([locate(ball)[0] for ball in self._balls]).reshape(-1, 3)
         return (world - pose[:3, 3]) @ pose[:3, :3]
@@ -175,7 +174,6 @@ class PouringTable:
         return body
 
     def _pass_outsides(self, body: int, link: int = -1) -> None:
-        """Let a body's link collide with all but the containers' outsides."""
         self._client.setCollisionFilterGroupMask(body, link, 1, ~OUTSIDE_GROUP)
 
     def _hold(self, cup_in_hand: Floats) -> None:

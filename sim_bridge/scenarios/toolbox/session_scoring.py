@@ -188,7 +188,6 @@ def _wrong_helps(log: SessionLog, plan: SessionPlan, first_ns: int) -> list[int]
 
 
 def _believed(log: SessionLog, end_ns: int) -> str:
-    """The most probable label at the end of a movement; empty before the first estimate."""
     k = int(np.searchsorted(log.tasks_ns, end_ns, side="right")) - 1
     return "" if k < 0 else log.labels[int(np.argmax(log.probabilities[k]))]
 
@@ -262,7 +261,6 @@ def _arrival(
 def _trace(
     log: SessionLog, number: int, onset: int, end: int, decided: int | None, n_joints: int
 ) -> Trace:
-    """Arrays of one interaction for the report; times in seconds after onset."""
     stop = end + round(DETAIL_S * 1e9)
     tasks = (log.tasks_ns >= onset) & (log.tasks_ns <= end)
     wrist = (log.wrist_ns >= onset) & (log.wrist_ns <= stop)
