@@ -29,6 +29,7 @@ from intent_recognition.nodes.activation_parameters import Taught
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
+from intent_recognition.nodes.object_transfer import FRESH_S, TRANSFER
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
 from intent_recognition.nodes.prediction_input import RejectionError
@@ -36,11 +37,7 @@ from intent_recognition.share import share_path
 from intent_recognition.transfer import EXCHANGES
 from intent_recognition.untrusted import load_yaml, read_text
 
-TOPIC, TRANSFER = "intent/human_trajectory", "intent/transfer"
-SHIPPED = "config/deviation"
-"""Where the shipped detectors are."""
-FRESH_NS = 300_000_000
-"""A state counts for so long [ns]. Convention: as `object_transfer` takes a sensor's."""
+TOPIC = "intent/human_trajectory"
 _STATES = {state.value for state in EXCHANGES}
 
 
@@ -58,13 +55,11 @@ class ClearanceInput:
         self._boxes = parse_boxes(values["boxes"])
         self._largest_bend = values["largest_bend"]
         self._times_s = values["replan_budget"], values["clear_wait"]
-        if self._boxes and not self._distance_m:
-            cure = "Try 0.02, or leave boxes empty."
-            raise ArgumentError.about("clearance", "above 0 m with boxes", 0.0, cure)
         use = values["planning_scene"]
-        if use in (READ, BOTH) and not self._distance_m:
-            cure = "Try 0.02, or leave planning_scene off."
-            raise ArgumentError.about("clearance", "above 0 m with a planning scene", 0.0, cure)
+        asked = "boxes" if self._boxes else "a planning scene" if use in (READ, BOTH) else ""
+        if asked and not self._distance_m:
+            cure = f"Try 0.02, or do without {asked}."
+            raise ArgumentError.about("clearance", f"above 0 m with {asked}", 0.0, cure)
         self._scene = PlanningSceneLink(
             node, diagnostics, use, values["planning_frame"], self._boxes
         )
@@ -75,12 +70,7 @@ class ClearanceInput:
         self._rejection: RejectionError | None = None
 
     def update(self, description: str, names: tuple[str, ...], taught: Taught) -> bool:
-        """Whether there is another clearance than before.
-
-        Args:
-            description: URDF of the arm; empty where it is not known.
-            names: of its joints.
-            taught: tasks whose motions may be bent.
+        """Whether there is another clearance than before, by the URDF of the arm (empty: unknown).
 
         Raises:
             RejectionError: things are to be kept clear of, and there is no description for it.
@@ -121,9 +111,6 @@ class ClearanceInput:
 
 class PersonInput:
     """Keeps the newest tube of each person's tracked point, from `intent/human_trajectory`.
-
-    Args:
-        diagnostics: counts what cannot be used under `bad_human_trajectory`.
 
     Attributes:
         people: in the frame of the URDF's root link; those of whom something is predicted.
@@ -244,7 +231,7 @@ def load_detector(name: str) -> DeviationDetector:
     """A detector from a YAML file, or a shipped one by its name."""
     path = Path(name)
     if path.suffix != ".yaml":
-        path = share_path(f"{SHIPPED}/{name}.yaml")
+        path = share_path(f"config/deviation/{name}.yaml")
     try:
         found = load_yaml(read_text(path))
         coefficients = np.array([found[key] for key in ("constant", "velocity", "acceleration")])
@@ -280,5 +267,5 @@ class TransferInput:
         """Until when an object changes hands, as far as is known now; 0: it does not."""
         for at_ns, exchanges in reversed(self._states):
             if at_ns < now_ns:
-                return at_ns + FRESH_NS if exchanges else 0
+                return at_ns + round(FRESH_S * 1e9) if exchanges else 0
         return 0

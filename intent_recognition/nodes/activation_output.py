@@ -16,9 +16,6 @@ from intent_recognition.nodes.conversions import TrajectoryBuilder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
 from intent_recognition.nodes.people import named_people
 
-PAGE = "dashboard"
-"""Name of the node of the page, whose operator may move the arm by hand."""
-
 
 class ActivationOutput:
     """Publishes what has changed since it was last told.
@@ -78,13 +75,13 @@ class ActivationOutput:
         own = self._node.get_name(), self._node.get_namespace()
         if own in names:
             names.remove(own)
-        if others := sorted({f"{space}/{name}" for name, space in names if name != PAGE}):
+        if others := sorted({f"{space}/{name}" for name, space in names if name != "dashboard"}):
             who = " and ".join(other.replace("//", "/") for other in others)
             self.shared = f"shared arm: {who} publishes on {self._command_topic}, too"
         return self.shared != before
 
     def outcomes(self, activation: Activation) -> None:
-        """Tell how a person has corrected the motion, and what became of an interaction."""
+        """Publish how a person has corrected the motion, and what became of an interaction."""
         corrected = activation.corrected
         if corrected is not None and corrected is not self._corrected and self._builder is not None:
             path, phases = corrected.path, np.linspace(0.0, 1.0, 61)

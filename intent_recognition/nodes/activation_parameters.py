@@ -15,14 +15,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits
-from intent_recognition.motion import (
-    Clearance,
-    Separation,
-    SlowPlaces,
-    Spread,
-    is_hand,
-    scaled_limits,
-)
+from intent_recognition.motion import Spread, is_hand, scaled_limits
 from intent_recognition.nodes.parameters import DEFAULT, Changes, declare
 from intent_recognition.nodes.prediction_input import RejectionError
 from intent_recognition.promp import Risk, TaskLibrary, Trajectory, end_std_limits, least_end_std
@@ -76,6 +69,7 @@ class ActivationParameters:
     Attributes:
         rate_hz: updates of a running motion a second.
         command_action: action that commands go to; empty: the topic.
+        allows_shared_arm: whether the arm is commanded although others command it, too.
         of_hand: whether the model predicts a hand instead of joints.
         taught_link: link of the arm that it was taught with; empty where that is not known.
         taught: its tasks, once the arm is met whose hand they are of.
@@ -87,6 +81,7 @@ class ActivationParameters:
         self._values = declare(node, "activation")
         self.rate_hz: float = self._values["command_rate"]
         self.command_action: str = self._values["command_action"]
+        self.allows_shared_arm: bool = self._values["allow_shared_arm"]
         self.described: Arm | None = None
         self.of_hand, self.taught_link = False, ""
         self.taught = Taught()
@@ -94,11 +89,6 @@ class ActivationParameters:
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
         self._decision()
-
-    @property
-    def allows_shared_arm(self) -> bool:
-        """Whether the arm is commanded although others command it, too."""
-        return bool(self._values["allow_shared_arm"])
 
     def changed(self, changes: Changes) -> "ActivationParameters":
         """The same with other values."""
@@ -169,14 +159,7 @@ class ActivationParameters:
         limit = self._values["max_end_std"] or inf
         return {label: std for label, std in self._least_end_std.items() if std > limit}
 
-    def settings(
-        self,
-        names: tuple[str, ...],
-        starts: dict[str, Floats],
-        clearance: Clearance | None = None,
-        separation: Separation | None = None,
-        slow_places: SlowPlaces | None = None,
-    ) -> ActivationSettings:
+    def settings(self, names: tuple[str, ...], starts: dict[str, Floats]) -> ActivationSettings:
         """How to act, for these joints.
 
         Raises:
@@ -203,9 +186,6 @@ class ActivationParameters:
             max_joint_state_age_s=value["max_joint_state_age"],
             max_tracking_error_rad=value["max_tracking_error"],
             max_lateness_s=value["max_lateness"],
-            clearance=clearance,
-            separation=separation,
-            slow_places=slow_places,
         )
 
     def _decision(self) -> DecisionSettings:

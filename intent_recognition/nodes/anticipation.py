@@ -42,8 +42,6 @@ from intent_recognition.recognition import (
 )
 from intent_recognition.signals import Observation
 
-POSTURES = qos.keep_last(100, reliable=False)
-"""As sensor data; deep enough for the moment of onset, when a movement is filtered anew."""
 LARGEST_AHEAD_NS = 1_000_000_000
 """A posture stamped farther than this ahead of both the clock and the posture before [ns] is
 dropped: all that came after it would seem to be late. Convention: clocks of a graph differ by
@@ -95,8 +93,8 @@ class PostureInput:
                 kind, topic = Odometry, human_topic(entry)
             else:
                 kind = message_class(entry.type)
-            subscription = self._node.create_subscription(kind, topic, take, POSTURES)
-            self._subscriptions.append(subscription)
+            deep = qos.keep_last(100, reliable=False)  # for onset, when a movement is filtered anew
+            self._subscriptions.append(self._node.create_subscription(kind, topic, take, deep))
 
     def close(self) -> None:
         """Unsubscribe."""

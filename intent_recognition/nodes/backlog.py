@@ -14,8 +14,6 @@ from rclpy.subscription import Subscription
 from intent_recognition.bags import header_stamp_ns
 from intent_recognition.nodes.conversions import stamp_ns
 
-MAX_STAMP_NS = 2**63 - 1
-"""Largest stamp [ns]: the order of a message without one, which is as of now."""
 MAX_WAITING = 16
 """If more messages wait twice in a row, the node cannot keep up. Convention: 0.16 s at 100 Hz."""
 
@@ -104,14 +102,11 @@ class Backlog:
         return used
 
     def _take_waiting(self, source: _Source) -> list[object]:
-        taken: list[object] = []
-        if source.subscription is None:
-            return taken
-        kind = source.subscription.msg_type
-        with (handle := source.subscription.handle):
-            while (found := handle.take_message(kind, source.raw)) is not None:
-                taken.append(found[0])
-        return taken
+        if (heard := source.subscription) is None:
+            return []
+        with (handle := heard.handle):
+            found = iter(lambda: handle.take_message(heard.msg_type, source.raw), None)
+            return [message for message, _ in found]
 
 
 def _time_ns(arrival: tuple[_Source, object]) -> int:
@@ -120,12 +115,10 @@ def _time_ns(arrival: tuple[_Source, object]) -> int:
     if isinstance(message, bytes):
         return header_stamp_ns(message)
     stamped = hasattr(message, "header") or hasattr(message, "stamp")
-    return stamp_ns(message) if stamped else MAX_STAMP_NS
+    return stamp_ns(message) if stamped else 2**63 - 1
 
 
 def thin(items: Sequence[BacklogItem], most: int) -> list[BacklogItem]:
     """At most so many of the items, evenly spaced, the last one always."""
     n = len(items)
-    if n <= most:
-        return list(items)
-    return [items[(k + 1) * n // most - 1] for k in range(most)]
+    return [items[(k + 1) * n // most - 1] for k in range(most)] if n > most else list(items)

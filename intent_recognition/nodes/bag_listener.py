@@ -16,9 +16,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.type_support import check_is_valid_msg_type
 
-WAIT_NS = 20_000_000
-"""Longest time until a new or closed subscription is noticed [ns]. Convention."""
-
 
 class BagListener:
     """Calls `on_message(topic, data, received_ns, sent_ns)` for every message, in its thread.
@@ -85,7 +82,7 @@ class BagListener:
             with self._lock:
                 sources = list(self._handles.items())
             if not sources:
-                self._stopping.wait(WAIT_NS * 1e-9)
+                self._stopping.wait(0.02)
                 continue
             try:
                 self._wait_and_take(sources)
@@ -105,7 +102,7 @@ class BagListener:
             in_use.enter_context(wait_set)
             wait_set.clear_entities()
             places = [wait_set.add_subscription(handle) for _, (handle, _) in sources]
-            wait_set.wait(WAIT_NS)
+            wait_set.wait(20_000_000)  # [ns], until a new or closed one is noticed
             ready = [wait_set.is_ready("subscription", place) for place in places]
         for is_ready, (topic, (handle, kind)) in zip(ready, sources, strict=True):
             if is_ready:

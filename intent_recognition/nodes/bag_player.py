@@ -23,9 +23,6 @@ from intent_recognition.nodes.qos import recorded_profile
 from intent_recognition.nodes.runtime import now_ns, run
 from intent_recognition.nodes.services import serve
 
-POLL_PERIOD_S = 0.05
-"""Longest time between two looks at pause, stop and rate [s]. Convention."""
-
 
 class _Anchor(NamedTuple):
     """A recorded time [ns], and when it is played: monotonic [s], and by the node's clock [ns]."""
@@ -70,16 +67,17 @@ class BagPlayer(Node):
             self._running.set()
         self._diagnostics = Diagnostics(self)
         self._readiness = Readiness(self, values["wait_for_nodes"])
-        self._reader = _open(values["bag"])
+        if not values["bag"]:
+            raise BagError.about("bag", "the path of a bag", "nothing", "Set the parameter `bag`.")
+        self._reader = BagReader(values["bag"], tolerant=True)
         self._start_ns = self._reader.start_ns
         self.duration_s = (self._reader.end_ns - self._start_ns) * 1e-9
         self._outputs: dict[str, Publisher] = {}
         self._stamped: set[str] = set()
         for info in self._reader.topics.values():
             self._add_publisher(info)
-        self._clock_publisher = (
-            self.create_publisher(Clock, "/clock", 1) if values["clock"] else None
-        )
+        clock = values["clock"]
+        self._clock_publisher = self.create_publisher(Clock, "/clock", 1) if clock else None
         serve(self, "pause", self._pause)
         serve(self, "resume", self._resume)
         self._messages = self._load()
@@ -215,7 +213,7 @@ class BagPlayer(Node):
             self._publish_clock(log_time_ns - round(recorded_s * 1e9))
             if remaining_s <= 0.0:
                 return True
-            time.sleep(min(remaining_s, 0.01 if self._values["clock"] else POLL_PERIOD_S))
+            time.sleep(min(remaining_s, 0.01 if self._values["clock"] else 0.05))
         return False
 
     def _publish_clock(self, time_ns: int) -> None:
@@ -230,7 +228,7 @@ class BagPlayer(Node):
                 text = f"waiting for {', '.join(missing)} (wait_for_nodes)"
                 self.get_logger().info(text)
                 self._diagnostics.status(Level.OK, text)
-            self._stopping.wait(POLL_PERIOD_S)
+            self._stopping.wait(0.05)
         if reported:
             self._diagnostics.status(Level.OK, "running")
 
@@ -242,9 +240,8 @@ class BagPlayer(Node):
             now = sum(p.get_subscription_count() > 0 for p in self._outputs.values())
             if now != matched:
                 matched, changed_s = now, time.monotonic()
-            if matched == len(self._outputs):
-                break
-            if matched and time.monotonic() - changed_s > 1.0:
+            steady = matched and time.monotonic() - changed_s > 1.0
+            if steady or matched == len(self._outputs):
                 break
             self._stopping.wait(0.01)
         if wait_s > 0.0:
@@ -277,12 +274,6 @@ def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
         cure = "Play it without restamp."
         expected = "a stamp between 1901 and 2038, after the shift too"
         raise BagError.about("header.stamp", expected, error, cure) from error
-
-
-def _open(bag: str) -> BagReader:
-    if not bag:
-        raise BagError.about("bag", "the path of a bag", "nothing", "Set the parameter `bag`.")
-    return BagReader(bag, tolerant=True)
 
 
 main = partial(run, BagPlayer)

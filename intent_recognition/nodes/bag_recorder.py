@@ -31,12 +31,7 @@ class BagRecorder(TopicRecorder):
             self.start()
 
     def start(self) -> str:
-        """Open the bag named by the parameter `output`; returns its path.
-
-        Raises:
-            ResourceBusyError: it is recording already, or the bag exists.
-            BagError: no output is given, or the disk is full.
-        """
+        """Open the bag named by the parameter `output`; its path. See `TopicRecorder.open_bag`."""
         output = self.get_parameter("output").value
         task = self.get_parameter("task").value
         if not output and self.recording is None:
@@ -46,11 +41,7 @@ class BagRecorder(TopicRecorder):
         return str(output)
 
     def stop(self) -> str:
-        """Close the bag; returns what was recorded.
-
-        Raises:
-            BagError: nothing is being recorded, or the end did not fit on the disk.
-        """
+        """Close the bag; what was recorded. See `TopicRecorder.close_bag`."""
         writer = self.close_bag()
         return f"{writer.message_count} messages in {writer.path}"
 

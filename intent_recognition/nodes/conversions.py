@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import MessageError, ShapeError
 from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose
@@ -70,15 +70,10 @@ def to_point(position: Floats) -> Point:
     return Point(x=x, y=y, z=z)
 
 
-def to_quaternion(quaternion: Floats) -> Quaternion:
-    """Quaternion message of (4,) xyzw."""
-    x, y, z, w = (float(value) for value in quaternion)
-    return Quaternion(x=x, y=y, z=z, w=w)
-
-
 def to_pose(position: Floats, quaternion: Floats) -> Pose:
     """Pose message of (3,) [m] and (4,) xyzw."""
-    return Pose(position=to_point(position), orientation=to_quaternion(quaternion))
+    x, y, z, w = (float(value) for value in quaternion)
+    return Pose(position=to_point(position), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 
 def to_odometry(
@@ -163,18 +158,7 @@ class TrajectoryBuilder:
         *,
         frame_id: str = "",
     ) -> JointTrajectory:
-        """Fill the message.
-
-        Args:
-            time_ns: header stamp.
-            times_s: time_from_start of each point (T,) [s], not negative.
-            positions: (T, d) [rad].
-            velocities: (T, d) [rad/s], or None to leave the field empty.
-            efforts: (T, d), or None to leave the field empty.
-            frame_id: header frame.
-
-        Returns:
-            The message, the same object at every call.
+        """The message, filled: times (T,) [s], and (T, d) each [rad, rad/s]; None: left empty.
 
         Raises:
             ShapeError: an array is not (T, d).
@@ -186,20 +170,15 @@ class TrajectoryBuilder:
         columns = {"positions": positions, "velocities": velocities, "effort": efforts}
         for field, values in columns.items():
             self._fill(field, values, count)
-        self._set_times(times_ns)
+        if not np.array_equal(times_ns, self._times_ns):  # they rarely change between two calls
+            for point, time in zip(self._points, times_ns.tolist(), strict=False):
+                start = point.time_from_start
+                start.sec, start.nanosec = divmod(time, NANOSECONDS)
+            self._times_ns = times_ns
         self._message.header.stamp = to_stamp(time_ns)
         self._message.header.frame_id = frame_id
         self._message.points = self._points[:count]
         return self._message
-
-    def _set_times(self, times_ns: Integers) -> None:
-        """Write time_from_start of the points, which rarely changes between two calls."""
-        if np.array_equal(times_ns, self._times_ns):
-            return
-        for point, time in zip(self._points, times_ns.tolist(), strict=False):
-            start = point.time_from_start
-            start.sec, start.nanosec = divmod(time, NANOSECONDS)
-        self._times_ns = times_ns
 
     def _fill(self, field: str, values: ArrayLike | None, count: int) -> None:
         width = 0 if values is None else self._joints

@@ -76,11 +76,6 @@ class RecordingObserver(Node):
                 self._farthest, self.held = distance, joints
 
 
-SETTLED = 2
-"""Clouds of each container that are warped before a pour: from the second on the cup's lip is
-toward the other one."""
-
-
 class PouringObserver(Node):
     """Collects the topics of one pour.
 
@@ -108,7 +103,7 @@ class PouringObserver(Node):
     def is_ready(self) -> bool:
         """Whether the containers were seen and the nodes have found one another."""
         return (
-            min(self._heard.values()) >= SETTLED
+            min(self._heard.values()) >= 2  # then the cup's lip is toward the other container
             and bool(self.balls)
             and self._pour.get_subscription_count() >= 1
             and self.count_subscribers("intent/robot_trajectory") >= 1

@@ -4,7 +4,7 @@
 import socket
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from enum import IntEnum
 from typing import Any
 
@@ -73,10 +73,7 @@ class Diagnostics:
     `publishers <stream>`, `lifecycle` of a lifecycle node, and what the node set with `value`.
     Publishing runs on a steady clock, so it continues while simulated time stands still.
 
-    Args:
-        node: the node reported on; a lifecycle node reports in every state.
-        period_s: seconds between two reports.
-        clock: seconds, monotonic; tests pass their own.
+    A lifecycle node reports in every state. Tests pass a clock of their own [s].
     """
 
     def __init__(
@@ -186,10 +183,9 @@ class Diagnostics:
         self._watched.append((subscription, stream))
         self._totals[stream] += 0
 
-    def unwatch(self, subscriptions: Iterable[Subscription]) -> None:
+    def unwatch(self, subscriptions: Collection[Subscription]) -> None:
         """Forget subscriptions before they are destroyed."""
-        gone = list(subscriptions)
-        self._watched = [pair for pair in self._watched if pair[0] not in gone]
+        self._watched = [pair for pair in self._watched if pair[0] not in subscriptions]
 
     def status(self, level: int, message: str) -> None:
         """Set level (see `Level`) and message, until set again."""

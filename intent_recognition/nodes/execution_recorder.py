@@ -19,11 +19,8 @@ reach until it is recognised."""
 class ExecutionRecorder:
     """Writes executions to bags, and what becomes known of them to the list of outcomes.
 
-    Args:
-        executions: where they go.
-        most: recordings of each task that are kept; 0 records none.
-        model: tells the present model, relative to the folder.
-        reject: called with (reason, text) where a recording fails.
+    Of each task `most` recordings are kept; 0 records none. `model` tells the present model,
+    relative to the folder; `reject` is called with (reason, text) where a recording fails.
     """
 
     def __init__(
@@ -66,8 +63,8 @@ class ExecutionRecorder:
     def correct(self, data: bytes, received_ns: int) -> None:
         """Take a corrected path."""
         self._corrected = self._writer is not None
-        at_ns = received_ns
-        self._write(RawMessage(CORRECTION_TOPIC, CORRECTION_TYPE, at_ns, at_ns, data))
+        times_ns = received_ns, received_ns
+        self._write(RawMessage(CORRECTION_TOPIC, CORRECTION_TYPE, *times_ns, data))
 
     def set_task(self, task: str) -> None:
         """Another task is active, or (empty) none."""

@@ -56,7 +56,7 @@ class IntentEstimatorNode(ManagedNode):
         self.create_subscription(
             DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
         )
-        self._watchdog = steady_timer(self, 0.1, self._check_stream)
+        steady_timer(self, 0.1, self._check_stream)
         when_clock_goes_back(self, self._start_over)
         for person in named_people(self) or [""]:
             if person != ANYBODY:
@@ -120,8 +120,7 @@ class IntentEstimatorNode(ManagedNode):
         for belief in self.people.values():
             self._configure(belief)
         self._configured = True
-        self._diagnostics.value(MODEL, self.get_parameter("model").value)
-        self.get_logger().info(self._tasks_by_name())
+        self._report_model()
 
     def _topic_of(self, person: str) -> str:
         for entry in self._model.dofs.observed:
@@ -221,13 +220,15 @@ class IntentEstimatorNode(ManagedNode):
         self._model = model
         for belief in self.people.values():
             self._tell(belief)
-        self._diagnostics.value(MODEL, self.get_parameter("model").value)
-        self.get_logger().info(f"model changed; {self._tasks_by_name()}")
-        return self._tasks_by_name()
+        return self._report_model("model changed; ")
 
-    def _tasks_by_name(self) -> str:
-        path = pathlib.Path(str(self.get_parameter("model").value)).absolute()
-        return f"tasks: {', '.join(self._model.labels)} ({path})"
+    def _report_model(self, what: str = "") -> str:
+        """Name the model and its tasks in the diagnostics and in the log; returns the tasks."""
+        path = self.get_parameter("model").value
+        self._diagnostics.value(MODEL, path)
+        text = f"tasks: {', '.join(self._model.labels)} ({pathlib.Path(path).absolute()})"
+        self.get_logger().info(what + text)
+        return text
 
 
 main = partial(run, IntentEstimatorNode)

@@ -140,11 +140,6 @@ class IntentOutput:
         return from_tangent(vectors, reference_of(entries[beside]))
 
 
-TUBE_ALPHA = 0.15
-"""Opacity of the tube in RViz. Convention."""
-
-LINE_WIDTH_M = 0.006
-"""Width of both paths [m]. Convention."""
 TUBE_FACES = tube_faces().ravel()
 
 
@@ -157,15 +152,10 @@ def to_path(
 ) -> Path:
     """The predicted rest of the movement, each pose stamped with the time it is expected at.
 
-    Args:
-        time_ns: stamp of the whole.
-        frame: frame of the positions.
-        human: the prediction they are of.
-        positions: (T, 3) [m].
-        orientations: quaternions (T, 4) xyzw; None for no rotation.
+    Positions are (T, 3) [m], orientations quaternions (T, 4) xyzw; None for no rotation.
     """
-    turned = np.tile([0.0, 0.0, 0.0, 1.0], (len(positions), 1))
-    turned = turned if orientations is None else orientations
+    none = np.tile([0.0, 0.0, 0.0, 1.0], (len(positions), 1))
+    turned = none if orientations is None else orientations
     message = Path()
     message.header.stamp = to_stamp(time_ns)
     message.header.frame_id = frame
@@ -223,29 +213,18 @@ class MarkerBuilder:
     ) -> MarkerArray:
         """Draw both paths, the tube and the label.
 
-        Args:
-            time_ns: stamp.
-            frame: frame of all positions.
-            task: the most probable one, or none; written beside the predicted end.
-            probability: of it.
-            predicted: rest of the path, (T, 3) [m].
-            std: its standard deviation, (T, 3) [m].
+        The predicted rest of the path and its standard deviation are (T, 3) each [m].
         """
         own = self._colours.get(task, NONE_COLOUR)
-        kinds = (
-            Marker.LINE_STRIP,
-            Marker.LINE_STRIP,
-            Marker.TRIANGLE_LIST,
-            Marker.TEXT_VIEW_FACING,
-        )
+        kinds = *[Marker.LINE_STRIP] * 2, Marker.TRIANGLE_LIST, Marker.TEXT_VIEW_FACING
         observed, future, tube, text = (
             self._marker(time_ns, frame, number, kind) for number, kind in enumerate(kinds)
         )
         observed.points = [to_point(position) for position in self._observed]
-        observed.scale.x, observed.color = LINE_WIDTH_M, colour(INK)
+        observed.scale.x = future.scale.x = 0.006  # [m]
+        observed.color, future.color = colour(INK), colour(own)
         future.points = [to_point(position) for position in predicted]
-        future.scale.x, future.color = LINE_WIDTH_M, colour(own)
-        tube.ns, tube.color = "tube", colour(own, TUBE_ALPHA)
+        tube.ns, tube.color = "tube", colour(own, 0.15)
         corners = tube_rings(predicted, std).reshape(-1, 3)[TUBE_FACES]
         tube.points = [to_point(corner) for corner in corners]
         tube.scale = Vector3(x=1.0, y=1.0, z=1.0)

@@ -25,10 +25,7 @@ FILES = ("model", "bag", "dofs", "sequences", "plan", "task_list", "scene")
 def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> None:
     """Refuse arguments that `ros2 launch` was given for a launch file and nobody takes.
 
-    Args:
-        file: name of the launch file, without `.launch.py`.
-        known: its arguments.
-        command: of the process; one that launches another file passes.
+    The file is named without `.launch.py`; the command of a process that launches another passes.
     """
     if not any(Path(word).name == f"{file}.launch.py" for word in command):
         return

@@ -22,8 +22,6 @@ from intent_recognition.share import share_path
 from intent_recognition.untrusted import load_yaml, read_text
 
 Overrides = Mapping[str, Mapping[str, object]]
-RESPAWN_DELAY_S = 2.0
-"""Time between the death of a node and its next start [s]. Convention."""
 
 
 def describe_graph(
@@ -32,19 +30,17 @@ def describe_graph(
     robot_description: Callable[[str], str] = lambda _: "",
     of_arm: Callable[[str], Overrides] = lambda _: {},
 ) -> LaunchDescription:
-    """The arguments of a graph, and its nodes.
+    """The arguments of a graph, one of `GRAPHS`, and its nodes.
 
-    Args:
-        graph: one of `GRAPHS`.
-        robot_description: from the argument `arm`, which may be empty, to the URDF for
-            robot_state_publisher, where the graph has one.
-        of_arm: likewise, to parameters that depend on the arm, by node.
+    From the argument `arm`, which may be empty, `robot_description` makes the URDF for
+    robot_state_publisher, and `of_arm` parameters that depend on the arm, by node.
     """
     spec = GRAPHS[graph]
     entities: list = []
     for argument in spec.arguments():
-        default = _text(spec.defaults.get(argument.name, ""))
-        given = {} if argument.needed else {"default_value": default}
+        default = spec.defaults.get(argument.name, "")
+        text = str(default).lower() if isinstance(default, bool) else str(default)
+        given = {} if argument.needed else {"default_value": text}
         entities.append(
             DeclareLaunchArgument(argument.name, description=argument.description, **given)
         )
@@ -78,10 +74,12 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
     if call.name == "robot_state_publisher":
         parameters["robot_description"] = robot_description()
     arguments = ["-d", str(share_path("config/intent.rviz"))] if call.name == "rviz2" else []
-    typed = {name: _parameter(value) for name, value in parameters.items()}
-    own = (
-        [] if call.name == call.executable else [_section(file, call.executable) for file in files]
-    )
+    typed = {  # texts stay texts: launch would convert `1` or `true`
+        name: ParameterValue(value, value_type=str) if isinstance(value, str) else value
+        for name, value in parameters.items()
+    }
+    named = call.name != call.executable
+    own = [_section(file, call.executable) for file in files] if named else []
     return Node(
         package=call.package,
         executable=call.executable,
@@ -93,7 +91,7 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         ros_arguments=["--enclave", call.enclave],  # without SROS 2 it says nothing
         output="screen",
         respawn=call.respawns,
-        respawn_delay=RESPAWN_DELAY_S,
+        respawn_delay=2.0,
         on_exit=end_if_refused,
     )
 
@@ -109,11 +107,6 @@ def _section(file: str, executable: str) -> dict[str, object]:
     return dict(content.get(f"/**/{executable}", {}).get("ros__parameters", {}))
 
 
-def _parameter(value: object) -> object:
-    """Keep texts as texts: launch would convert `1` or `true`."""
-    return ParameterValue(value, value_type=str) if isinstance(value, str) else value
-
-
 def _params_file(name: str) -> str:
     if Path(name).is_file():
         return str(Path(name).absolute())
@@ -123,7 +116,3 @@ def _params_file(name: str) -> str:
         cure = "Give the path of yours, or the name of a shipped one, such as config/real_arm.yaml."
         got = f"{Path(name).absolute()}, which is none"
         raise ArgumentError.about("params_file", "a file", got, cure) from error
-
-
-def _text(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)

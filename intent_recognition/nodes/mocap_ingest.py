@@ -3,7 +3,6 @@
 
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -62,7 +61,10 @@ class MocapIngest(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("mocap_ingest", **kwargs)
         values = declare(self, "mocap_ingest")
-        bodies = _check_bodies(values["bodies"])
+        bodies = [body for body in values["bodies"] if body]
+        if not bodies or len(set(bodies)) != len(bodies):
+            expected, cure = "different names", "Use e.g. [wrist]."
+            raise ArgumentError.about("parameter bodies", expected, values["bodies"], cure)
         self._settings = IngestSettings(
             world_frame=values["world_frame"],
             extrinsics=parse_extrinsics(values["extrinsics"]),
@@ -75,7 +77,7 @@ class MocapIngest(Node):
         self._tree = TransformTree()
         self._hears = self._wait_s > 0.0 and hear_frames(self, self._tree, self._look)
         if self._hears:
-            self._timer = steady_timer(self, 0.05, self._look)
+            steady_timer(self, 0.05, self._look)
         self._frames = FrameOutput(self)
         self._frames.send_fixed(
             now_ns(self),
@@ -96,16 +98,16 @@ class MocapIngest(Node):
         for body in [] if self._identity else bodies:
             self._tell(body)
             self._hear(body)
-        template = f"mocap/{{}}/{bodies[0]}/pose"
-        meet(self, template, partial(self._meet, bodies))
+
+        def hear_all(label: str) -> None:
+            for body in bodies:
+                self._hear(f"{label}/{body}")
+
+        meet(self, f"mocap/{{}}/{bodies[0]}/pose", hear_all)
         keep_live(self, LIVE, self._changed, self._change)
         self._last_ns: dict[str, int] = {}  # by the tracker's label and body
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
-
-    def _meet(self, bodies: Sequence[str], label: str) -> None:
-        for body in bodies:
-            self._hear(f"{label}/{body}")
 
     def _hear(self, body: str) -> None:
         self._waiting[body] = deque()
@@ -193,13 +195,9 @@ class MocapIngest(Node):
     def _ingest(self, body: str, measured: PoseNumbers) -> None:
         start_s = time.perf_counter()
         first = not self._states[body].recent
+        pose = measured.pose[:3], measured.pose[3:], measured.frame_id
         self._states[body], result = ingest_pose(
-            self._settings,
-            self._states[body],
-            measured.stamp_ns,
-            measured.pose[:3],
-            measured.pose[3:],
-            measured.frame_id,
+            self._settings, self._states[body], measured.stamp_ns, *pose
         )
         if isinstance(result, Rejected):
             self._diagnostics.reject(result.reason, f"{body}: {result.detail}")
@@ -211,23 +209,13 @@ class MocapIngest(Node):
         if result.reanchored:
             self._diagnostics.count("track_restarted")
             self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")
-        world_frame, variance = self._settings.world_frame, self._settings.orientation_std_rad**2
-        self._outputs[body].publish(to_odometry(result, body, world_frame, variance))
-        if self._frames.heard:
-            pose = to_pose(result.position, result.orientation)
-            self._frames.send(
-                result.stamp_ns, self._settings.world_frame, f"human_{body.replace('/', '_')}", pose
-            )
+        world, variance = self._settings.world_frame, self._settings.orientation_std_rad**2
+        message = to_odometry(result, body, world, variance)
+        self._outputs[body].publish(message)
+        name = f"human_{body.replace('/', '_')}"
+        self._frames.send(result.stamp_ns, world, name, message.pose.pose)
         self._diagnostics.tick(f"human/{body}")
         self._diagnostics.latency(time.perf_counter() - start_s)
-
-
-def _check_bodies(bodies: Sequence[str]) -> list[str]:
-    names = [body for body in bodies if body]
-    if not names or len(set(names)) != len(names):
-        cure = "Use e.g. [wrist]."
-        raise ArgumentError.about("parameter bodies", "different names", list(bodies), cure)
-    return names
 
 
 main = partial(run, MocapIngest)

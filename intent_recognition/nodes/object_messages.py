@@ -40,11 +40,8 @@ def cloud_arrays(message: PointCloud2) -> tuple[NDArray, NDArray | None]:
         raise MessageError.about("fields", "x, y, z", f"no {', '.join(missing)}", cure)
     n = message.width * message.height
     expected = message.row_step * message.height
-    if (
-        len(message.data) != expected
-        or message.row_step < message.width * message.point_step
-        or (n and message.point_step == 0)
-    ):
+    fits = len(message.data) == expected and message.row_step >= message.width * message.point_step
+    if not fits or (n and message.point_step == 0):
         got = f"{len(message.data)} bytes, {n} points of {message.point_step}"
         cure = "Set width, height, point_step and row_step to what data holds."
         raise MessageError.about("data", f"{expected} bytes", got, cure)
@@ -72,16 +69,8 @@ def to_labelled_cloud(
         for index, name in enumerate(names)
     ]
     fields.append(PointField(name=LABEL, offset=24, datatype=PointField.UINT32, count=1))
-    message = PointCloud2(
-        header=header,
-        height=1,
-        width=len(points),
-        fields=fields,
-        is_bigendian=False,
-        point_step=table.itemsize,
-        row_step=table.itemsize * len(points),
-        is_dense=True,
-    )
+    message = PointCloud2(header=header, height=1, width=len(points), fields=fields, is_dense=True)
+    message.point_step, message.row_step = table.itemsize, table.nbytes
     message.data = table.tobytes()
     return message
 

@@ -157,7 +157,7 @@ class ObjectTransfer(Node):
     def _on_task(self, message: String) -> None:
         self._task = message.data
 
-    def _on_holding(self, message: Bool) -> None:
+    def _on_holding(self, message: Bool) -> None:  # what the gripper took, or let go, by itself
         self._machine.carry() if message.data else self._machine.drop()
 
     def _on_trajectory(self, message: JointTrajectory) -> None:

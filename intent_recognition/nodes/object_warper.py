@@ -6,7 +6,6 @@
 """
 
 import time
-from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal
 
@@ -55,13 +54,13 @@ class ObjectWarper(Node):
         super().__init__("object_warper", **kwargs)
 
         values = declare(self, "object_warper")
-        source = values["source"]
-        self._source = ObjectModel.learn(load_object(find_object(source)))
-        point = values["mapping"] == "point"
-        self._mapping: Literal["label", "point"] = "point" if point else "label"
-        self._neighbours = values["neighbours"]
-        self._n_points = values["n_points"]
-        self._viewpoint = _position(values["viewpoint"])
+        self._source = ObjectModel.learn(load_object(find_object(values["source"])))
+        self._mapping: Literal["label", "point"] = values["mapping"]
+        self._neighbours, self._n_points = values["neighbours"], values["n_points"]
+        self._viewpoint = np.array(values["viewpoint"], dtype=float)
+        if self._viewpoint.shape != (3,) or not np.isfinite(self._viewpoint).all():
+            expected, cure = "three numbers", "Give x, y and z in metres."
+            raise ArgumentError.about("viewpoint", expected, values["viewpoint"], cure)
         self._above_m = values["stands_above"]
         self._toward: PoseStamped | None = None
         self._frames = FrameOutput(self)
@@ -142,14 +141,6 @@ class ObjectWarper(Node):
         if normals is not None:
             return ObjectCloud(points[kept], normals[kept])
         return with_estimated_normals(points[kept], self._viewpoint)
-
-
-def _position(values: Sequence[float]) -> Floats:
-    position = np.array(values, dtype=float)
-    if position.shape != (3,) or not np.isfinite(position).all():
-        cure = "Give x, y and z in metres."
-        raise ArgumentError.about("viewpoint", "three numbers", list(values), cure)
-    return position
 
 
 main = partial(run, ObjectWarper)

@@ -28,10 +28,6 @@ from intent_recognition.nodes.serialized import read_odometry
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import frame_name
 
-INPUT = qos.keep_last(1000, reliable=False)
-"""As sensor data. Convention: the queue holds 10 s at 100 Hz, so that nothing is lost while a
-movement is filtered again (onset, new model)."""
-
 OTHER_FRAME = ", in another frame"
 """In the diagnostics, after the topic: poses that are not in the frame of the demonstrations."""
 CURE = (
@@ -49,12 +45,10 @@ def human_topic(entry: DofEntry, person: str = "") -> str:
 class ObservationInput:
     """One subscription for each observed topic; all entries of the topic read its messages.
 
-    Args:
-        diagnostics: counts messages that cannot be read, under `missing_dof` or `malformed`.
-        observe: takes an observation and the name of its topic; returns False if it was refused.
-        observe_context: the same for samples of the scene.
-        person: whose topics: poses are heard on human/<person>/<body>, other things on
-            <person>/<topic>; those of the scene are everybody's.
+    `observe` takes an observation and the name of its topic, and returns False if it was refused;
+    `observe_context` the same for samples of the scene. Poses of a person with a name are heard on
+    human/<person>/<body>, other things on <person>/<topic>; those of the scene are everybody's.
+    Messages that cannot be read are counted under `missing_dof` or `malformed`.
     """
 
     def __init__(
@@ -99,7 +93,9 @@ class ObservationInput:
             kind = Odometry if raw else self._kinds[entry.type]
             callback = partial(self._on_odometry if raw else self._on_message, readers)
             name = self._heard_on(entry, raw)
-            source = self._backlog.subscribe(self._node, kind, name, callback, INPUT, raw=raw)
+            # 10 s at 100 Hz: nothing is lost while a movement is filtered again (onset, new model).
+            deep = qos.keep_last(1000, reliable=False)
+            source = self._backlog.subscribe(self._node, kind, name, callback, deep, raw=raw)
             self._diagnostics.watch(source, name)
             if any(reader.entry.context for reader in readers):  # it may have been said before
                 self._backlog.subscribe(self._node, kind, name, callback, qos.LATCHED, raw=raw)
@@ -156,13 +152,10 @@ class ObservationInput:
         self._diagnostics.tick(topic + OTHER_FRAME)
         if topic not in self._told:
             self._told.add(topic)
-            text = describe(
-                topic,
-                f"poses in the frame of the demonstrations, {' and '.join(map(repr, learned))}",
-                repr(frame_id),
-                CURE,
-            )
-            self._node.get_logger().warning(printable(text))
+            frames = " and ".join(map(repr, learned))
+            expected = f"poses in the frame of the demonstrations, {frames}"
+            text = printable(describe(topic, expected, repr(frame_id), CURE))
+            self._node.get_logger().warning(text)
 
     def _take(
         self,

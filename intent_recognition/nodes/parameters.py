@@ -94,14 +94,9 @@ def keep_live(
 ) -> None:
     """Let parameters of a node change.
 
-    rclpy refuses wrong types, values out of range and read-only parameters, and `declare` what is
-    not finite; `check` refuses values that do not fit one another.
-
-    Args:
-        node: node that has declared them.
-        names: parameters that may change.
-        check: raises an IntentError if the new values cannot be taken; changes nothing.
-        apply: takes the new values.
+    rclpy refuses wrong types, values out of range and read-only parameters, and `declare`
+    what is not finite; `check` raises an IntentError if values do not fit one another, and changes
+    nothing; `apply` takes them.
     """
     known = frozenset(names)
 
@@ -141,20 +136,17 @@ def _descriptor(kind: Parameter.Type, spec: ParameterSpec) -> ParameterDescripto
     descriptor = ParameterDescriptor(
         type=kind.value, description=spec.description, read_only=not spec.live
     )
-    low, high = spec.minimum, spec.maximum
-    if low is None and high is None:
+    if spec.minimum is None and spec.maximum is None:
         return descriptor
-    if isinstance(spec.default, float):
-        least, most = (-sys.float_info.max, sys.float_info.max)
-        limits = [float(least if low is None else low), float(most if high is None else high)]
-        limited = FloatingPointRange(from_value=limits[0], to_value=limits[1], step=0.0)
-        descriptor.floating_point_range = [limited]
+    whole, most = not isinstance(spec.default, float), sys.float_info.max
+    low = (-(2**63) if whole else -most) if spec.minimum is None else spec.minimum
+    high = (2**63 - 1 if whole else most) if spec.maximum is None else spec.maximum
+    if whole:
+        limits = IntegerRange(from_value=int(low), to_value=int(high), step=1)
+        descriptor.integer_range = [limits]
     else:
-        first, last = (
-            int(-(2**63) if low is None else low),
-            int(2**63 - 1 if high is None else high),
-        )
-        descriptor.integer_range = [IntegerRange(from_value=first, to_value=last, step=1)]
+        between = FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
+        descriptor.floating_point_range = [between]
     return descriptor
 
 

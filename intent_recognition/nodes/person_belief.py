@@ -52,12 +52,8 @@ class PersonBelief:
         person: str = "",
     ) -> None:
         self._node, self._diagnostics, self._postures = node, diagnostics, postures
-        self._on_change, self.person, self.status, self.publish_rate = (
-            on_change,
-            person,
-            WAITING,
-            25.0,
-        )
+        self._on_change, self.person = on_change, person
+        self.status, self.publish_rate = WAITING, 25.0
         self._newest_ns = 0
         topic = f"intent/{person}/" if person else "intent/"
         self._next_task = NextTaskOutput(node, f"{topic}next_task")

@@ -95,9 +95,8 @@ class PlanFollower:
                 if (names := [step.name for step in steps if str(step) == what])
             ]
             message.message = "; ".join(parts) or "done"
-            message.level = (
-                DiagnosticStatus.WARN if "forgotten" in message.message else DiagnosticStatus.OK
-            )
+            if "forgotten" in message.message:
+                message.level = DiagnosticStatus.WARN
             rows = {step.name: f"{step} {step.done:.2f}" for step in steps}
             message.values = key_values({**rows, "yaml": write_plan(self._plan)})
         if message == self._told or (self._told is None and progress is None):

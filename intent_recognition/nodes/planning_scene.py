@@ -26,11 +26,8 @@ MONITORED, CHANGES = "monitored_planning_scene", "planning_scene"
 class PlanningSceneLink:
     """The things that move_group knows, and ours for it.
 
-    Args:
-        diagnostics: of the node; counts things that cannot be used.
-        use: what is done: `OFF`, `READ`, `OFFER` or `BOTH`.
-        frame: of the scene, in which our boxes stand; objects in another one are rejected.
-        own: our boxes; they are not taken back from the scene.
+    What is done is `use`: `OFF`, `READ`, `OFFER` or `BOTH`. Our own boxes stand in the frame of the
+    scene, and are not taken back from it; objects in another frame are rejected.
 
     Raises:
         ArgumentError: moveit_msgs is not installed for it.
@@ -54,7 +51,7 @@ class PlanningSceneLink:
             node.create_subscription(PlanningScene, MONITORED, self.take, qos.STATE)
         if use in (OFFER, BOTH) and own:
             self._changes = node.create_publisher(PlanningScene, CHANGES, qos.STATE)
-            self._timer = steady_timer(node, 1.0, self._offer)  # for who comes later, too
+            steady_timer(node, 1.0, self._offer)  # for who comes later, too
 
     def take(self, scene: Any) -> None:
         """Take a `moveit_msgs/msg/PlanningScene`: a whole one, or what has changed."""

@@ -245,9 +245,8 @@ class PrimitiveActivation(ManagedNode):
             if self.activation is None:
                 return
             position = joint_values(message, self.joint_names)
-            velocity = None
-            if message.velocity:
-                velocity = joint_values(message, self.joint_names, "velocity")
+            has_velocity = bool(message.velocity)
+            velocity = joint_values(message, self.joint_names, "velocity") if has_velocity else None
         except IntentError as error:
             self.diagnostics.reject(reason_of(error, "joint_states_incomplete"), str(error))
             return
@@ -304,7 +303,9 @@ class PrimitiveActivation(ManagedNode):
         if self.active and self.joint_names:
             with suppress(RejectionError):  # predictions are rejected for it
                 self._keep_clear(self.joint_names)
-        silent = self._silent_streams() if self.active else ""
+        silent_s, senders = self.diagnostics.silent_s, SENDERS.items() if self.active else ()
+        dead = [f"{name} ({who})" for name, who in senders if silent_s(name) > SILENT_S]
+        silent = f"silent: {', '.join(dead)}" if dead else ""
         changed = self._output.look_for_others() or silent != self._silent
         refused = bool(self._output.shared) and not self._settings.allows_shared_arm
         if refused and not self._refused:
@@ -316,11 +317,6 @@ class PrimitiveActivation(ManagedNode):
             self._silent = silent
             self._output.status(self.activation, self._silent)
             self.diagnostics.publish()
-
-    def _silent_streams(self) -> str:
-        silent_s = self.diagnostics.silent_s
-        dead = [f"{name} ({who})" for name, who in SENDERS.items() if silent_s(name) > SILENT_S]
-        return f"silent: {', '.join(dead)}" if dead else ""
 
     # Steps
 
@@ -361,13 +357,10 @@ class PrimitiveActivation(ManagedNode):
         """Fix the joints; for those of before, the command in force is not forgotten."""
         self._correction.update(names, self._settings.taught)
         settings = replace(
-            self._settings.settings(
-                names,
-                self._starts,
-                self._things.clearance,
-                self._person.separation,
-                self._person.slow_places,
-            ),
+            self._settings.settings(names, self._starts),
+            clearance=self._things.clearance,
+            separation=self._person.separation,
+            slow_places=self._person.slow_places,
             correction=self._correction.correction,
         )
         self._limits = settings.limits

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
 from intent_recognition.errors import IntentError
@@ -149,10 +149,8 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
                 process.send_signal(number)
             deadline = time.monotonic() + STOP_S
             for process in alive:
-                try:
+                with suppress(subprocess.TimeoutExpired):
                     process.wait(max(0.0, deadline - time.monotonic()))
-                except subprocess.TimeoutExpired:
-                    continue
         self._processes.clear()
 
 

@@ -22,14 +22,12 @@ def keep_last(depth: int, *, reliable: bool = True, latched: bool = False) -> Qo
     )
 
 
-SENSOR = keep_last(10, reliable=False)
-"""Best effort, keep last 10: measured streams (`mocap/*`, `human/*`), newest matters most."""
-
 STATE = keep_last(10)
 """Reliable, keep last 10: `joint_states`, `intent/tasks`; best-effort subscribers match too."""
 
-MEASURED = keep_last(10, reliable=False)
-"""Best effort, keep last 10: `joint_states` as they are taken; reliable publishers match too."""
+SENSOR = MEASURED = keep_last(10, reliable=False)
+"""Best effort, keep last 10: measured streams (`mocap/*`, `human/*`), newest matters most; and
+`joint_states` as they are taken, since reliable publishers match too."""
 
 COMMAND = keep_last(1)
 """Reliable, keep last 1: trajectories and predictions, where only the newest counts."""
@@ -69,7 +67,7 @@ def recorded_profile(info: TopicInfo) -> QoSProfile:
     if offered:
         latched = all(qos_policy(p, "durability") == "transient_local" for p in offered)
         sensor = any(qos_policy(p, "reliability") == "best_effort" for p in offered)
-        depth = max(1, *(int(p.get("depth") or 0) for p in offered)) if latched else PLAYBACK_DEPTH
+        depth = max(1, *(int(p.get("depth") or 0) for p in offered)) if latched else depth
     elif latched:
         depth = 1
     return keep_last(depth, reliable=not sensor, latched=latched)

@@ -28,8 +28,6 @@ from intent_recognition.errors import ArgumentError, IntentError, nearest, one_l
 from intent_recognition.interrupts import SAME_S
 from intent_recognition.nodes.parameters import COMMAND_LINE, parameter_sources
 
-SPIN_PERIOD_S = 0.1
-"""Time between two looks at signals and at `done` [s]. Convention."""
 END_S = 30.0
 """A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
 closing any file takes."""
@@ -38,8 +36,6 @@ LARGEST_BACK_S = 0.1
 of any recording."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
-QOS = "qos_overrides"
-"""Parameters that begin so are declared with each topic."""
 SomeNode = TypeVar("SomeNode", bound=Node)
 _START_ERRORS = (
     IntentError,
@@ -107,7 +103,8 @@ def check_given(node: Node, arguments: Sequence[str]) -> None:
     """Refuse parameters of a command line that a node has not declared."""
     known = node.get_parameters_by_prefix("")
     for name, source in parameter_sources(arguments, node.get_fully_qualified_name()).items():
-        if source == COMMAND_LINE and name not in known and name.partition(".")[0] != QOS:
+        of_topic = name.partition(".")[0] == "qos_overrides"  # declared with each topic
+        if source == COMMAND_LINE and name not in known and not of_topic:
             cure = nearest(name, known, f"They are {', '.join(sorted(known))}.")
             raise ArgumentError.about("-p", "a parameter of the node", name, cure)
 
@@ -204,7 +201,7 @@ def spin_until(executor: Executor, condition: Callable[[], object], timeout_s: f
     while not condition():
         if time.monotonic() > end_s:
             return False
-        executor.spin_once(timeout_sec=SPIN_PERIOD_S / 2)
+        executor.spin_once(timeout_sec=0.05)
     return True
 
 
@@ -214,9 +211,7 @@ def spinning(
 ) -> Iterator[tuple[SomeNode, Executor]]:
     """A node of this process and the executor that runs its callbacks; both end with the block.
 
-    Args:
-        make_node: builds the node; called once, after `rclpy.init`, which leaves signals alone.
-        args: command line with `--ros-args ...`.
+    The node is built once, after `rclpy.init`, which leaves signals alone.
     """
     rclpy.init(args=list(args), signal_handler_options=SignalHandlerOptions.NO)
     executor = node = None
@@ -287,7 +282,7 @@ def _spin(node: Node, signals: _Signals) -> None:
     diagnostics = getattr(node, "diagnostics", None) or getattr(node, "_diagnostics", None)
     try:
         while rclpy.ok() and not signals.received and not getattr(node, "done", False):
-            executor.spin_once(timeout_sec=SPIN_PERIOD_S)
+            executor.spin_once(timeout_sec=0.1)
             if diagnostics is not None:
                 diagnostics.answer()
     finally:
