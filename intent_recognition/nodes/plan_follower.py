@@ -18,7 +18,6 @@ from intent_recognition.recognition import IntentEstimator
 from intent_recognition.untrusted import read_named
 
 PLAN = "plan"
-"""The parameter that names it."""
 
 
 class PlanFollower:

@@ -80,15 +80,10 @@ def joint_path(
     *,
     hand_of: tuple[Arm, Floats] | None = None,
 ) -> JointPath:
-    """The path of the arm's joints, from theirs or from those of its hand.
+    """The path of the arm's joints from positions (T, n) [rad] at increasing times (T,).
 
-    Args:
-        limits: of the joints.
-        times_s: (T,) increasing.
-        positions: (T, n) [rad], or of the hand (T, 3 or 6).
-        velocities: (T, n) [rad/s]; None, and those of a hand: from the positions.
-        hand_of: the arm whose hand the positions are of, and the posture (n,) [rad] that its
-            joints are drawn to; None: they are of joints.
+    Without velocities (T, n) [rad/s], they are those of the positions. With `hand_of`, an arm and
+    the posture (n,) [rad] that its joints are drawn to, the positions (T, 3 or 6) are of its hand.
 
     Raises:
         RejectionError: the hand cannot get there, or a joint would leave its range.

@@ -55,10 +55,8 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     terminal and launch both send one, so that a second one within `SAME_S` is the same;
     a later one interrupts at once.
 
-    Args:
-        make_node: builds the node; called once, after `rclpy.init`.
-        args: command line with `--ros-args ...`; None takes the process's own. A parameter that
-            the node has not is an error: rclpy passes over it.
+    Without `args`, a command line with `--ros-args ...`, the process's own is taken. A parameter
+    that the node has not is an error: rclpy passes over it.
 
     Returns:
         The exit code: 1 with one line in the log, and no traceback, if the node could not start

@@ -18,15 +18,13 @@ from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall, arguments_of
 from intent_recognition.registry import BODY, HEARD, SAMPLED
 from intent_recognition.share import PACKAGE
 
-PARAMETER_SERVICES = tuple(
-    f"~/{name}"
-    for name in ("describe_parameters", "get_parameter_types", "get_parameters")
-    + ("list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description")
+PARAMETER_SERVICES = (
+    *("~/describe_parameters", "~/get_parameter_types", "~/get_parameters", "~/list_parameters"),
+    *("~/set_parameters", "~/set_parameters_atomically", "~/get_type_description"),
 )
-LIFECYCLE_SERVICES = tuple(
-    f"~/{name}"
-    for name in ("change_state", "get_state", "get_available_states")
-    + ("get_available_transitions", "get_transition_graph")
+LIFECYCLE_SERVICES = (
+    *("~/change_state", "~/get_state", "~/get_available_states"),
+    *("~/get_available_transitions", "~/get_transition_graph"),
 )
 
 
@@ -44,7 +42,7 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
     values = arguments_of(graph, given)
     dofs = _dofs(values)
     named = values.get("bodies")
-    bodies = [*named] if isinstance(named, tuple) else ["wrist"]
+    bodies = named if isinstance(named, tuple) else ("wrist",)
     sampled = {entry.topic.lstrip("/") for entry in (*dofs.recorded, *dofs.velocities)}
     tracked = {topic.split("/")[1] for topic in sampled if _is_tracked(topic)}
     heard = {f"human/{topic.split('/')[1]}" if _is_tracked(topic) else topic for topic in sampled}

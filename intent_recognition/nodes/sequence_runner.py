@@ -3,7 +3,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -89,10 +89,8 @@ class SequenceRunner:
     def update(self, activation: Activation, make_path: MakePath, arm: FindArm) -> None:
         """Take note of what the arm does, and order the next step where its condition holds.
 
-        Args:
-            activation: executes.
-            make_path: of joints, from a trajectory of the library's controlled DOFs.
-            arm: the one whose hand via points mean, as far as it is known.
+        Paths are made of trajectories of the library's controlled DOFs; via points mean the hand of
+        `arm`, as far as it is known.
         """
         if not self._sequences or self._library is None:
             return
@@ -121,18 +119,10 @@ class SequenceRunner:
         elif self._rest_since_s is None:
             self._rest_since_s = now_s
         resting_s = 0.0 if self._rest_since_s is None else now_s - self._rest_since_s
-        return Moment(
-            now_s,
-            activation.counts["started"],
-            activation.active_task,
-            activation.arrived,
-            resting_s,
-            self._fresh_places(),
-        )
-
-    def _fresh_places(self) -> Mapping[str, Floats]:
-        now_s = time.monotonic()
-        return {body: at for body, (s, at) in self._places.items() if now_s - s <= FRESH_S}
+        fresh_s = time.monotonic() - FRESH_S
+        places = {body: at for body, (seen_s, at) in self._places.items() if seen_s >= fresh_s}
+        n_started, task = activation.counts["started"], activation.active_task
+        return Moment(now_s, n_started, task, activation.arrived, resting_s, places)
 
     def _prediction(
         self, library: TaskLibrary, task: str, make_path: MakePath, arm: FindArm

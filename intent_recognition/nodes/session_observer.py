@@ -73,10 +73,8 @@ class _Seen:
 class SessionObserver(Node):
     """Collects the topics of a toolbox session until `log` is asked for.
 
-    Args:
-        on_task: called with the ground truth label, or "" at the end of a movement, and the person.
-        on_active: called with the active task whenever it changes.
-        people: names of those who work; empty: one without a name.
+    `on_task` is called with the ground truth label, or "" at the end of a movement, and the person;
+    `on_active` with the active task whenever it changes. Without `people` one has no name.
     """
 
     def __init__(
@@ -96,12 +94,7 @@ class SessionObserver(Node):
         self._transfers: list[tuple[int, str, Floats]] = []
         topics: list[tuple[type, str, Callable[[Any], None], QoSProfile]] = [
             (String, "intent/active_task", self._take_active, qos.LATCHED),
-            (
-                String,
-                "intent/active_person",
-                lambda message: self._helped.append((now_ns(self), message.data)),
-                qos.LATCHED,
-            ),
+            (String, "intent/active_person", self._take_helped, qos.LATCHED),
             (JointState, "joint_states", self._take_joints, qos.MEASURED),
             (JointState, "coworker/hand", partial(self._keep, self._contacts, 3), qos.STATE),
             (JointState, "intent/transfer", partial(self._keep, self._transfers, 5), qos.STATE),
@@ -114,7 +107,12 @@ class SessionObserver(Node):
                 (JointState, f"intent/{of}tasks", self._now(seen.take_tasks), qos.STATE),
                 (JointTrajectory, f"intent/{of}robot_trajectory", predicted, qos.COMMAND),
                 (Path, f"intent/{of}human_path", self._now(seen.take_path), qos.COMMAND),
-                (String, f"coworker/{of}task", partial(_tell, on_task, person), qos.STATE),
+                (
+                    String,
+                    f"coworker/{of}task",
+                    partial(_tell, on_task, person),
+                    qos.STATE,
+                ),
             ]
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
@@ -177,6 +175,9 @@ class SessionObserver(Node):
             ContactLog(*_states(contacts, 3)),
             TransferLog(*_states(transfers, 5)),
         )
+
+    def _take_helped(self, message: String) -> None:
+        self._helped.append((now_ns(self), message.data))
 
     def _take_active(self, message: String) -> None:
         if self._active or message.data:

@@ -42,8 +42,8 @@ from intent_recognition.nodes.runtime import now_ns, run, steady_timer
 from intent_recognition.nodes.services import answer, serve
 from intent_recognition.nodes.task_practice import TaskPracticeService
 from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
+from intent_recognition.registry import LEARNING
 
-ESTIMATOR = "intent_estimator"
 ANSWER_S = 5.0
 """An estimator that has not answered for so long is asked again [s]. Convention: a model is loaded
 in less than one."""
@@ -90,20 +90,14 @@ class TaskTeacher(TopicRecorder):
         self.add_on_set_parameters_callback(refuse_label)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         self._skills = self.create_publisher(DiagnosticArray, "teach/skills", qos.LATCHED)
-        for name, action in (
-            ("start", self.start),
-            ("stop", self.stop),
-            ("learn", self.learn),
-            ("discard", self.discard),
-            ("undo", self.undo),
-            ("keep", self.keep),
-            ("accept", self.practice.accept),
-        ):
-            serve(self, name, action)
+        for name in LEARNING:
+            serve(self, name, getattr(self, name))
+        serve(self, "accept", self.practice.accept)
         self.create_service(SetBool, "~/practise", self._practise)
-        self._set_model = self.create_client(SetParameters, f"{ESTIMATOR}/set_parameters")
-        self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
-        self._estimator_name = self.resolve_topic_name(ESTIMATOR).lstrip("/")
+        estimator = "intent_estimator"
+        self._set_model = self.create_client(SetParameters, f"{estimator}/set_parameters")
+        self._reload = self.create_client(Trigger, f"{estimator}/reload_model")
+        self._estimator_name = self.resolve_topic_name(estimator).lstrip("/")
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_reports, 10)
         self._hand_link = values["hand_link"]
         self.create_subscription(String, "intent/active_task", self._on_active, qos.LATCHED)
@@ -272,14 +266,10 @@ class TaskTeacher(TopicRecorder):
         self.sending_model, self._asked_s = True, time.monotonic()
         value = Parameter("model", value=self._model_in_force).to_parameter_msg()
         asked = self._set_model.call_async(SetParameters.Request(parameters=[value]))
-        asked.add_done_callback(lambda _: self._ask_to_load(text))
+        load, loaded = self._reload.call_async, partial(self._loaded, text)
+        asked.add_done_callback(lambda _: load(Trigger.Request()).add_done_callback(loaded))
 
-    def _ask_to_load(self, text: str) -> None:
-        self._reload.call_async(Trigger.Request()).add_done_callback(
-            lambda future: self._loaded(future, text)
-        )
-
-    def _loaded(self, future: Future, text: str) -> None:
+    def _loaded(self, text: str, future: Future) -> None:
         self.sending_model = False
         answer = future.result()
         if answer.success:

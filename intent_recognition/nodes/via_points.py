@@ -23,7 +23,6 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 
 VIA_POINTS = "via_points"
-"""The parameter that holds them."""
 
 
 class ViaPointInput:
@@ -39,11 +38,10 @@ class ViaPointInput:
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._diagnostics = diagnostics
         self._publisher = node.create_publisher(String, "intent/via_points", qos.LATCHED)
-        text = declare(node, "via_points")[VIA_POINTS]
-        self._points = read_via_points(text)
+        self._points = read_via_points(declare(node, "via_points")[VIA_POINTS])
         self._estimators: Sequence[IntentEstimator] = ()
         self._bent = BentLibrary()
-        self._refused: tuple[tuple[ViaPoint, ...], TaskLibrary] | None = None
+        self._refused: tuple[tuple[ViaPoint, ...], TaskLibrary | None] = (), None
         self._shown: tuple[tuple[ViaPoint, ...], tuple[str, ...]] | None = None
 
     def check(self, text: str, estimators: Sequence[IntentEstimator], arm: Arm | None) -> None:
@@ -63,9 +61,7 @@ class ViaPointInput:
         library = estimators[0].taught
         if self._estimators != estimators:  # nothing is in force in a new one
             self._estimators, self._bent = estimators, BentLibrary()
-        refused = self._refused is not None and (
-            self._refused[0] == self._points and self._refused[1] is library
-        )
+        refused = self._refused[0] == self._points and self._refused[1] is library
         if self._points != self._bent.points and not refused:
             waits = arm is None and not hand_columns(library.controlled_names)
             if waits and any(point.of_hand for point in self._points):

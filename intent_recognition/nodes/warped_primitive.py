@@ -32,12 +32,10 @@ from intent_recognition.promp import NONE
 from intent_recognition.share import share_path
 from intent_recognition.warping import PourPlan, SeenContainer, plan_pour
 
-CUP, SECOND = OBJECTS = ("cup", "second")
+OBJECTS = ("cup", "second")
 REQUEST = "pour"
 REFUSED = "refused"
 """Key of the diagnostics: why the last pour asked for was refused; empty where it was not."""
-SHIPPED = "config/skills/pouring.npz"
-"""What was learned from `bags/pouring/train`."""
 DELAY_NS = 500_000_000
 """From a request to the onset of the pour [ns]. Convention: more than a decision takes."""
 WATCH_NS = 1_000_000_000
@@ -50,9 +48,7 @@ class WarpedPrimitiveNode(Node):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("warped_primitive", **kwargs)
         values = declare(self, "warped_primitive")
-        skill = values["skill"]
-        self._task = values["task"]
-        self._fluid = values["fluid"]
+        self._task, self._fluid, skill = values["task"], values["fluid"], values["skill"]
         self._skill = load_pouring_skill(skill if Path(skill).is_file() else share_path(skill))
         self._diagnostics = Diagnostics(self)
         self._vectors: dict[str, JointState] = {}
@@ -60,19 +56,16 @@ class WarpedPrimitiveNode(Node):
         self._joints: Floats | None = None
         self._end_ns, self._left, self._arrived = 0, self._fluid, False
         self._builder = TrajectoryBuilder(JOINT_NAMES)
+        listen, hear = self.create_subscription, self._diagnostics.subscribe
         for name in OBJECTS:
-            self.create_subscription(
-                JointState, f"{name}/parameters", partial(self._keep, self._vectors, name), 10
+            take_vector, take_pose = (
+                partial(self._keep, table, name) for table in (self._vectors, self._poses)
             )
-            self.create_subscription(
-                PoseStamped, f"{name}/pose", partial(self._keep, self._poses, name), 10
-            )
-        hear = self._diagnostics.subscribe
+            listen(JointState, f"{name}/parameters", take_vector, 10)
+            listen(PoseStamped, f"{name}/pose", take_pose, 10)
         hear(JointState, "joint_states", self._on_joint_states, qos.MEASURED)
         hear(String, REQUEST, self._on_request, qos.STATE)
-        self.create_subscription(
-            DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK
-        )
+        listen(DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK)
         when_clock_goes_back(self, self._forget)
         self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
         self._trajectory = self.create_publisher(
@@ -104,7 +97,7 @@ class WarpedPrimitiveNode(Node):
 
     def _on_request(self, message: String) -> None:
         try:
-            if self._busy:
+            if self._end_ns:
                 raise MessageError.about(REQUEST, "no pour under way", "one", "Wait for it.")
             plan, joints = self._plan(message.data)
         except IntentError as error:
@@ -115,21 +108,19 @@ class WarpedPrimitiveNode(Node):
         onset_ns = now_ns(self) + DELAY_NS
         self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + WATCH_NS
         self._left, self._arrived = plan.left, False
-        trajectory = self._builder.build(
-            onset_ns, plan.times_s, joints, None, joint_std(plan, joints)
-        )
-        trajectory.header.frame_id = self._task
+        numbers = plan.times_s, joints, None, joint_std(plan, joints)
+        trajectory = self._builder.build(onset_ns, *numbers, frame_id=self._task)
         self._on_timer()  # the task before its trajectory
         self._trajectory.publish(trajectory)
         self._diagnostics.tick("intent/robot_trajectory")
         self.get_logger().info(f"pour {message.data}: {100.0 * plan.left:.0f} % are to be left")
 
     def _plan(self, asked: str) -> tuple[PourPlan, Floats]:
-        seen = {name: self._seen(name) for name in OBJECTS}
+        cup, second = map(self._seen, OBJECTS)
         if self._joints is None:
             raise MessageError.about("joint_states", "those of the arm", "none", "Start it.")
         hand = forward_kinematics(self._joints)
-        plan = plan_pour(self._skill, seen[CUP], seen[SECOND], hand, asked, self._fluid)
+        plan = plan_pour(self._skill, cup, second, hand, asked, self._fluid)
         return plan, follow_poses(plan.hand_poses, self._joints)
 
     def _seen(self, name: str) -> SeenContainer:
@@ -138,21 +129,17 @@ class WarpedPrimitiveNode(Node):
             raise MessageError.about(f"{name}/parameters", "a seen container", "none", cure)
         return seen_container(self._vectors[name], self._poses[name])
 
-    @property
-    def _busy(self) -> bool:
-        return self._end_ns > 0
-
     def _on_timer(self) -> None:
         now = now_ns(self)
         if now <= 0:
             return
-        if self._busy and now > self._end_ns:
+        if 0 < self._end_ns < now:
             self._end_ns = 0
             if self._arrived:
                 self._fluid = self._left
             else:
                 self._diagnostics.reject("not_poured", "the arm did not get to the pour's end")
-        pours = float(self._busy)
+        pours = float(self._end_ns > 0)
         message = to_joint_state((self._task, NONE), (pours, 1.0 - pours), (0.0, 0.0), time_ns=now)
         self._tasks.publish(message)
         self._diagnostics.tick("intent/tasks")
