@@ -7,15 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.activation.arm_clock import ArmClock
+from intent_recognition.activation.inbox import LARGEST_SKEW_NS
 from intent_recognition.activation.lateness import LARGEST_LATENESS_NS, Lateness
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.array_types import Floats
 from intent_recognition.motion import JointReference
 
-LARGEST_SKEW_NS = 1_000_000_000
-"""A joint state stamped farther from its arrival than this [ns] is dropped. Convention: clocks of
-a graph differ by less."""
 HELD_WITHIN_RAD = 0.05
 """An arm at rest farther from its reference than this in a joint [rad] was moved by others.
 Convention: 3 degrees, more than an arm sags."""

@@ -19,8 +19,9 @@ from intent_recognition.recognition import (
     uncertain_end,
 )
 
-_LARGEST_AHEAD_NS = 1_000_000_000
-"""A stamp may be ahead of the clock by this [ns]. Convention: clocks of a graph differ by less."""
+LARGEST_SKEW_NS = 1_000_000_000
+"""A stamp may be ahead of the clock, and that of a joint state before its arrival, by this [ns].
+Convention: clocks of a graph differ by less."""
 
 
 class _Estimate(NamedTuple):
@@ -31,11 +32,10 @@ class _Estimate(NamedTuple):
     log_evidence: Floats | None
 
     def repeats(self, other: "_Estimate | None") -> bool:
-        """Whether it says the same as another."""
         return other is not None and (
             list(self.labels) == list(other.labels)
             and np.array_equal(self.probabilities, other.probabilities)
-            and _same(self.log_evidence, other.log_evidence)
+            and np.array_equal(self.log_evidence, other.log_evidence)  # type: ignore[arg-type]
         )
 
 
@@ -47,10 +47,6 @@ def _question(
         return {}
     possible = possible_tasks(settings, labels, probabilities)
     return {label: chances[label] for label in possible} if len(possible) > 1 else {}
-
-
-def _same(a: Floats | None, b: Floats | None) -> bool:
-    return a is b if a is None or b is None else np.array_equal(a, b)
 
 
 class EstimatorInbox:
@@ -96,9 +92,9 @@ class EstimatorInbox:
     def is_ahead(self, now_ns: int, stamp_ns: int, topic: str) -> bool:
         """Whether a message is from the future; such a one is rejected."""
         ahead_ns = stamp_ns - now_ns
-        if ahead_ns > _LARGEST_AHEAD_NS:
+        if ahead_ns > LARGEST_SKEW_NS:
             self._reject("stamp_in_future", f"{topic} {ahead_ns * 1e-9:.1f} s ahead")
-        return ahead_ns > _LARGEST_AHEAD_NS
+        return ahead_ns > LARGEST_SKEW_NS
 
     def mark_served(self, interaction: ActiveInteraction | None) -> None:
         """Start nothing that began before this interaction's end, until the human has rested.

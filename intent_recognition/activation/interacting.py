@@ -13,11 +13,10 @@ from intent_recognition.activation.states import (
     PredictedInteraction,
     Transition,
 )
+from intent_recognition.activation.things import SEARCH_EVERY_S
 from intent_recognition.activation.waiting import Waiting
 
-_RETRY_NS = 250_000_000
-"""Time between two tries of the same prediction while no way is found [ns]. Convention: a search
-takes less than half of it."""
+_RETRY_NS = round(1e9 * SEARCH_EVERY_S)
 
 
 class _Blocked(NamedTuple):

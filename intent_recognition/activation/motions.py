@@ -279,7 +279,12 @@ class Motions:
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
         self._paced_by, self._clear_of = self.people, self._common.settings.clearance
-        too_fast = paced and self._too_fast(current, start_ns)
+        excess, begun_ns = self._common.settings.separation, current.start_ns
+        too_fast = (
+            paced
+            and excess is not None
+            and excess.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
+        )
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
         if not (too_fast or touches or brakes or (paced and way.slowed)):
@@ -314,12 +319,6 @@ class Motions:
         rests_s = (now_ns - way.command.end_ns) * 1e-9
         return way.command is self._arm.current and rests_s > clearance.wait_s
 
-    def _too_fast(self, current: Command, start_ns: int) -> bool:
-        separation, begun_ns = self._common.settings.separation, current.start_ns
-        return separation is not None and (
-            separation.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
-        )
-
     def _send_clear(
         self, now_ns: int, start_ns: int, start: JointReference, way: PlannedWay, what: str
     ) -> Command | None:
@@ -330,9 +329,8 @@ class Motions:
             self._touches(way.plan, what)
             return None
         ends = np.stack([start.position, way.plan.end])
-        straight = make_path(
-            np.array([0.0, way.plan.duration_s]), ends, self._common.settings.limits
-        )
+        times_s, limits = np.array([0.0, way.plan.duration_s]), self._common.settings.limits
+        straight = make_path(times_s, ends, limits)
         found = self._clear_of_things(now_ns, "", straight, 0.0)
         if isinstance(found, Obstruction):
             self.things.refuse(what, found)
@@ -373,11 +371,8 @@ class Motions:
     def _stop_plan(self, start_ns: int, executed: PredictedInteraction | None) -> JointPlan:
         current = self._arm.in_force()
         start = current.at(start_ns)
-        progress, limits, followed = (
-            current.phase_at(start_ns),
-            self._common.settings.limits,
-            self._followed,
-        )
+        progress, limits = current.phase_at(start_ns), self._common.settings.limits
+        followed = self._followed
         if executed is None or followed is None or current.plan.kind in ("home", "yield"):
             return brake_plan(start, progress.phase, limits)
         return stop_plan(followed.clear.path, start, limits, progress)

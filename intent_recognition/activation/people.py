@@ -12,13 +12,7 @@ from intent_recognition.recognition import DecisionState
 
 
 class HelpRequest(NamedTuple):
-    """A person whose task is certain.
-
-    Attributes:
-        probability: of the task.
-        needed_ns: when the arm is needed at the end of its path.
-        duration_s: of that path.
-    """
+    """A person whose task is certain, and when the arm is needed at the end of its path."""
 
     person: str
     probability: float

@@ -65,13 +65,10 @@ class Pretrigger:
 
     def forget(self) -> None:
         """Back to the beginning."""
-        self.label = ""
+        self.label = self._against = ""
         self._expected: _Expected | None = None
-        self._allowed = False
-        self._arrival_ns = 0
-        self._n_against = 0
-        self._against = ""
-        self._moved = False
+        self._allowed = self._moved = False
+        self._arrival_ns = self._n_against = 0
 
     @property
     def expected(self) -> str:
@@ -97,12 +94,7 @@ class Pretrigger:
         self._allowed, self.label = True, ""
 
     def wanted(self, idle_since_ns: int) -> str:
-        """Task to go ahead for now, or empty.
-
-        Args:
-            idle_since_ns: stamp since which the human rests; an older expectation is of the
-                movement before.
-        """
+        """Task to go ahead for now, or empty; expectations from before the human's rest are old."""
         expected, settings = self._expected, self.settings
         if settings.threshold <= 0.0 or not self._allowed or expected is None:
             return ""

@@ -53,22 +53,18 @@ from intent_recognition.recognition import DecisionState
 _LARGEST_BACK_NS = 100_000_000
 """A clock may go back by this [ns]. Convention: more than the jitter of threads, less than any
 restart of a simulation or recording."""
-_N_OUTCOMES = 100
-"""Outcomes that are kept until they are taken. Convention."""
 
 
 class Activation:
     """Takes what is observed, and gives the next command when `step` is called.
 
-    Args:
-        settings: how to act.
-        reject: called with (reason, text) for everything not acted on.
+    `reject` is called with (reason, text) for everything not acted on.
 
     Attributes:
         state: see `states`.
         counts: how often plans were made, slowed, clamped, stopped and so on.
         pretrigger: which task the arm has gone ahead for.
-        outcomes: of interactions that ended, the last `_N_OUTCOMES` of them.
+        outcomes: of interactions that ended, the last 100 of them until they are taken.
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
@@ -79,7 +75,7 @@ class Activation:
         self._correcting, self._waiting = Correcting(parts), Waiting(parts)
         self._transitions = Transitions(parts, self._waiting, self._correcting)
         self._now_ns, self._helped = 0, ""
-        self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
+        self.outcomes: deque[Outcome] = deque(maxlen=100)
         self.state: State = Idle()
 
     def _start_over(self) -> None:
@@ -180,15 +176,10 @@ class Activation:
         log_evidence: Floats | None = None,
         person: str = "",
     ) -> None:
-        """Take the probabilities of one observation.
+        """Take the probabilities (K + 1,) of the K tasks and none by one observation of a person.
 
-        Args:
-            now_ns: now, by the clock of `step`.
-            stamp_ns: of the observation.
-            labels: of the K tasks and none.
-            probabilities: theirs, (K + 1,), sum to one.
-            log_evidence: log density of the movement under each, (K + 1,); None where not known.
-            person: of whom; with names there are several people, and the arm helps one at a time.
+        They sum to one; so many are the log densities of the movement under each, None where not
+        known. People with names are several, of whom the arm helps one at a time.
 
         Raises:
             ArgumentError: what `decide` cannot take.
@@ -257,14 +248,9 @@ class Activation:
         *,
         now_ns: int | None = None,
     ) -> None:
-        """Take what the arm measured.
+        """Take what the arm measured, (n,) each [rad, rad/s]; it came at its stamp if not told.
 
-        Args:
-            stamp_ns: when it was measured.
-            position: (n,) [rad].
-            velocity: (n,) [rad/s]; None where the arm measures none: then a motion begins only
-                once the positions have stood still for 0.1 s.
-            now_ns: when it came, by the clock of `step`; None: at its stamp.
+        Without velocities a motion begins only once the positions have stood still for 0.1 s.
         """
         arrival_ns = stamp_ns if now_ns is None else now_ns
         self._arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)

@@ -255,7 +255,7 @@ def interaction_of(state: State) -> ActiveInteraction | None:
 
 
 def prediction_of(interaction: ActiveInteraction | None) -> PredictedInteraction | None:
-    """The newest prediction that an interaction was planned with, None without an interaction."""
+    """The newest prediction that an interaction, if there is one, was planned with."""
     return None if interaction is None else interaction.prediction
 
 

@@ -149,10 +149,8 @@ class Transitions:
 
     def held(self, state: Arrived, now_ns: int) -> bool:
         """Whether the arm has stayed at the end for long enough, and no object changes hands."""
-        return (
-            now_ns - state.since_ns >= self._parts.settings.hold_s * 1e9
-            and now_ns >= self.exchanging_until_ns
-        )
+        waited = now_ns - state.since_ns >= self._parts.settings.hold_s * 1e9
+        return waited and now_ns >= self.exchanging_until_ns
 
     # Halting
 
@@ -162,6 +160,5 @@ class Transitions:
         return Transition(Stopped(interaction, reason, self._arm.in_force().end_ns), command)
 
     def _reason_to_halt(self, now_ns: int) -> str:
-        return (
-            "stream_stopped" if self._parts.inbox.silent(now_ns) else self._arm.off_command(now_ns)
-        )
+        silent = self._parts.inbox.silent(now_ns)
+        return "stream_stopped" if silent else self._arm.off_command(now_ns)
