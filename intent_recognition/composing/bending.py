@@ -30,12 +30,7 @@ _N_STEPS, _CONVERGED_RAD = 50, 1e-6
 def check_via_points(
     library: TaskLibrary, points: Sequence[ViaPoint], arm: Arm | None = None
 ) -> None:
-    """Make sure that the tasks can pass through via points.
-
-    Args:
-        library: the learned tasks.
-        points: what is asked for.
-        arm: whose hand and limits are meant; None where that is not known.
+    """Make sure that the tasks can pass through via points of an arm, if that is known.
 
     Raises:
         ArgumentError: there is no such task or DOF, a point is outside limits, or farther than

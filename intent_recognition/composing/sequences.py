@@ -113,13 +113,7 @@ class SequenceProgress(NamedTuple):
 
 
 def advance(sequences: Sequences, progress: SequenceProgress, moment: Moment) -> SequenceProgress:
-    """Take a moment into account.
-
-    Args:
-        sequences: all there are.
-        progress: as returned for the moment before; `SequenceProgress()` at the start.
-        moment: what is known now.
-    """
+    """Take a moment into account; `progress` is that of the moment before."""
     out = SequenceProgress(n_started=moment.n_started)
     if moment.n_started != progress.n_started:
         return _begun(sequences, progress, moment)

@@ -17,22 +17,18 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, optional
 from intent_recognition.improvement.space import SearchSpace
 
-SearchPoints = Floats
-Costs = Floats
 Limits = Callable[[Floats], bool]
 """Whether weights (d,) keep the limits."""
 
 
 class Search(Protocol):
-    """A way to look for a cheaper point."""
+    """A way to look for a cheaper point (k,), after those tried (n, k) and their costs (n,)."""
 
-    def ask(self, points: SearchPoints, costs: Costs) -> Floats:
-        """The next point to try (k,), given those tried (n, k) and their costs (n,)."""
-        ...
+    def ask(self, points: Floats, costs: Floats) -> Floats:
+        """The next point to try."""
 
-    def favourite(self, points: SearchPoints, costs: Costs) -> Floats:
-        """The point (k,) to settle for after those tried (n, k) and their costs (n,)."""
-        ...
+    def favourite(self, points: Floats, costs: Floats) -> Floats:
+        """The point to settle for."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ class CovarianceSearch:
     seed: int
     step: float = 1.0
 
-    def ask(self, points: SearchPoints, costs: Costs) -> Floats:
+    def ask(self, points: Floats, costs: Floats) -> Floats:
         """The next point to try (k,), given those tried (n, k) and their costs (n,).
 
         Raises:
@@ -59,7 +55,7 @@ class CovarianceSearch:
         _, generation, left = self._replayed(points, costs)
         return np.asarray(generation[left], dtype=np.float64)
 
-    def favourite(self, points: SearchPoints, costs: Costs) -> Floats:
+    def favourite(self, points: Floats, costs: Floats) -> Floats:
         """The mean of the search's distribution after its last whole generation, (k,).
 
         A mean of many tries is surer than the one luckiest of noisy costs.
@@ -72,7 +68,7 @@ class CovarianceSearch:
         strategy, _, _ = self._replayed(points, costs)
         return np.array(strategy.mean, dtype=np.float64)
 
-    def _replayed(self, points: SearchPoints, costs: Costs) -> tuple[Any, list, int]:
+    def _replayed(self, points: Floats, costs: Floats) -> tuple[Any, list, int]:
         """The strategy, its present generation, and how many of that have been tried."""
         check_tried(points, costs, self.n_axes)
         strategy = self._strategy()
@@ -97,17 +93,9 @@ class CovarianceSearch:
 
 
 def next_point(
-    search: Search, space: SearchSpace, points: SearchPoints, costs: Costs, limits: Limits
+    search: Search, space: SearchSpace, points: Floats, costs: Floats, limits: Limits
 ) -> Floats:
-    """The next point to try (k,), inside the bound and the limits.
-
-    Args:
-        search: how to look.
-        space: where to look.
-        points: tried so far (n, k).
-        costs: of these (n,).
-        limits: what else has to hold, such as joint limits.
-    """
+    """The next point to try (k,), inside the bound and the limits, after (n, k) that cost (n,)."""
     point = _allowed(search.ask(points, costs), space, limits)
     if not (point.any() or limits(space.mean)):
         cure = "Teach the task inside the limits first."
@@ -116,7 +104,7 @@ def next_point(
 
 
 def settled_point(
-    search: Search, space: SearchSpace, points: SearchPoints, costs: Costs, limits: Limits
+    search: Search, space: SearchSpace, points: Floats, costs: Floats, limits: Limits
 ) -> Floats:
     """The point to settle for (k,), inside the bound and the limits; arguments as `next_point`."""
     return _allowed(search.favourite(points, costs), space, limits)
@@ -132,7 +120,7 @@ def _allowed(point: Floats, space: SearchSpace, limits: Limits) -> Floats:
     return np.zeros(space.n_axes)
 
 
-def check_tried(points: SearchPoints, costs: Costs, n_axes: int) -> None:
+def check_tried(points: Floats, costs: Floats, n_axes: int) -> None:
     """Check that there is a point (k,) for each cost."""
     if np.shape(points) != (len(costs), n_axes):
         expected = f"shapes ({len(costs)}, {n_axes}) and ({len(costs)},)"

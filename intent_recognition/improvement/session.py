@@ -23,7 +23,6 @@ from intent_recognition.errors import ModelError, ResourceBusyError
 from intent_recognition.improvement.cost import Cost
 from intent_recognition.improvement.practice import Practice, attempt, mean_outcome
 from intent_recognition.improvement.search import Search, next_point, settled_point
-from intent_recognition.improvement.space import SearchSpace
 from intent_recognition.untrusted import UntrustedError, load_json, read_text
 
 STATE, ROLLOUTS = "practice.json", "rollouts"
@@ -44,14 +43,9 @@ class Tried:
 
 
 class PracticeSession:
-    """Practice that is kept in a folder and goes on from there.
+    """Practice that is kept in a folder, made if it is missing, and goes on from there.
 
-    Args:
-        folder: made if it is missing.
-        practice: what is practised.
-        search: how to look.
-        cost: of a rollout.
-        about: what else the result depends on, such as task, containers and seed.
+    `about` says what else the result depends on, such as task, containers and seed.
 
     Raises:
         ResourceBusyError: the folder holds another practice, or cannot be made.
@@ -67,11 +61,10 @@ class PracticeSession:
         about: Mapping[str, str | int],
     ) -> None:
         self.folder, self._practice, self._search, self._cost = folder, practice, search, cost
-        self.about = {
-            **about,
-            "cost": f"{cost.name} {cost.version}".strip(),
-            "primitive": _digest(practice.space),
-        }
+        parts = practice.space.mean, practice.space.axes, np.array(practice.space.bound)
+        digest = hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:16]
+        named = f"{cost.name} {cost.version}".strip()
+        self.about = {**about, "cost": named, "primitive": digest}
         self.tried = self._read()
 
     @property
@@ -180,8 +173,3 @@ class PracticeSession:
             got = f"practice begun with {with_what}" if known else "a file of another version"
             raise ResourceBusyError.about(str(self.folder), "the same practice", got, cure)
         return tried
-
-
-def _digest(space: SearchSpace) -> str:
-    parts = (space.mean, space.axes, np.array(space.bound))
-    return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:16]

@@ -51,12 +51,8 @@ def load_object(path: str | Path) -> AnnotatedObject:
     except (OSError, UntrustedError) as error:
         raise ModelError.about(str(path), "an annotated object", error, CURE) from error
     version = arrays.get("format_version")
-    if (
-        version is None
-        or version.shape
-        or version.dtype.kind not in "iu"
-        or version not in KNOWN_VERSIONS
-    ):
+    whole = version is not None and not version.shape and version.dtype.kind in "iu"
+    if not whole or version not in KNOWN_VERSIONS:
         place = f"{path}: format_version"
         raise ModelError.about(place, f"one of {KNOWN_VERSIONS}", version, CURE)
     missing = {"name", "points", "normals", "labels"} - arrays.keys()

@@ -28,10 +28,6 @@ with walls fills less."""
 SHORTEST_RIM = 0.5
 """Length of the open edges of a single surface, in diagonals of its box, from which they are a rim.
 Convention: a round rim as wide as its cup is high has 1.8; holes of scans are shorter."""
-N_WALL_POINTS = 1000
-"""Points below which the thickness of the wall is measured. Convention."""
-CLEAR_OF_SURFACE = 1e-6
-"""Where a ray begins below the surface, in diagonals of the box. Convention: above rounding."""
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".xyz")
 """Kinds that are read. Others of trimesh are archives and XML, which may unpack without end."""
 NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .xyz)"
@@ -118,13 +114,9 @@ def _buffers(place: str) -> "trimesh.resolvers.FilePathResolver":
 def mesh_target(
     mesh: "trimesh.Trimesh", n_points: int = N_POINTS, scale: float = 1.0, seed: int = 0
 ) -> Target:
-    """Sample a mesh evenly over its surface.
+    """Sample a mesh, by a factor to metres, evenly over its surface.
 
-    Args:
-        mesh: its triangles are turned outward if need be. One surface without a wall has two sides.
-        n_points: of the cloud.
-        scale: factor to metres.
-        seed: of the random choice of points.
+    Triangles are turned outward if need be. One surface without a wall has two sides.
 
     Raises:
         ArgumentError: no area, vertices that are not finite, a body that is closed, or triangles
@@ -155,7 +147,7 @@ def mesh_target(
         solid = trimesh.Trimesh(solid.vertices, both, process=False)
     points, face = trimesh.sample.sample_surface(solid, N_SURFACE_POINTS, seed=seed)
     surface = ObjectCloud(points, solid.face_normals[face])
-    wall_m = 0.0 if is_sheet else _wall_m(solid, points[:N_WALL_POINTS], face[:N_WALL_POINTS])
+    wall_m = 0.0 if is_sheet else _wall_m(solid, points[:1000], face[:1000])
     kept = slice(None, None, max(1, N_SURFACE_POINTS // n_points))
     cloud = ObjectCloud(surface.points[kept][:n_points], surface.normals[kept][:n_points])
     return Target(cloud, surface, wall_m)
@@ -197,7 +189,9 @@ def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:
     """Median thickness [m] below points of the surface, (n, 3), on `faces` (n,)."""
     inward = -solid.face_normals[faces]
     hits, rays, _ = solid.ray.intersects_location(
-        points + inward * CLEAR_OF_SURFACE * solid.scale, inward, multiple_hits=False
+        points + inward * 1e-6 * solid.scale,
+        inward,
+        multiple_hits=False,  # above rounding
     )
     if not len(hits):
         return float("nan")

@@ -86,8 +86,8 @@ def read_plan(text: str) -> WorkPlan:
     if not 0 < len(content["steps"]) <= MOST_STEPS:
         CHECKS.refuse("plan", f"1 to {MOST_STEPS} steps", len(content["steps"]))
     numbers = {
-        name: CHECKS.number(f"plan, {key}", content[key], 0.0)
-        for key, name in (("repeated", "repeated"), ("wrong", "wrong"))
+        key: CHECKS.number(f"plan, {key}", content[key], 0.0)
+        for key in ("repeated", "wrong")
         if key in content
     }
     return WorkPlan(

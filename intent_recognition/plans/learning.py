@@ -22,10 +22,17 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.file import Assembly
-from intent_recognition.plans.work_plan import SURE, USUAL_SLIP, Pair, WorkPlan, WorkStep, covering
+from intent_recognition.plans.work_plan import (
+    FOLLOWS,
+    SURE,
+    USUAL_SLIP,
+    Pair,
+    WorkPlan,
+    WorkStep,
+    covering,
+)
 
-JUMPS = 0.03
-"""Probability e that a step is done before its turn. Convention: as USUAL_SLIP."""
+JUMPS = USUAL_SLIP
 ORDER_ODDS = 0.7
 """Prior odds of one relation more in an order (docs/plans.md)."""
 N_SAMPLES = 20_000
@@ -35,8 +42,6 @@ SLIP_WEIGHT = 30.0
 DONE_COUNT, LEFT_COUNT = 1.0, 0.1
 """Beta prior of the share of assemblies in which a step is done. Convention: one in ten leaves it
 out."""
-LEAST_ORDER = 0.05
-"""Probability below which a relation is not kept. Convention: what two digits show."""
 
 Occurrence = tuple[str, int]
 """A task, and how many times it has been done by then."""
@@ -71,7 +76,7 @@ def learn_plan(
     sequences = [[number[step] for step in one if step is not None] for one in found]
     before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES), SURE)
     names = [task if k == 1 else f"{task} {k}" for task, k in steps]
-    rounded = np.round(covering(np.where(before < LEAST_ORDER, 0.0, before)), 3)
+    rounded = np.round(covering(np.where(before < FOLLOWS, 0.0, before)), 3)
     order = {
         (names[i], names[j]): float(rounded[i, j]) for i, j in np.argwhere(rounded > 0.0).tolist()
     }
@@ -186,12 +191,8 @@ def sample_orders(
 ) -> Floats:
     """Posterior probability that step i must be done before step j, (n, n).
 
-    Args:
-        sequences: of each assembly the numbers of its steps, below n, each at most once.
-        n: number of steps.
-        rng: random numbers.
-        n_samples: steps of the Markov chain, which begins with the relations that every assembly
-            keeps.
+    Sequences hold of each assembly the numbers of its steps, below n, each at most once. The Markov
+    chain of `n_samples` steps begins with the relations that every assembly keeps.
     """
     draws = _Draws.of(sequences, n)
     order = _kept_by_all(sequences, n)

@@ -23,14 +23,11 @@ import numpy as np
 
 from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError
-from intent_recognition.plans.work_plan import WorkPlan
+from intent_recognition.plans.work_plan import USUAL_SLIP, WorkPlan
 
 MOST_STATES = 128
 """Sets of done steps that are kept, the most probable. Convention: a noisy recogniser leaves a
 dozen above a thousandth."""
-DISORDERED = 0.03
-"""Probability that somebody does a step before one that must come first. Convention: as
-USUAL_SLIP."""
 HABIT_WEIGHT = 0.5
 """Exponent of what usually follows, among the steps that may come (docs/plans.md)."""
 VAIN = 0.1
@@ -92,15 +89,11 @@ class WorkProgress:
         self._share = np.array([step.share for step in steps])
         # Laplace: without a rule, an order not seen in N assemblies comes with 1 / (N + 2)
         q, by_chance = self.plan.before, 1.0 / (self.plan.n_assemblies + 2.0)
-        self._log_in_order = np.log1p(-q * DISORDERED / (q * DISORDERED + (1.0 - q) * by_chance))
+        self._log_in_order = np.log1p(-q * USUAL_SLIP / (q * USUAL_SLIP + (1.0 - q) * by_chance))
         self.reset()
 
     def changed(self, plan: WorkPlan, labels: Sequence[str]) -> WorkProgress:
         """The progress under another plan or other labels: steps of the same name stay done.
-
-        Args:
-            plan: with the steps that cannot be recognised.
-            labels: of the tasks that are recognised from now on.
 
         Raises:
             ArgumentError: the plan has no step of these tasks.

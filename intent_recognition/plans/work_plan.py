@@ -15,10 +15,11 @@ from intent_recognition.errors import ArgumentError
 SURE = 1.0 - 1e-6
 """Largest probability that a step must come before another. Numerical safeguard."""
 USUAL_SLIP = 0.03
-"""Share of movements that repeat a step, or do none, where nothing else is known. Convention."""
+"""Share of movements that repeat a step, do none, or do one before its turn, where nothing else is
+known. Convention."""
 FOLLOWS = 0.05
-"""An order is not listed where others imply it to within this probability. Convention: what two
-digits show."""
+"""An order is not listed where it is less probable than this, or where others imply it to within
+this probability. Convention: what two digits show."""
 
 LIKELY_BEFORE = 0.5
 """Probability from which a step counts as one that must come before another. Convention."""
@@ -88,9 +89,8 @@ class WorkPlan:
                 _refuse(name, "a probability in [0, 1]", p)
         circle = np.argwhere(np.minimum(self.before, self.before.T) > LIKELY_BEFORE)
         if circle.size:
-            _refuse(
-                "order", "no circle", ", ".join(self.names[k] for k in sorted(set(circle[:, 0])))
-            )
+            names = [self.names[k] for k in sorted(set(circle[:, 0]))]
+            _refuse("order", "no circle", ", ".join(names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,12 +145,7 @@ def closure(before: Floats) -> Floats:
 
 
 def covering(before: Floats, tolerance: float = FOLLOWS) -> Floats:
-    """The same without the relations that follow from the others.
-
-    Args:
-        before: probability that i must come before j, (n, n).
-        tolerance: by how much what follows may be less probable.
-    """
+    """The same without the relations that follow from the others, to within a tolerance."""
     kept = before.copy()
     for i, j in sorted(np.argwhere(before > 0.0).tolist(), key=lambda pair: before[tuple(pair)]):
         kept[i, j] = 0.0

@@ -4,9 +4,8 @@
 from bisect import bisect_left, insort
 from itertools import pairwise
 
-import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
-from intent_recognition.array_types import Floats
 from intent_recognition.errors import IntentError
 from intent_recognition.tracking.settings import frame_name
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
@@ -51,14 +50,9 @@ class TransformTree:
         *,
         fixed: bool = False,
     ) -> None:
-        """Take the pose of `child` in `parent`.
+        """Take the pose of `child` in `parent` at a time [ns], or, if `fixed`, at all times.
 
-        Args:
-            parent: name of a frame; a leading slash is ignored.
-            child: likewise.
-            stamp_ns: when it holds [ns]; at all times where it is `fixed`.
-            transform: the pose.
-            fixed: whether it holds at all times.
+        A leading slash of a frame's name is ignored.
         """
         parent, child = frame_name(parent), frame_name(child)
         if self._parents.get(child) != parent:
@@ -145,16 +139,5 @@ def compose(outer: RigidTransform, inner: RigidTransform) -> RigidTransform:
 def interpolate(start: RigidTransform, end: RigidTransform, share: float) -> RigidTransform:
     """Between two poses: the origin on a line, the orientation at constant rate (Shoemake 1985)."""
     translation = (1.0 - share) * start.translation + share * end.translation
-    return RigidTransform(translation, _slerp(start.quaternion, end.quaternion, share))
-
-
-def _slerp(start: Floats, end: Floats, share: float) -> Floats:
-    cosine = float(start @ end)
-    if cosine < 0.0:  # the shorter way
-        end, cosine = -end, -cosine
-    angle = np.arctan2(np.linalg.norm(end - cosine * start), cosine)
-    if angle < 1e-9:
-        return (1.0 - share) * start + share * end
-    weights = np.sin([(1.0 - share) * angle, share * angle]) / np.sin(angle)
-    blended: Floats = weights[0] * start + weights[1] * end
-    return blended
+    turned = Slerp([0.0, 1.0], Rotation.from_quat([start.quaternion, end.quaternion]))(share)
+    return RigidTransform(translation, turned.as_quat())
