@@ -20,13 +20,7 @@ _RETRY_NS = round(1e9 * SEARCH_EVERY_S)
 
 
 class _Blocked(NamedTuple):
-    """An interaction that has not begun since no way is clear.
-
-    Attributes:
-        inbox: of whom it is.
-        prediction: the newest that was tried.
-        until_ns: how long it is waited for once its movement is over.
-    """
+    """An interaction that has not begun since no way is clear; it is waited for until a time."""
 
     inbox: EstimatorInbox
     prediction: PredictedInteraction

@@ -54,7 +54,6 @@ class Motions:
     Attributes:
         people: where people are predicted to be, as far as that is known.
         corrected: what is followed, if it was corrected by hand.
-        things: what is in the way of motions.
     """
 
     def __init__(self, common: Common, arm: ArmTracking):

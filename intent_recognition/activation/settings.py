@@ -67,13 +67,7 @@ class ActivationSettings:
 
 @dataclass(eq=False)
 class Common:
-    """What all parts of an activation share.
-
-    Attributes:
-        settings: how to act; they may change.
-        reject: called with (reason, text) for everything not acted on.
-        counts: how often plans were made, slowed, clamped, stopped and so on.
-    """
+    """What all parts of an activation share, see `Activation`; the settings may change."""
 
     settings: ActivationSettings
     reject: Callable[[str, str], None]

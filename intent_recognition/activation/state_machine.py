@@ -58,13 +58,9 @@ restart of a simulation or recording."""
 class Activation:
     """Takes what is observed, and gives the next command when `step` is called.
 
-    `reject` is called with (reason, text) for everything not acted on.
-
-    Attributes:
-        state: see `states`.
-        counts: how often plans were made, slowed, clamped, stopped and so on.
-        pretrigger: which task the arm has gone ahead for.
-        outcomes: of interactions that ended, the last 100 of them until they are taken.
+    `reject` is called with (reason, text) for everything not acted on; `counts` say how often plans
+    were made, slowed, clamped, stopped and so on; of interactions that ended, the last 100 outcomes
+    are kept until they are taken.
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):

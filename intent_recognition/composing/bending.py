@@ -82,10 +82,8 @@ def _by_task(asked: Sequence[tuple[str, int, ControlPoint]]) -> dict[int, list[C
 class BentLibrary:
     """Via points, and how libraries pass through them: `through` is for `IntentEstimator.bend`.
 
-    Attributes:
-        points: the same.
-        not_passed: names of those that the last library does not pass: what could be passed through
-            when it was given may not be in another context, or by a library that has not its task.
+    The last library does not pass those named in `not_passed`: what could be passed through when it
+    was given may not be in another context, or by a library that has not its task.
     """
 
     def __init__(self, points: Sequence[ViaPoint] = (), arm: Arm | None = None):

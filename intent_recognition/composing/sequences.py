@@ -183,12 +183,8 @@ def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, 
     which must hold. `within` [s] bounds how long a step is waited for. A first step is recognised,
     and no two sequences begin with the same task.
 
-    Args:
-        text: of the file.
-        labels: of the library; None checks no label.
-
     Raises:
-        ArgumentError: it is none, or there is no such task.
+        ArgumentError: it is none, or its tasks are not among the labels, where these are given.
     """
     content = CHECKS.load("sequences", text)
     if not isinstance(content, Mapping) or not content:

@@ -43,12 +43,9 @@ CostOf: TypeAlias = Callable[[Rollout], float]
 
 @dataclass(frozen=True)
 class Cost:
-    """A cost and what it is called; lower is better.
+    """A cost, by the name it was asked for; lower is better.
 
-    Attributes:
-        name: how it was asked for.
-        of: the function.
-        version: tells one content of a user's file from another; empty for the others.
+    Its version tells one content of a user's file from another; empty for the others.
     """
 
     name: str
@@ -111,13 +108,8 @@ COSTS: Mapping[str, CostOf] = {
 def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = True) -> Cost:
     """The cost of a name, or of the one public function in a Python file.
 
-    Args:
-        name: of a cost, or path of a file.
-        known: names of `COSTS` that fit what is practised.
-        files: whether a file may be run.
-
     Raises:
-        ArgumentError: there is no such cost, or the file cannot be run or has not one function.
+        ArgumentError: no such cost is known, or the file cannot be run or has not one function.
     """
     if name in known:
         return Cost(name, COSTS[name])

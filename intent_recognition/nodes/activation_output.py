@@ -20,11 +20,8 @@ from intent_recognition.nodes.people import named_people
 class ActivationOutput:
     """Publishes what has changed since it was last told.
 
-    Args:
-        action: takes the commands; None: the topic `joint_trajectory` does.
-
-    Attributes:
-        shared: who else commands the arm, in words; empty for nobody.
+    Without an action the topic `joint_trajectory` takes the commands. `shared` says who else
+    commands the arm, in words; empty for nobody.
     """
 
     def __init__(

@@ -68,8 +68,7 @@ class ActivationParameters:
 
     Attributes:
         rate_hz: updates of a running motion a second.
-        command_action: action that commands go to; empty: the topic.
-        allows_shared_arm: whether the arm is commanded although others command it, too.
+        command_action: that commands go to; empty: the topic.
         of_hand: whether the model predicts a hand instead of joints.
         taught_link: link of the arm that it was taught with; empty where that is not known.
         taught: its tasks, once the arm is met whose hand they are of.

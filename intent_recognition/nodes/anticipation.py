@@ -51,10 +51,8 @@ less."""
 class PostureInput:
     """Passes the controlled agent's measured positions to the estimators, for its posture at onset.
 
-    Args:
-        diagnostics: what is rejected is counted under `posture_<reason>`, a posture that could
-            not be used under `start_posture_<why>`, once a movement and task; a graph without an
-            arm counts nothing.
+    What is rejected is counted under `posture_<reason>`, a posture that could not be used under
+    `start_posture_<why>`, once a movement and task; a graph without an arm counts nothing.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):

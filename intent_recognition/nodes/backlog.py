@@ -41,10 +41,7 @@ class Backlog:
     on a topic twice in a row, the queue would grow; then only evenly spaced ones are used, the
     newest among them. Little is lost, since observations close in time are correlated
     (`TaskLibrary.noise_covariance`). A queue that has grown once, for instance while a model was
-    loaded, is used completely.
-
-    Args:
-        dropped: called with the number of messages that were not used.
+    loaded, is used completely. `dropped` is called with the number of messages not used.
     """
 
     def __init__(self, dropped: Callable[[int], None]):

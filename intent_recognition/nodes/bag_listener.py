@@ -20,9 +20,8 @@ from rclpy.type_support import check_is_valid_msg_type
 class BagListener:
     """Calls `on_message(topic, data, received_ns, sent_ns)` for every message, in its thread.
 
-    Args:
-        on_message: times are in nanoseconds, 0 where the middleware does not know them.
-        on_error: called with what `on_message` raised; listening goes on.
+    Times are 0 where the middleware does not know them. `on_error` is called with what `on_message`
+    raised; listening goes on.
     """
 
     def __init__(

@@ -42,10 +42,8 @@ class BagPlayer(Node):
     `wait_for_subscribers` seconds. Stamps are those of the recording unless `restamp`; with
     `loop` they therefore begin anew each round.
 
-    Attributes:
-        done: everything was played and `exit_at_end` holds.
-        position_s: recorded time of the last message, since the bag's first.
-        duration_s: recorded time from the bag's first to its last message.
+    It is `done` once everything was played and `exit_at_end` holds. Position and duration are
+    recorded times since the bag's first message.
     """
 
     def __init__(self, **kwargs: Any) -> None:

@@ -47,10 +47,6 @@ class CommandAction:
     code.
     A goal tolerance that was not kept is reported: the arm is at rest near its end.
 
-    Args:
-        name: of the action, such as `joint_trajectory_controller/follow_joint_trajectory`.
-        give_up: called with the reason when a command is not executed.
-
     Attributes:
         topic: on which the same controller takes commands, too.
         trouble: what is wrong with the newest command; empty while nothing is.

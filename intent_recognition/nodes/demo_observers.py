@@ -23,13 +23,8 @@ from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
 class RecordingObserver(Node):
     """Notes the active task, and where the arm is, from one recording to the next.
 
-    Args:
-        entry: observed topic by which a recording has begun.
-
-    Attributes:
-        joints: newest positions of the arm by name; None before there are any.
-        task: first active task of this recording; empty if there was none.
-        held: posture farthest from the one before, while the task was active; None without one.
+    A recording has begun by its first observed sample. Its first active task is `task`; `held` is
+    the posture farthest from the one before, while that was active; None without one.
     """
 
     def __init__(self, entry: DofEntry, **kwargs: Any) -> None:
@@ -77,13 +72,7 @@ class RecordingObserver(Node):
 
 
 class PouringObserver(Node):
-    """Collects the topics of one pour.
-
-    Attributes:
-        parameters: newest warped parameters of each container, by name.
-        active: the active task; empty when idle.
-        refused: why the pour was refused; empty if it was not.
-    """
+    """Collects the topics of one pour; `refused` says why it was, and is empty if it was not."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("pouring_observer", **kwargs)

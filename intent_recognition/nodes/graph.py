@@ -143,12 +143,8 @@ PAGE = ("task_teacher", "dashboard")
 class GraphSpec:
     """Nodes that start together, in this order.
 
-    Attributes:
-        defaults: values of arguments that are not given.
-        params: shipped parameter file of all nodes; the user's file lies over it.
-        without: arguments of its nodes that mean nothing here.
-
-    With `respawn` (default true) nodes that die start again; see `NodeSpec.respawns`.
+    The user's parameter file lies over the shipped one, `params`. Arguments in `without` mean
+    nothing here. With `respawn` (default true) nodes that die start again, see `NodeSpec.respawns`.
     """
 
     nodes: tuple[str, ...]

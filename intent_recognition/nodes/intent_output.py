@@ -38,12 +38,7 @@ from intent_recognition.signals import Observation, from_tangent
 
 
 class IntentOutput:
-    """Turns estimates and predictions into messages.
-
-    Args:
-        frames: where the predicted hand is told.
-        person: whose topics; empty for the only one.
-    """
+    """Turns estimates and predictions of a person, the only one without a name, into messages."""
 
     _model: Model
     """From `configure` on."""

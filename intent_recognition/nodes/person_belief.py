@@ -30,14 +30,8 @@ WAITING = Level.OK, "waiting for a movement"
 class PersonBelief:
     """Translates messages of one person to `recognition.IntentEstimator`, and its estimates back.
 
-    Somebody with a name who was not seen for `tracking.LOST_S` is forgotten.
-
-    The only one has no name. `on_change` is called when status or next task may have changed.
-
-    Attributes:
-        estimator: of the person, from `configure` on.
-        status: level and text.
-        publish_rate: of predictions [Hz].
+    Somebody with a name who was not seen for `tracking.LOST_S` is forgotten; the only one has no
+    name. `on_change` is called when status or next task may have changed.
     """
 
     estimator: IntentEstimator

@@ -24,15 +24,10 @@ class RejectionError(IntentError):
 
 
 class PredictionNumbers(NamedTuple):
-    """What a message with a prediction holds.
+    """What a message with a prediction holds: times (T,) from the stamp, and rows (T, d) each.
 
-    Attributes:
-        onset_ns: when it began; 0 without a stamp.
-        of_hand: whether the columns are those of a hand instead of joints.
-        times_s: (T,) from the stamp.
-        positions: (T, d).
-        velocities: (T, d), None where they were not sent.
-        end_std: largest standard deviation of each unit at the end, None where not known.
+    The onset is 0 without a stamp. `of_hand` says that the columns are those of a hand instead of
+    joints, `end_std` the largest standard deviation of each unit at the end.
     """
 
     label: str

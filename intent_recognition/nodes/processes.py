@@ -31,10 +31,6 @@ def node_environment(base: Mapping[str, str], domain_id: int | None = None) -> d
 
     Variables that are set in `base` keep their values, but the domain if one is given, and what
     `transport` says.
-
-    Args:
-        base: environment to start from, such as `os.environ`.
-        domain_id: ROS_DOMAIN_ID, or None to keep that of `base`.
     """
     environment = {"AMENT_PREFIX_PATH": sys.prefix, RANGE: LOCALHOST, **base}
     environment |= transport(environment)
@@ -124,10 +120,7 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
         return self._processes[name].poll() is None
 
     def check(self, may_end: Sequence[str] = ()) -> None:
-        """Make sure that all nodes run.
-
-        Args:
-            may_end: nodes that may have ended by themselves, with exit code 0.
+        """Make sure that all nodes run, but for those that may have ended with exit code 0.
 
         Raises:
             IntentError: one has died; the end of its log is in the message.

@@ -29,12 +29,9 @@ LIFECYCLE_SERVICES = (
 
 
 def policy(graph: str, given: Mapping[str, object]) -> str:
-    """The policy of a graph as XML.
+    """The policy of a graph as XML, see `graph.resolve`.
 
-    Args:
-        graph: one of `GRAPHS`.
-        given: values of its arguments, as they are or as text. The topics of the DOFs are those of
-            `dofs`, else of the model, else of the shipped file.
+    The topics of the DOFs are those of `dofs`, else of the model, else of the shipped file.
 
     Raises:
         IntentError: there is no such graph or argument, or a file cannot be read.

@@ -61,9 +61,7 @@ class TaskTeacher(TopicRecorder):
     gets it back.
 
     Attributes:
-        folder: the library of tasks.
         waiting: recordings that are not learned yet.
-        last_status: the last sentence of `teach/status`.
         sending_model: a model is on its way to the estimator.
         loaded: model that the estimator has, as it reported last; None before it has.
     """

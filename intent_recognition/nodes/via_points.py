@@ -28,11 +28,8 @@ VIA_POINTS = "via_points"
 class ViaPointInput:
     """The parameter `via_points`, and the topic `intent/via_points` with those in force.
 
-    Points of the hand of an arm whose joints are predicted wait for its `robot_description`.
-
-    Args:
-        diagnostics: shows how many are in force, and which a task cannot pass through; what cannot
-            be used at the start is counted under `bad_via_points`.
+    Points of the hand of an arm whose joints are predicted wait for its `robot_description`. What
+    cannot be used at the start is counted under `bad_via_points`.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):

@@ -57,14 +57,9 @@ def load_target(
     viewpoint: Floats | None = None,
     seed: int = 0,
 ) -> Target:
-    """Read a mesh or a cloud.
+    """Read a mesh or a cloud, by a factor to metres: 0.001 for a file in millimetres.
 
-    Args:
-        path: of the file.
-        n_points: size of the cloud.
-        scale: factor to metres, 0.001 for a file in millimetres.
-        viewpoint: where the camera was (3,) [m], for clouds without normals.
-        seed: of the random choice of points.
+    Clouds without normals need a viewpoint: where the camera was (3,) [m].
 
     Raises:
         ArgumentError: the file cannot be read, or its content is not an open container.

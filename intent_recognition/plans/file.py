@@ -23,12 +23,9 @@ PLAN_KEYS = ("assemblies", "repeated", "wrong", "steps", "order", "by_hand")
 
 
 class DoneTask(NamedTuple):
-    """What somebody did in an assembly.
+    """What a person or robot did in an assembly, and how many objects of each kind it took.
 
-    Attributes:
-        who: name of the person or robot; empty where that was not recorded.
-        objects: number of each kind of object that it took.
-        duration_s: time that it took; 0 where that was not recorded.
+    Name and time are empty and 0 where they were not recorded.
     """
 
     task: str

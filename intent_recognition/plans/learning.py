@@ -58,10 +58,7 @@ def learn_plan(
     (a task that half of them hold is one, too). What an assembly holds beyond is taken for a slip:
     a step that was repeated, or done in vain before its last time.
 
-    Args:
-        assemblies: what was done in each, in order.
-        rng: random numbers of the sampled orders.
-        by_hand: relations that a person has written; those of steps that are no more are left out.
+    Relations written by hand stay, but for those of steps that are no more.
 
     Raises:
         ArgumentError: no assembly holds a task.

@@ -63,15 +63,9 @@ class StepState(NamedTuple):
 
 
 class WorkProgress:
-    """Follows an assembly from one movement to the next.
+    """Follows an assembly from one movement to the next, of which it has taken note of `n_taken`.
 
-    Args:
-        plan: of the assembly; steps of tasks that cannot be recognised are left out.
-        labels: of the K tasks that are recognised.
-
-    Attributes:
-        plan: of the steps that can be recognised.
-        n_taken: movements that it has taken note of.
+    Steps whose tasks are not among the labels of the K that are recognised are left out of `plan`.
 
     Raises:
         ArgumentError: the plan has no step of these tasks.
@@ -121,11 +115,9 @@ class WorkProgress:
         return np.asarray(p / p.sum())
 
     def take(self, probabilities: Floats, habit: Floats | None = None) -> None:
-        """Take note of a movement that has ended.
+        """Take note of a movement that has ended, with the habit given to `next_tasks` before.
 
-        Args:
-            probabilities: of the K tasks and none, (K + 1,), that of the plan included.
-            habit: as it was given to `next_tasks` before.
+        The probabilities (K + 1,), of the K tasks and none, include that of the plan.
         """
         self.n_taken += 1
         n = len(self._task)

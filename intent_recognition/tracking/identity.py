@@ -47,13 +47,9 @@ LEAST_ODDS = 1000.0
 
 
 class Track(NamedTuple):
-    """A person who is followed.
+    """A person who is followed: the tracker's label and the stamp of the last sight.
 
-    Attributes:
-        label: of the tracker, at the last sight.
-        stamp_ns: of that sight.
-        mean: position [m] and velocity [m/s] then, (2, 3).
-        covariance: of the two along each axis, (2, 2).
+    Mean position [m] and velocity [m/s] then are (2, 3), the covariance along each axis (2, 2).
     """
 
     person: str

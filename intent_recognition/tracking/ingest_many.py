@@ -39,11 +39,7 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
     """All samples of one body in order, from the initial state; equal to `ingest_pose` in a loop.
 
     Samples that `ingest_pose` surely accepts are accepted together. From a sample that it may
-    reject, samples are passed to it one by one until it accepts one again.
-
-    Args:
-        settings: frames, gate and noise.
-        raw: the samples, positions in metres.
+    reject, samples are passed to it one by one until it accepts one again. Positions are in metres.
     """
     stamps_ns, frames = raw.stamps_ns, raw.frames
     positions, orientations = raw.positions, raw.orientations

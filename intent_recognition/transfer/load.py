@@ -32,13 +32,11 @@ STEP_N = 0.5
 class LoadEstimator:
     """Filters the wrench at an arm's hand.
 
-    Args:
-        arm: its model; poses of its base are those of the world.
-        bandwidth_rad_s: of the filter.
+    Poses of its base are those of the world.
     """
 
-    def __init__(self, arm: Arm, bandwidth_rad_s: float = BANDWIDTH_RAD_S) -> None:
-        self.arm, self._bandwidth_rad_s = arm, bandwidth_rad_s
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
         self._last: tuple[float, Floats, Floats] | None = None
         self._residual = np.zeros(arm.n_joints)
         self.wrench = np.zeros(6)
@@ -51,11 +49,8 @@ class LoadEstimator:
         and through the same filter `rise_m_s2`, its acceleration upward, and `doubt_n`, how wrong
         the vertical force may be where torques stepped at a time between two measurements.
 
-        Args:
-            time_s: of the measurement; one that is no later changes nothing.
-            q: (n,) [rad].
-            velocity: (n,) [rad/s].
-            torque: of the motors, that carries the arm's weight too (n,) [Nm].
+        A measurement (n,) [rad], [rad/s] that is no later changes nothing. The torque (n,) [Nm] is
+        that of the motors, which carries the arm's weight too.
 
         Raises:
             ShapeError: an argument does not fit the arm.
@@ -71,7 +66,7 @@ class LoadEstimator:
         rise_m_s2 = doubt_n = 0.0
         if self._last is not None and (gap_s := time_s - self._last[0]) <= LONGEST_GAP_S:
             _, before, before_m_s = self._last
-            share = 1.0 - np.exp(-self._bandwidth_rad_s * gap_s)
+            share = 1.0 - np.exp(-BANDWIDTH_RAD_S * gap_s)
             halfway, acceleration = 0.5 * (before + state), (velocity - before[1]) / gap_s
             rise_m_s2 = float(tip_m_s[2] - before_m_s[2]) / gap_s
             step_n = wrench_from_torques(J, 0.5 * (torque - before[2]))[2]

@@ -31,10 +31,8 @@ def load_share(force_n: Floats, weight_n: float, toward: Floats | None) -> float
 
     Lifting counts, and pulling toward the person; pressing down and pushing count against it.
 
-    Args:
-        force_n: on the hand (3,).
-        weight_n: of the object.
-        toward: horizontal unit vector from the robot to the person (3,); None: any horizontal way.
+    The force is on the hand (3,); `toward` is the horizontal unit vector from the robot to the
+    person (3,); None: any horizontal way.
     """
     lifted = float(force_n[2]) + weight_n
     pulled = np.hypot(force_n[0], force_n[1]) if toward is None else float(force_n @ toward)

@@ -52,10 +52,10 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
 
     Args:
         initial_position: joint angles at the start (n,) [rad]; ready by default.
-        robot: which arm; the LWR by default.
+        robot: the LWR by default.
         stiffness_scale: factor on the joint stiffness.
-        noise: standard deviations of the sensors; None measures exactly.
-        rng: random generator of the sensor noise; required with `noise`.
+        noise: of the sensors, with its `rng`; None measures exactly.
+        rng: of the sensor noise.
         headless: False opens PyBullet's window (needs a display).
 
     Attributes:
@@ -65,7 +65,6 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         gravity_compensation: whether the arm may be guided by hand.
         acceleration_law: its accelerations are done by inverse dynamics alone, in place of the
             reference and its stiffness; None: low gains.
-        rng: of the sensor noise.
 
     Raises:
         KinematicsError: initial_position is outside the joint limits.
@@ -109,7 +108,9 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         self.acceleration_law: AccelerationLaw | None = None
         self.reset(initial_position)
         self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
-        gains = self.robot.gains or derived_gains(self.limits.torque, self._joint_inertia())
+        mass = self.client.calculateMassMatrix(self.body, self._all_joints(self._q, measured=True))
+        inertia = np.diag(mass)[self._columns]  # of each joint alone [kg m^2]
+        gains = self.robot.gains or derived_gains(self.limits.torque, inertia)
         self.gains = gains.scaled(stiffness_scale)
 
     @property
@@ -182,9 +183,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
     ) -> None:
         """Compensate the weight of a body in the hand by J^T f; the body itself is not added.
 
-        Args:
-            mass_kg: its mass; 0 when it was released.
-            com_m: its centre of mass in the hand frame (3,).
+        Its centre of mass is in the hand frame (3,); it has no mass once it was released.
         """
         if not (np.isfinite(mass_kg) and mass_kg >= 0.0 and np.all(np.isfinite(com_m))):
             cure = "Check them."
@@ -201,15 +200,10 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         point_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         link: int | None = None,
     ) -> None:
-        """Push the arm with a force constant in the world for the next n_steps.
+        """Push the arm with a force (3,) constant in world axes for the next steps of 1 ms.
 
+        It acts at a point (3,) in the axes of a link by PyBullet's index, the hand by default.
         Several pushes add up. A spring that follows a hand calls this once per step.
-
-        Args:
-            force_n: force in world axes (3,).
-            n_steps: for how many steps of 1 ms.
-            point_m: where it acts, in the axes of the link (3,).
-            link: link index in PyBullet; the hand by default.
         """
         force = np.asarray(force_n, dtype=np.float64)
         if force.shape != (3,) or not np.all(np.isfinite(force)):
@@ -261,11 +255,6 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
             self.body, self.hand_link, self._payload_com_m, q, zeros, zeros
         )
         return np.array(linear[2])[self._columns] * (self._payload_mass_kg * GRAVITY_M_S2)
-
-    def _joint_inertia(self) -> Floats:
-        """Of each joint alone, in the present posture (n,) [kg m^2]."""
-        q = self._all_joints(self._q, measured=True)
-        return np.diag(self.client.calculateMassMatrix(self.body, q))[self._columns]
 
     def _all_joints(self, values: Floats, measured: bool = False) -> list[float]:
         """Values of all moving joints in PyBullet's order, from those of the chain (n,)."""

@@ -21,8 +21,7 @@ class ControllerGains:
     """What the arm feels like; arrays have shape (n,), defaults are the LWR's.
 
     Attributes:
-        stiffness: joint stiffness while following a reference [Nm/rad].
-        damping: joint damping while following a reference [Nm s/rad].
+        stiffness, damping: while following a reference [Nm/rad], [Nm s/rad].
         guide_damping: viscous friction left in gravity compensation, so that guiding the hand
             feels damped and it stops when let go [Nm s/rad].
         guide_friction: dry friction left in gravity compensation, smoothed by tanh [Nm].

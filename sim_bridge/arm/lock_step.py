@@ -57,13 +57,9 @@ NO_ANSWER_S = 10.0
 
 
 class LockStep:
-    """Whether the nodes have taken what was sent.
+    """Whether the nodes have taken what was sent; the arm itself takes the topics `takes`.
 
-    What a node missed before its first answer does not count.
-
-    Args:
-        nodes: whose answers count; those that have not answered yet are not waited for.
-        takes: topics that the arm itself takes.
+    Nodes that have not answered yet are not waited for: what one missed before does not count.
     """
 
     def __init__(self, nodes: Sequence[str], takes: Collection[str] = ALWAYS) -> None:
@@ -79,10 +75,8 @@ class LockStep:
     def hear(self, node: str, counts: Mapping[str, int]) -> dict[str, int]:
         """Take how many messages of each topic a node has taken and sent since its start.
 
-        None of any: it is not to be waited for. What several people have of a topic is added up.
-
-        Returns:
-            The sums.
+        None of any: it is not to be waited for. What several people have of a topic is added up;
+        returns the sums.
         """
         before, counts = self._counts.get(node, {}), _of_all_people(counts)
         if any(counts.get(topic, 0) < n for topic, n in before.items()):  # it has started again

@@ -76,14 +76,7 @@ class Robot:
 
 
 class Preset(NamedTuple):
-    """An arm that needs no file of the user's.
-
-    Attributes:
-        file: of this package's share, or else of PyBullet's data.
-        tip: link that is the hand.
-        ready: posture to begin in [rad].
-        base_position_m: where the base stands.
-    """
+    """An arm that needs no file of the user's: its file is of our share, or of PyBullet's data."""
 
     file: str
     tip: str
@@ -116,7 +109,6 @@ PRESETS = {
 }
 """Arms by name."""
 NAMES = tuple(PRESETS)
-"""Their names."""
 
 
 def find_robot(
@@ -127,11 +119,8 @@ def find_robot(
     Joints that neither move the hand nor hang on it, such as wheels, a head and another arm, are
     held at zero; so are those below `base`.
 
-    Args:
-        robot: one of `NAMES`, or a path.
-        base: link from which on joints belong to the arm; the root by default.
-        tip: link that is the hand; by default the preset's, or that of `Arm.from_urdf`.
-        base_position_m: where the base stands in the world (3,); by default the preset's.
+    The base is the root by default; the tip, the link that is the hand, and where the base stands
+    in the world (3,) are the preset's, or what `Arm.from_urdf` takes.
 
     Raises:
         ArgumentError: neither, or the URDF cannot be used.
@@ -142,7 +131,10 @@ def find_robot(
         expected = f"one of {', '.join(NAMES)}, or the path of a URDF or xacro file"
         raise ArgumentError.about("robot", expected, robot, "Choose one.")
     usual = preset or Preset("", "", ())
-    at = _position(usual.base_position_m if base_position_m is None else base_position_m)
+    place = usual.base_position_m if base_position_m is None else base_position_m
+    if len(place) != 3 or not np.all(np.isfinite(place)):
+        raise ArgumentError.about("base_position_m", "x, y, z", place, "In metres.")
+    at = float(place[0]), float(place[1]), float(place[2])
     root = parse_urdf(read_urdf(path))
     find_meshes(root, path.resolve().parent)
     tip = tip or usual.tip
@@ -197,9 +189,3 @@ def derived_gains(torque: Floats, inertia: Floats) -> ControllerGains:
         limit_stiffness=8.0 * torque,
         limit_damping=0.17 * torque,
     )
-
-
-def _position(position_m: Sequence[float]) -> tuple[float, float, float]:
-    if len(position_m) != 3 or not np.all(np.isfinite(position_m)):
-        raise ArgumentError.about("base_position_m", "x, y, z", position_m, "In metres.")
-    return float(position_m[0]), float(position_m[1]), float(position_m[2])

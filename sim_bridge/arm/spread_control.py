@@ -37,11 +37,7 @@ class SpreadControl:
     ) -> None:
         """Take a prediction's spread; it replaces the one before.
 
-        Args:
-            start_s: when it starts, on the arm's clock.
-            names: joint of each column.
-            times_s: time of each point after the start, increasing.
-            std: standard deviation per point and joint [rad].
+        It starts on the arm's clock, and has a standard deviation per point and joint [rad].
 
         Raises:
             TrajectoryError: wrong joints, sizes or values; the one before stays.
@@ -87,22 +83,16 @@ class SpreadControl:
         arm.acceleration_law = law
 
 
-def resting_gains(
-    std: Floats, density: float | Floats = DISTURBANCE, bandwidth_rad_s: float = BANDWIDTH_RAD_S
-) -> tuple[Floats, Floats]:
+def resting_gains(std: Floats) -> tuple[Floats, Floats]:
     """Stiffness [1/s^2] and damping [1/s] of joints that are to stay within a spread, each alone.
 
     What the controller comes to where a distribution changes slowly and correlations of the joints
     are unknown: a critically damped oscillator of frequency (S / (4 std^2))^(1/3), at most the
-    largest bandwidth. Positive for any spread, so stable for any reference.
-
-    Args:
-        std: standard deviations of the joints' positions (..., Q) [rad], not negative.
-        density: S, one for all joints or (Q,).
-        bandwidth_rad_s: the largest.
+    largest bandwidth. Positive for any spread, so stable for any reference. The standard deviations
+    (..., Q) [rad] are not negative.
     """
-    variance = np.maximum(np.asarray(std) ** 2, density / (4.0 * bandwidth_rad_s**3))
-    frequency = np.cbrt(density / (4.0 * variance))
+    variance = np.maximum(np.asarray(std) ** 2, DISTURBANCE / (4.0 * BANDWIDTH_RAD_S**3))
+    frequency = np.cbrt(DISTURBANCE / (4.0 * variance))
     return frequency**2, 2.0 * frequency
 
 

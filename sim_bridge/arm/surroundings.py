@@ -22,10 +22,6 @@ _COLOUR = (0.55, 0.45, 0.35, 1.0)
 class Surroundings:
     """Puts boxes into the arm's world, and counts touches from then on.
 
-    Args:
-        arm: the arm; a hook of its steps looks for contacts.
-        boxes: what stands there.
-
     Attributes:
         touches: how often a link began to touch a thing.
         last: names of the two that touched last; empty before.

@@ -87,20 +87,10 @@ class TrajectoryCommand:
     ) -> "TrajectoryCommand":
         """Check a trajectory and sort its columns into the arm's joint order.
 
-        Args:
-            names: joint of each column: all of the arm's joints, in any order.
-            times_s: time of each point after the start, not negative, strictly increasing.
-            positions: one row per point [rad].
-            velocities: rows [rad/s]; None or all rows empty = none sent.
-            accelerations: rows [rad/s^2]; likewise.
-            start_s: when it starts; None = now.
-            now_s: the present, on the same clock.
-            joint_names: the arm's joints.
-            limits: positions, velocities and accelerations must be inside; the mean speed
-                between points too.
-            position: where the arm is (n_joints,) [rad], or rows of where it is and is asked to
-                be: a joint that was pushed outside its limits may come back from there, and must
-                end inside.
+        Each point has a row [rad], [rad/s], [rad/s^2]; rows that are all empty were not sent. Its
+        time after the start (None: now) is not negative, and increases. All are inside the limits,
+        and so is the mean speed between points; but a joint that was pushed outside, as `position`
+        shows (rows of where the arm is and is asked to be), may come back, and must end inside.
 
         Raises:
             RejectedTrajectoryError: anything is wrong; its `reason` names the kind.
@@ -145,12 +135,8 @@ def _checked_times(times_s: Sequence[float] | Floats) -> Floats:
         _reject("not_finite", "time_from_start", "finite times", times.tolist())
     if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
         k = 0 if times[0] < 0.0 else int(np.argmax(np.diff(times) <= 0.0)) + 1
-        _reject(
-            "time_not_increasing",
-            f"points[{k}].time_from_start",
-            "times from zero on that increase",
-            f"{times[k]:g} s",
-        )
+        place, expected = f"points[{k}].time_from_start", "times from zero on that increase"
+        _reject("time_not_increasing", place, expected, f"{times[k]:g} s")
     return times
 
 
@@ -221,16 +207,11 @@ def _check_start(start_s: float, duration_s: float, now_s: float) -> None:
     if not np.isfinite(start_s):
         _reject("not_finite", "header.stamp", "a finite start", start_s)
     if start_s + duration_s < now_s:
-        _reject(
-            "ends_in_past",
-            "header.stamp",
-            "a trajectory that ends in the future",
-            f"one that ended {now_s - start_s - duration_s:.3f} s ago",
-        )
+        expected = "a trajectory that ends in the future"
+        got = f"one that ended {now_s - start_s - duration_s:.3f} s ago"
+        _reject("ends_in_past", "header.stamp", expected, got)
     if start_s - now_s > LONGEST_WAIT_S:
+        expected = f"a start within {LONGEST_WAIT_S:g} s (is the sender on the same clock?)"
         _reject(
-            "starts_too_late",
-            "header.stamp",
-            f"a start within {LONGEST_WAIT_S:g} s (is the sender on the same clock?)",
-            f"one {start_s - now_s:.3f} s from now",
+            "starts_too_late", "header.stamp", expected, f"one {start_s - now_s:.3f} s from now"
         )

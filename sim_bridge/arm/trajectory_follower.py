@@ -96,11 +96,7 @@ class TrajectoryFollower:
 
     Position and velocity of the reference are continuous; its velocity and acceleration keep the
     limits, but where a trajectory exceeds them by itself. Times are seconds of any one clock, and
-    must not run backward.
-
-    Args:
-        position: where to hold until a command comes (n_joints,) [rad].
-        limits: limits the blend is planned with.
+    must not run backward. Until a command comes it holds a position (n_joints,) [rad].
     """
 
     def __init__(self, position: Floats, limits: JointLimits = LWR_LIMITS) -> None:

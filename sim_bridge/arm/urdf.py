@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import combinations_with_replacement
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -123,10 +124,8 @@ def _add_rotor(link: ET.Element, axis: Floats, rotor: float) -> None:
     rpy = _numbers("0 0 0" if origin is None else origin.get("rpy", "0 0 0"))
     axis = Rotation.from_euler("xyz", rpy).inv().apply(axis)
     added = 0.5 * rotor * (np.eye(3) + np.outer(axis, axis))
-    for i, j, key in ((0, 0, "ixx"), (1, 1, "iyy"), (2, 2, "izz"), (0, 1, "ixy")) + (
-        (0, 2, "ixz"),
-        (1, 2, "iyz"),
-    ):
+    for i, j in combinations_with_replacement(range(3), 2):
+        key = "i" + "xyz"[i] + "xyz"[j]
         inertia.set(key, repr(float(inertia.get(key, "0")) + float(added[i, j])))
 
 
@@ -137,10 +136,7 @@ def add_world(root: ET.Element, base_position_m: tuple[float, float, float]) -> 
     base = next(name for name in (link.get("name", "") for link in links) if name not in children)
     if base != WORLD:
         root.insert(0, ET.Element("link", name=WORLD))
-        joint = ET.SubElement(root, "joint", name="world_to_base", type="fixed")
-        ET.SubElement(joint, "parent", link=WORLD)
-        ET.SubElement(joint, "child", link=base)
-        joints.append(joint)
+        joints.append(add_joint(root, "world_to_base", "fixed", WORLD, base, (0.0, 0.0, 0.0)))
     for joint in joints:
         if end_of(joint, "parent") == WORLD:
             origin = joint.find("origin")

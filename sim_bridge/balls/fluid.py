@@ -43,12 +43,7 @@ def balls_in(volume_m3: float, ball_radius_m: float) -> float:
 
 
 def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> Floats:
-    """Fill the world's container and let the balls come to rest.
-
-    Args:
-        world: its balls are replaced.
-        n_balls: how many are put in; those that do not stay in are left out.
-        rng: of the first places.
+    """Fill the world's container anew, let the balls come to rest, and leave out what fell beside.
 
     Returns:
         Centres (N, 3) of the balls that are in it, the lowest first, N <= n_balls.

@@ -62,14 +62,7 @@ CONTAINER_NAMES = tuple(SHAPES)
 
 
 def make_container(name: str, seed: int = 0) -> Container:
-    """Make one of the ten containers.
-
-    Args:
-        name: one of `CONTAINER_NAMES`.
-        seed: draws the sizes; the same seed makes the same container.
-
-    Returns:
-        The container in its own frame: metres, z up, base at z = 0.
+    """Make one of the ten containers, in its own frame, the same for the same seed.
 
     Raises:
         ArgumentError: no such container.

@@ -49,15 +49,8 @@ def scan(
 
     A ray goes through every pixel; the first surface it meets is what the camera sees.
 
-    Args:
-        mesh: surface in metres, z up, wound outward.
-        rng: draws azimuth, elevations, noise and which points are kept.
-        n_views: how many views.
-        n_points: how many points are kept of all views.
-        camera: how it looks; a depth camera half a metre away by default.
-
-    Returns:
-        The cloud, in the frame of the mesh.
+    The mesh is in metres, z up, wound outward, and the cloud in its frame; `n_points` are kept of
+    all views.
 
     Raises:
         ArgumentError: fewer points than asked for are visible.

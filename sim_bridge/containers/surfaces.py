@@ -38,16 +38,10 @@ def close_rings(rings: Floats) -> trimesh.Trimesh:
 
 
 def swept_tube(path: Floats, radius_m: float, end_tangent: Floats) -> Floats:
-    """Rings of a round tube along a path in the plane y = 0.
+    """Rings (P, S, 3) of a round tube along a path (P, 3) [m] in the plane y = 0.
 
-    Args:
-        path: centre line (P, 3) in metres.
-        radius_m: of the tube.
-        end_tangent: direction (3,) in which the tube leaves at the start; it comes back the
-            other way at its end.
-
-    Returns:
-        The rings (P, S, 3), each counter-clockwise seen from the one before.
+    Each is counter-clockwise seen from the one before. The tube leaves in the direction
+    `end_tangent` (3,) at the start, and comes back the other way at its end.
     """
     tangents = np.gradient(path, axis=0)
     tangents[0], tangents[-1] = end_tangent, -end_tangent

@@ -69,13 +69,10 @@ def superposed(movement: WristMovement, before: WristMovement, into_s: float) ->
 
 
 def blend(first: WristMovement, second: Reach, share: float, blend_share: float) -> JoinedMovement:
-    """A reach that goes over to the course of another.
+    """A reach that goes over to the course of another from the same start, with its own timing.
 
-    Args:
-        first: as it was meant; a changed one must have been blended.
-        second: another one from the same start; it takes the timing of the first.
-        share: of the movement's time at which the change begins, in (0, 1).
-        blend_share: of the movement's time that the change takes; at most what remains.
+    The change begins at a share in (0, 1) of the movement's time, and takes a share of at most what
+    remains. A first one that was changed must have been blended.
     """
     _check(share)
     if not 0.0 < blend_share <= 1.0 - share + 1e-9:
@@ -94,13 +91,7 @@ def replan(
     """A reach in which a new one to another task begins in the hand's present state.
 
     It takes the time that was left, and what the new reach's own hesitations add. Its bow is as
-    much smaller as the way is shorter.
-
-    Args:
-        rng: source of the new reach.
-        first: as it was meant.
-        task: the new one; "" for a movement to no task.
-        share: of the movement's time at which it begins, in (0, 1).
+    much smaller as the way is shorter. See `change_of_mind`.
     """
     _check(share)
     change_s = share * first.duration_s
@@ -123,7 +114,7 @@ def change_of_mind(
     """Change a reach to another task on the way.
 
     Args:
-        rng: source of the second reach.
+        rng: of the second reach.
         first: as it was meant.
         task: the new one; "" for a movement to no task.
         share: of the movement's time at which the mind changes, in (0, 1).

@@ -28,10 +28,8 @@ _GRID = 2001
 """Points at which hesitations are integrated; finer ones change nothing that is recorded."""
 
 DIFFERENCE_S = 0.01
-"""Step of the differences that give the wrist's velocity and acceleration [s].
-
-Convention: far below the shortest hesitation, far above the steps at which one is integrated.
-"""
+"""Step of the differences that give the wrist's velocity and acceleration [s]. Convention: far
+below the shortest hesitation, far above the steps at which one is integrated."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +111,7 @@ class JoinedMovement:
         first: as it was meant, or the one before.
         second: what becomes of it.
         change_s: when the mind changes, in seconds after the onset; 0 where it does not.
-        duration_s: time from onset to end.
-        positions: as of a `Reach`.
-        rotations: likewise.
+        positions, rotations: as of a `Reach`.
     """
 
     first: "WristMovement"
@@ -218,14 +214,10 @@ def draw_reach(
     nominal_s: float | None = None,
     side: float = 0.0,
 ) -> Reach:
-    """Draw a reach of a task from `start_m` to a new goal of its region.
+    """Draw a reach of a task from a resting place (3,), world, to a new goal of its region.
 
-    Args:
-        rng: source of the individual variation.
-        task: one of the labels of STYLES.
-        start_m: resting place (3,), world.
-        nominal_s: duration without hesitation; drawn log-uniformly from 1.6 to 4.0 s if None.
-        side: as of `draw_rest`: hands of two people are not in one place.
+    Without hesitation it takes `nominal_s`, drawn log-uniformly from 1.6 to 4.0 s if None. The side
+    is as of `draw_rest`: hands of two people are not in one place.
 
     Raises:
         ArgumentError: the task is unknown.

@@ -47,9 +47,7 @@ SEEDS_APART = 1000
 """From one worker's seed to the next one's. Convention: sessions of other seeds stay others."""
 WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), overlap_share=0.1)
 """One movement flows into the next: there is no rest but before the first and after the last.
-
-Convention: after 90 % of a movement's time 99 % of its way is done.
-"""
+Convention: after 90 % of a movement's time 99 % of its way is done."""
 
 
 @dataclass(frozen=True)
@@ -78,12 +76,7 @@ class Interaction:
 
 @dataclass(frozen=True)
 class SessionPlan:
-    """A planned session.
-
-    Attributes:
-        samples: what the tracker sees, 100 Hz.
-        interactions: the ground truth, in order.
-    """
+    """A planned session: what the tracker sees at 100 Hz, and the ground truth in order."""
 
     samples: WristSamples
     interactions: tuple[Interaction, ...]
@@ -95,12 +88,7 @@ def plan_session(
     """Plan a session through `tasks` with new goals, starts, curves and speeds.
 
     The same arguments give the same plan, bit for bit; sample k is taken 10 k ms after the first.
-
-    Args:
-        seed: of all variation; other seeds, other movements.
-        tasks: labels in order, at least one; `read_intention` says how a change is written.
-        timing: rests and holds; the defaults if None.
-        side: of the table, as of `draw_rest`.
+    `read_intention` says how a change is written in the tasks, `draw_rest` what a side is.
 
     Raises:
         ArgumentError: an unknown label, or no task at all.
@@ -136,10 +124,7 @@ def plan_people(
 ) -> tuple[SessionPlan, ...]:
     """Sessions at one table, each with a seed of its own: of one worker, or of two side by side.
 
-    Args:
-        seed: of all; the first worker's alone.
-        tasks: labels of each worker, as of `plan_session`.
-        timing: rests and holds.
+    The first worker has the seed of all; arguments are as of `plan_session`.
 
     Raises:
         ArgumentError: as of `plan_session`, or there is no place for so many.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.plans import WorkPlan
+from intent_recognition.plans import LIKELY_BEFORE, WorkPlan
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 
@@ -61,12 +61,7 @@ def read_intention(text: str) -> Intention:
 
 
 def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...]:
-    """Let the worker change his mind in `count` of the interactions, drawn from a seed.
-
-    Args:
-        tasks: entries of a task list; those that are changed already stay as they are.
-        seed: of the choice.
-        count: how many more are changed.
+    """Let the worker change his mind in `count` more of the interactions, drawn from a seed.
 
     Raises:
         ArgumentError: fewer entries can be changed.
@@ -162,26 +157,16 @@ def habitual_tasks(seed: int, count: int) -> tuple[str, ...]:
     return tuple(tasks)
 
 
-REQUIRED = 0.5
-"""Probability from which on a relation of the plan is kept. Convention."""
-
-
 def work_shares(
     plan: WorkPlan, seed: int, n_people: int, n_steps: int = 0
 ) -> tuple[tuple[str, ...], ...]:
-    """The tasks of each of several people who share an assembly, or its first steps.
+    """The tasks of each of several people who share an assembly, or its first steps; 0: all.
 
     At any time each of them does a step that may be next, as long as there are so many; who has
     done the fewest is the first to take one. Each such step is as probable as the others.
-
-    Args:
-        plan: of the assembly.
-        seed: of the order.
-        n_people: who share it.
-        n_steps: how many steps; 0: all.
     """
     rng = np.random.default_rng([seed, 23])
-    before = plan.before > REQUIRED
+    before = plan.before > LIKELY_BEFORE
     left = list(range(len(plan.steps)))
     most = len(left) - (n_steps or len(left))
     shares: list[list[str]] = [[] for _ in range(n_people)]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Flags, Floats
 from sim_bridge.coworker.noise import (
@@ -55,13 +56,9 @@ def sample_wrist(
 ) -> WristSamples:
     """Sample the wrist over `length_s` seconds of rest, movements and holds.
 
-    Args:
-        rng: source of noise and occlusions.
-        movements: (onset in seconds, movement) in order of time, each starting where the one
-            before ended, after which the wrist rests, or where and as it is on its way.
-        length_s: length of the whole in seconds.
-        gaps_per_s: occlusions per second, on average.
-        rest: the wrist's orientation at rest, quaternion xyzw (4,).
+    Movements, each with its onset [s], are in order of time, each starting where the one before
+    ended, after which the wrist rests, or where and as it is on its way. At rest its orientation is
+    the quaternion xyzw (4,).
     """
     count = round(length_s * RATE_HZ) + 1
     times = np.arange(count) / RATE_HZ
@@ -93,18 +90,7 @@ def quaternions(rotation_vectors: Floats, rest: Floats = REST_QUATERNION) -> Flo
 
     Of rotation vectors (T, 3) in the wrist's axes, relative to its orientation at rest, xyzw (4,).
     """
-    angle = np.linalg.norm(rotation_vectors, axis=1)
-    half_sinc = 0.5 * np.sinc(angle / (2.0 * np.pi))
-    turn = np.column_stack((rotation_vectors * half_sinc[:, None], np.cos(0.5 * angle)))
-    out = _multiply(rest, turn)
+    out = (Rotation.from_quat(rest) * Rotation.from_rotvec(rotation_vectors)).as_quat()
     flips = np.sign(np.sum(out[1:] * out[:-1], axis=1))
     out[1:] *= np.cumprod(np.where(flips < 0, -1.0, 1.0))[:, None]
     return out
-
-
-def _multiply(left: Floats, right: Floats) -> Floats:
-    """Hamilton product of a quaternion (4,) and many (T, 4), xyzw."""
-    vector, scalar = left[:3], left[3]
-    xyz = scalar * right[:, :3] + right[:, 3:] * vector + np.cross(vector, right[:, :3])
-    w = scalar * right[:, 3] - right[:, :3] @ vector
-    return np.column_stack((xyz, w))

@@ -20,24 +20,17 @@ from sim_bridge.arm import (
 )
 from sim_bridge.nodes.physics_clock import PhysicsClock
 
-PUSH_STEPS = 100
-"""Physics steps that a push lasts: 0.1 s. Convention."""
 DROPPED_S = 0.02
 """Time that the physics has left out [s], after which the command in force is taken up where it is
 by its stamp. Convention: 0.04 rad of a fast motion."""
 LARGEST_PUSH_N = 500.0
 """Stronger pushes are rejected [N]. Convention."""
-WORLD_FRAME = "world"
 
 
 class ArmCommands:
     """Takes messages, and controls the arm before each of its steps.
 
-    Args:
-        arm: a hook of its steps is added.
-        clock: of the physics.
-        diagnostics: count what is rejected.
-        spread: sets the stiffness by predictions; None: nothing does.
+    `spread` sets the stiffness by predictions; None: nothing does.
     """
 
     def __init__(
@@ -114,14 +107,14 @@ class ArmCommands:
         """Push the hand for 0.1 s."""
         force = message.wrench.force
         push = np.array([force.x, force.y, force.z])
-        if message.header.frame_id not in ("", WORLD_FRAME):
+        if message.header.frame_id not in ("", "world"):
             self._diagnostics.reject("unknown_frame", f"push in {message.header.frame_id!r}")
         elif not np.all(np.isfinite(push)):
             self._diagnostics.reject("not_finite", f"push of {push.tolist()} N")
         elif np.linalg.norm(push) > LARGEST_PUSH_N:
             self._diagnostics.reject("push_too_strong", f"push of {push.tolist()} N")
         else:
-            self._push_n, self._push_until = push, self._arm.n_steps + PUSH_STEPS
+            self._push_n, self._push_until = push, self._arm.n_steps + 100
 
     def guide(self, enabled: bool) -> None:
         """Let the arm be guided by hand, or hold it where it is."""

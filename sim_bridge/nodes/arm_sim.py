@@ -33,11 +33,6 @@ from sim_bridge.nodes.pouring_scene import POURING, PouringScene
 from sim_bridge.nodes.transfer_scene import TAKES, TRANSFERS, TransferScene
 from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper
 
-TICK_S = 0.002
-"""Period of the timer that runs due physics steps [s]. Convention: half a joint state."""
-SCENE_STEPS = 5
-"""Physics steps between two looks of the scene at its things. Convention."""
-
 
 class ArmSim(Node):
     """Physics paced by a steady clock; its state goes out, trajectories and pushes come in.
@@ -70,7 +65,10 @@ class ArmSim(Node):
             cure = "Set publish_clock, or leave it empty."
             raise ArgumentError.about("wait_for_answers", "publish_clock", self._answering, cure)
         lever_m = 0.0 if robot is None else GRIP_M  # from the taught hand to the grip
-        robot = self._find_robot() if robot is None else robot
+        if robot is None:
+            values = declare(self, "robot")
+            place = values["base_position"] or None
+            robot = find_robot(values["robot"], tip=values["tip"], base_position_m=place)
         transfers = given["scene"] == TRANSFERS
         self.arm = self._make_arm(with_fingers(robot) if transfers else robot, pouring)
         self.surroundings = Surroundings(self.arm, boxes)
@@ -93,18 +91,13 @@ class ArmSim(Node):
         if self._answering:
             self.create_subscription(JointState, ANSWERS, self._on_answer, FEEDBACK)
         self.add_post_set_parameters_callback(self._on_parameters)
-        timers = ((TICK_S, self._tick), (0.5, self._report))
-        self._pacing_timers = [steady_timer(self, *timer) for timer in timers]
+        steady_timer(self, 0.002, self._tick)  # half a joint state
+        steady_timer(self, 0.5, self._report)
 
     def destroy_node(self) -> None:
         """Close the world with the node."""
         super().destroy_node()
         self.arm.close()
-
-    def _find_robot(self) -> Robot:
-        values = declare(self, "robot")
-        base = values["base_position"] or None
-        return find_robot(values["robot"], tip=values["tip"], base_position_m=base)
 
     def _make_arm(self, robot: Robot, pouring: PouringScene) -> SimulatedArm:
         given = self._given
@@ -163,7 +156,7 @@ class ArmSim(Node):
                 self.clock.pacer.change_factor(changed.value, now_s, n_done)
 
     def _look_at_scene(self, arm: SimulatedArm) -> None:
-        if self.scene is not None and arm.n_steps % SCENE_STEPS == 0:
+        if self.scene is not None and arm.n_steps % 5 == 0:
             self.scene.update()
 
     def _on_task(self, take: Callable[[str], None], message: String) -> None:

@@ -17,11 +17,8 @@ LEFT_S = 0.2
 class ClockAnswers:
     """What the nodes that the clock waits for have processed; see `LockStep`.
 
-    Args:
-        node: of the clock.
-        answering: names of the nodes; none: time never waits.
-        diagnostics: of the node; counts those that do not answer.
-        takes: topics that the clock's own node takes.
+    Without `answering`, the names of these nodes, time never waits. The clock's own node takes the
+    topics `takes`.
     """
 
     def __init__(

@@ -27,8 +27,6 @@ EARLY_NS = 500_000
 """A timer that fires earlier by at most this is on time [ns]. Convention."""
 BURST = 8
 """Samples sent at once when behind: fewer than the subscribers' queues hold (`qos.SENSOR`)."""
-POLL_S = 0.02
-"""Time between two looks for subscribers [s]. Convention."""
 
 
 class _Worker:
@@ -118,7 +116,7 @@ class CoworkerSim(Node):
         self._timer: Timer | None = None
         if self.get_parameter("use_sim_time").value:
             self.create_subscription(Clock, "/clock", self._on_clock, STATE)
-        self._start_timer = steady_timer(self, POLL_S, self._start)
+        self._start_timer = steady_timer(self, 0.02, self._start)
 
     @property
     def plan(self) -> SessionPlan:

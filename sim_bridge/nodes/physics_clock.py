@@ -15,7 +15,6 @@ STEP_NS = 1_000_000
 BURST = 8
 """Joint states sent at once when catching up: fewer than their queue holds (`qos.STATE`)."""
 
-
 LONGEST_LAG_S = 0.1
 """Simulated time to catch up at most [s]. Convention."""
 
@@ -28,11 +27,10 @@ class Pacer:
 
     Args:
         step_s: simulated time of one step.
-        factor: simulated seconds per second of the clock.
+        factor: simulated seconds per second of the clock; an attribute, too.
         largest_batch: most steps to hand out at once, so that messages are served in between.
 
     Attributes:
-        factor: the same, as it is now.
         dropped_s: simulated time that was left out.
     """
 
@@ -83,15 +81,8 @@ class PhysicsClock:
 
     Stamps are simulated time (from zero at start) if that is published, else ROS time.
 
-    Args:
-        node: whose clock ROS time is.
-        arm: whose steps count.
-        factor: simulated seconds per second of the steady clock.
-        publishes: whether simulated time is published.
-        rate_hz: of the joint states.
-
     Attributes:
-        publishes: the same.
+        publishes: whether simulated time is published.
         follows: whether another node's clock paces.
         pacer: counts the steps.
     """

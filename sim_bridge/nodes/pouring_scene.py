@@ -20,8 +20,6 @@ from sim_bridge.arm import SimulatedArm
 
 POURING = "pouring"
 """Name of the scene."""
-WORLD_FRAME = "world"
-BALLS = "balls"
 COUNT_STEPS, CLOUD_STEPS = 100, 1000
 """Physics steps between two counts, and two clouds. Convention: 0.1 s and 1 s."""
 
@@ -52,12 +50,7 @@ class PouringScene:
         return start_posture(self.cup)
 
     def begin(self, arm: SimulatedArm, seed: int, stamp: Callable[[], Time]) -> "PouringScene":
-        """Put containers and balls into the arm's world.
-
-        Args:
-            arm: at rest in `posture`.
-            seed: of balls and camera.
-            stamp: of a message now.
+        """Put containers and balls into the world of an arm at rest in `posture`.
 
         Raises:
             ArgumentError: no such container or place.
@@ -66,11 +59,10 @@ class PouringScene:
 
         if len(self._opening) != 3:
             cure = "Give x, y and z in metres."
-            got = list(self._opening)
-            raise ArgumentError.about("second_opening", "three numbers", got, cure)
+            raise ArgumentError.about("second_opening", "three numbers", self._opening, cure)
         self._arm, self._stamp = arm, stamp
         self._world = LivePouring(arm, self.cup, self.second, np.array(self._opening), seed)
-        self._counts = self._node.create_publisher(JointState, BALLS, STATE)
+        self._counts = self._node.create_publisher(JointState, "balls", STATE)
         self._feedback = self._node.create_publisher(DiagnosticStatus, "intent/feedback", FEEDBACK)
         self._clouds = [
             self._node.create_publisher(PointCloud2, f"{name}/cloud", SENSOR)
@@ -91,14 +83,13 @@ class PouringScene:
     def update(self) -> None:
         """Look at the balls, and publish what is due; call it every few milliseconds."""
         counts, n = self._world.look(), self._arm.n_steps
-        if n % COUNT_STEPS == 0:
-            header = Header(stamp=self._stamp(), frame_id=WORLD_FRAME)
-            values = [float(value) for value in counts]
-            self._counts.publish(
-                JointState(header=header, name=list(counts._fields), position=values)
-            )
+        if n % COUNT_STEPS:
+            return
+        header = Header(stamp=self._stamp(), frame_id="world")
+        said = JointState(header=header, name=list(counts._fields))
+        said.position = [float(value) for value in counts]
+        self._counts.publish(said)
         if n % CLOUD_STEPS == 0 and not self._task:
-            header = Header(stamp=self._stamp(), frame_id=WORLD_FRAME)
             for publisher, cloud in zip(self._clouds, self._world.clouds(), strict=True):
                 no_labels = np.zeros(len(cloud.points))
                 publisher.publish(to_labelled_cloud(header, cloud.points, cloud.normals, no_labels))
