@@ -13,7 +13,7 @@
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
-#define FETCH(address) __builtin_prefetch(address, 1)
+#define FETCH(address) __builtin_prefetch(address, 0, 2) /* as near as L2: L1 has too few places for what is awaited */
 
 typedef Py_ssize_t Size;
 typedef double Four __attribute__((vector_size(32), aligned(8), may_alias)); /* of GCC and Clang */
@@ -69,15 +69,16 @@ INLINE void project(Size D, Size columns, const double *upper, const double *h, 
 }
 
 /* `count` lines from a on, less V^T V for one row of V, or for three. */
-INLINE void subtract_lines(Size columns, Size count, Size a, double *restrict c, const double *v, Size step) {
+INLINE void subtract_lines(Size columns, Size count, Size a, double *restrict c, const double *restrict v, Size step) {
     Size length = columns - a;
-    for (Size b = 0; b < length; b += 4)
-        for (Size k = 0; k < count; k++) {
-            Four *at = (Four *)(c + k * length + b), change = v[a + k] * four(v + a + b);
-            if (step) change += v[step + a + k] * four(v + step + a + b);
-            if (step) change += v[2 * step + a + k] * four(v + 2 * step + a + b);
-            *at -= change;
+    for (Size k = 0; k < count; k++, c += length) {
+        double x = v[a + k], y = v[step + a + k], z = v[2 * step + a + k];
+        for (Size b = 0; b < length; b += 4) {
+            Four left = four(c + b) - x * four(v + a + b);
+            if (step) left -= y * four(v + step + a + b) + z * four(v + 2 * step + a + b);
+            *(Four *)(c + b) = left;
         }
+    }
 }
 
 /* The covariance of the values of two DOFs that share a row. */
@@ -196,10 +197,7 @@ INLINE Size condition_all(const Work *w) {
             double *c = upper + line_at(columns, a);
             Size count = D - a < 4 ? D - a : 4, i = 0;
             for (Size b = 0; b < count * (columns - a); b += 8) FETCH(ahead + (c - mean) + b);
-            for (; i + 3 <= m; i += 3) {
-                if (count == 4) subtract_lines(columns, 4, a, c, V + i * step, step);
-                else subtract_lines(columns, count, a, c, V + i * step, step);
-            }
+            for (; i + 3 <= m; i += 3) subtract_lines(columns, count, a, c, V + i * step, step);
             for (; i < m; i++) subtract_lines(columns, count, a, c, V + i * step, 0);
         }
     }
