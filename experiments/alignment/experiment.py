@@ -35,7 +35,7 @@ from experiments.alignment.time_warping import Steps, dtw_available, warped
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs
-from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, readable, to_svg
+from intent_recognition.report import Block, Figure, readable, to_svg
 
 
 def run(settings: Settings) -> ExperimentResult:
@@ -60,7 +60,7 @@ def run(settings: Settings) -> ExperimentResult:
             " dynamic time warping, and what do the jumps do to the trajectories?"
         ),
         findings=findings(typical, recorded),
-        blocks=blocks(settings, typical, recorded, tasks, methods),
+        blocks=blocks(settings, tasks, methods),
         conditions=conditions(there),
         numbers={
             "known_timing": {method: _flat(result) for method, result in typical.items()},
@@ -158,12 +158,10 @@ def findings(
 
 def blocks(
     settings: Settings,
-    known: Mapping[str, MethodScore],
-    recorded: Mapping[str, Mapping[str, Recordings]],
     tasks: Mapping[str, tuple[NDArray[np.float64], int]],
     methods: Mapping[str, Method],
 ) -> tuple[Block, ...]:
-    """Figures, tables and remarks, in order."""
+    """One demonstration and one task's recordings, aligned by each method."""
     clean, noisy, truth = movements(settings, 0)
     shown = [name for name in (LOCAL, DTW, DTW_TUNED) if name in methods]
     maps = {TRUE: truth} | {name: methods[name](noisy, 0) for name in shown}
@@ -181,7 +179,7 @@ def blocks(
     for name in shown:
         found = methods[name](scaled_by_range(values), reference)
         panels[name] = warped(values, found)[..., 3 + moving]
-    blocks: list[Block] = [
+    return (
         Figure(
             to_svg(figure),
             "One demonstration of known timing. Left: recorded phase found, less the true one."
@@ -192,69 +190,7 @@ def blocks(
             f"The {readable(task)} recordings, the joint that moves farthest; mean and"
             " \N{PLUS-MINUS SIGN} 2 standard deviations.",
         ),
-        _known_table(known),
-        _recorded_table(recorded),
-    ]
-    if DTW not in methods:
-        blocks.append(
-            Paragraph("dtaidistance is not installed: rows of DTW are left out.", small=True)
-        )
-    return tuple(blocks)
-
-
-def _step_columns() -> tuple[Column, ...]:
-    return (
-        Column("longest step", "mean steps", form=".1f"),
-        Column("steps standing still", "%", form=".1f"),
-        Column("longest stand", "% of the movement", form=".1f"),
-        Column("change from step to step", "mean steps", form=".3f"),
     )
-
-
-def _step_cells(walk: Steps) -> tuple[float, ...]:
-    return walk.largest, 100 * walk.flat, 100 * walk.longest_flat, walk.change
-
-
-def _known_table(known: Mapping[str, MethodScore]) -> TableBlock:
-    columns = (
-        Column("method", align="left"),
-        *_step_columns(),
-        Column("timing error, median", "1/1000", form=".1f"),
-        Column("... 95th percentile", "1/1000", form=".1f"),
-        Column("velocity error", "%", form=".0f"),
-    )
-    rows = (
-        (name, *_step_cells(of.steps), 1e3 * of.median, 1e3 * of.high, 100 * of.velocity)
-        for name, of in known.items()
-    )
-    caption = (
-        "Known timing: medians over data sets of 40 movements; the longest are the worst. The truth"
-        " stands still where one of the two recordings has not begun or has ended."
-    )
-    return TableBlock(columns, rows, caption)
-
-
-def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> TableBlock:
-    columns = (
-        Column("task", align="left"),
-        Column("method", align="left"),
-        *_step_columns(),
-        Column("largest wrist speed", "x recorded", form=".2f"),
-        Column("variance removed, wrist", "%", form=".0f"),
-        Column("... arm", "%", form=".0f"),
-        Column("left out at the ends", "%", form=".1f"),
-    )
-    rows = []
-    for task, results in recorded.items():
-        for name, of in results.items():
-            shares = (100 * share for share in (of.observed, of.controlled, of.left_out))
-            rows.append((readable(task), name, *_step_cells(of.steps), of.speed, *shares))
-    caption = (
-        "Toolbox recordings, wrist and arm aligned together. People reach for different places, so"
-        " timing explains little of how their wrists differ; and part of the variance that goes is"
-        " that of ends which a warp leaves out."
-    )
-    return TableBlock(columns, rows, caption)
 
 
 def conditions(there: bool) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.report import (
-    DASHED,
     INK,
     SOFT,
     Drawing,
@@ -163,27 +162,6 @@ def ambiguity_figure(
         axes.set(title=name, xlabel="observation", ylim=(-0.03, 1.05))
     figure.axes[0].set_ylabel(f"probability\n(true: {readable(true)})")
     _task_legend(figure, labels, colours)
-    return figure
-
-
-@styled
-def spread_figure(
-    before_cm: Mapping[str, NDArray[np.float64]], after_cm: Mapping[str, NDArray[np.float64]]
-) -> Drawing:
-    """How far demonstrations are from their mean over phase, before and after alignment."""
-    colours = task_colours(before_cm)
-    figure = new_figure(11.2, 3.1)
-    panels = figure.subplots(1, len(before_cm), sharey=True)
-    for axes, task in zip(panels, before_cm, strict=True):
-        phase = np.linspace(0.0, 100.0, len(before_cm[task]))
-        axes.plot(phase, before_cm[task], color=SOFT, linestyle=DASHED, label="as recorded")
-        axes.plot(phase, after_cm[task], color=colours[task], label="aligned")
-        axes.set(title=readable(task), xlabel="phase [%]")
-    top = max(values.max() for values in (*before_cm.values(), *after_cm.values()))
-    panels[0].set_ylim(0.0, 1.35 * top)
-    for axes in panels:
-        axes.legend(loc="upper right", ncols=2)
-    panels[0].set_ylabel("deviation from the mean,\nboth wrists [cm]")
     return figure
 
 

@@ -10,30 +10,17 @@ from experiments.assembly.figures import (
     ambiguity_figure,
     certainty_figure,
     overlap_figure,
-    spread_figure,
     workspace_figure,
-)
-from experiments.assembly.figures_stand_in import (
-    Hand,
-    WristPrediction,
-    arrival_figure,
-    hand_figure,
-    prediction_error_figure,
-    prediction_figure,
 )
 from experiments.assembly.numbers import (
     NAMES,
     PAPER_OBSERVATIONS,
-    PREDICTED,
     aligned_paths,
     probabilities,
-    spread_cm,
 )
 from experiments.assembly.scores import (
     LAST,
-    N_OBSERVATIONS,
     at_phase,
-    predicted_after,
     spread_observations,
 )
 from experiments.assembly.study import AssemblyStudy
@@ -43,15 +30,12 @@ from intent_recognition.report import (
     Column,
     Figure,
     Paragraph,
-    Row,
     TableBlock,
     readable,
     to_svg,
 )
 from sim_bridge.scenarios.assembly import FASTENING, HAND_OVER
 
-ENOUGH = 5
-"""Observations that examples of predictions are made from."""
 TUBE_PHASES = np.linspace(0.0, 1.0, 101)
 
 
@@ -60,20 +44,16 @@ def blocks_of(found: AssemblyStudy, numbers: dict) -> tuple[Block, ...]:
     labels = found.first.library.labels
     return (
         _workspace(found),
-        _spread(found),
         _overlap(found),
         _recognition(found, labels),
         _ambiguity(found, labels),
         _prediction_table(numbers),
-        _prediction_errors(numbers),
-        _prediction_examples(found),
         Paragraph(
             "The arm in the assistant's place: the predicted path of the wrist becomes that of the"
             " hand, by inverse kinematics; estimator, decision and planning are the nodes' own, at"
             " 100 Hz, and a new plan is made every 80 ms."
         ),
         _arm_table(numbers),
-        *_arm_figures(found, labels),
     )
 
 
@@ -83,14 +63,6 @@ def _workspace(found: AssemblyStudy) -> Figure:
         to_svg(figure),
         "As the paper's Fig. 7: aligned demonstrations of both wrists, with ellipses of two"
         " standard deviations along the way.",
-    )
-
-
-def _spread(found: AssemblyStudy) -> Figure:
-    figure = spread_figure(spread_cm(found.unaligned), spread_cm(aligned_paths(found)))
-    return Figure(
-        to_svg(figure),
-        "What the alignment takes away: deviation from the mean over phase, before and after.",
     )
 
 
@@ -169,33 +141,6 @@ def _prediction_table(numbers: dict) -> TableBlock:
     return TableBlock(columns, tuple(rows), caption)
 
 
-def _prediction_errors(numbers: dict) -> Row:
-    figures = []
-    for index, (part, quantity) in enumerate(
-        (("path", "distance over the movement"), ("end", "distance at the end"))
-    ):
-        known, unknown = (
-            {t: np.array(n[f"{w}_{part}_cm"]) for t, n in numbers["prediction"].items()}
-            for w in PREDICTED
-        )
-        mean = {t: n["mean_of_task_cm"][index] for t, n in numbers["prediction"].items()}
-        figure = prediction_error_figure(known, unknown, mean, quantity)
-        figures.append(Figure(to_svg(figure), f"Prediction error: {quantity}."))
-    return Row(tuple(figures))
-
-
-def _prediction_examples(found: AssemblyStudy) -> Figure:
-    examples = {}
-    for task in found.first.library.labels:
-        recorded = next(d for d in found.first.left_out if d.task == task)
-        examples[task] = WristPrediction(*predicted_after(found.first.library, recorded, ENOUGH))
-    return Figure(
-        to_svg(prediction_figure(examples, ENOUGH)),
-        f"The assistant's wrist as predicted after {ENOUGH} of {N_OBSERVATIONS} observations of the"
-        " worker's, elapsed share known; the first left-out demonstration of each task.",
-    )
-
-
 def _arm_table(numbers: dict) -> TableBlock:
     columns = (
         Column("task", align="left"),
@@ -218,26 +163,3 @@ def _arm_table(numbers: dict) -> TableBlock:
         " recording, 0.4 s before the worker's onset."
     )
     return TableBlock(columns, rows, caption)
-
-
-def _arm_figures(found: AssemblyStudy, labels: Sequence[str]) -> tuple[Figure, ...]:
-    examples = {}
-    for task in labels:
-        shown = next(e for e in found.executed if e.task == task)
-        run = shown.run
-        some = slice(None, None, 4)
-        paths = (run.times_s[some], shown.wrist_m[some], run.hand_m[some])
-        examples[task] = Hand(*paths, run.began_s)
-    of = {task: [e for e in found.executed if e.task == task] for task in labels}
-    end = {task: np.array([100.0 * e.end_m for e in of[task]]) for task in labels}
-    late = {task: np.array([e.late_s for e in of[task]]) for task in labels}
-    return (
-        Figure(
-            to_svg(hand_figure(examples)),
-            "The hand and the wrist it stands in for, one interaction of each task.",
-        ),
-        Figure(
-            to_svg(arrival_figure(end, late)),
-            "Where and when the hand arrived, every interaction the arm took part in.",
-        ),
-    )

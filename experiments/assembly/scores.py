@@ -148,28 +148,6 @@ def watch(
     return WatchedInteraction(np.array(probabilities), path, end, inside), np.array(evidence)
 
 
-def predicted_after(
-    library: TaskLibrary, left_out: Demonstration, n: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Times, the assistant's true wrist, its predicted mean and standard deviation, (T, 3) each.
-
-    Args:
-        library: learned without the demonstration.
-        left_out: cut to its movement; its progress is known.
-        n: how many of its observations are taken.
-    """
-    duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
-    times_s = TRUTH_PHASES * duration_s
-    hypotheses = fixed_prior_grid(library, duration_s)
-    run = MovementFilter(library, hypotheses, left_out.start_ns)
-    for observation in spread_observations(left_out)[:n]:
-        run.observe(observation)
-    posterior = task_posterior(run.log_evidence, hypotheses, duration_s)
-    (belief,) = _normalised(posterior.log_evidence[None, :-1])
-    truth = sample(left_out.controlled, left_out.start_ns, times_s)
-    return times_s, truth, *_mixture(run, belief, times_s)
-
-
 def _mixture(
     run: MovementFilter, belief: NDArray[np.float64], times_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -23,7 +23,7 @@ def run(settings: Settings) -> ExperimentResult:
             " that do not change?"
         ),
         findings=findings(study),
-        blocks=blocks(study, settings.seed),
+        blocks=blocks(study),
         conditions=CONDITIONS,
         numbers=_numbers(study),
     )

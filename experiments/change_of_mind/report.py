@@ -2,9 +2,8 @@
 """Report of the changes of mind: what is wanted beside what is measured, figures, the table."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.change_of_mind.figures import courses_figure, delay_figure, outcome_figure
+from experiments.change_of_mind.figures import outcome_figure
 from experiments.change_of_mind.study import (
     BLENDS,
     RELEASED_WITHIN_S,
@@ -14,15 +13,9 @@ from experiments.change_of_mind.study import (
     GoalChange,
 )
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Drawing, Figure, TableBlock, to_svg
+from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
 from sim_bridge.coworker import (
-    TASKS,
     USUAL_BLEND,
-    JoinedMovement,
-    WristMovement,
-    change_of_mind,
-    draw_reach,
-    draw_rest,
 )
 
 NEW_WANTED = {0.15: 0.85, 0.25: 0.85, 0.4: 0.70}
@@ -158,7 +151,7 @@ def _session_findings(study: ChangeStudy) -> tuple[Finding, ...]:
     )
 
 
-def blocks(study: ChangeStudy, seed: int) -> tuple[Block, ...]:
+def blocks(study: ChangeStudy) -> tuple[Block, ...]:
     """Figures and tables, in order."""
     panels = {
         _how(blend): {
@@ -168,44 +161,12 @@ def blocks(study: ChangeStudy, seed: int) -> tuple[Block, ...]:
         }
         for blend in BLENDS
     }
-    usual = {
-        f"change at {share:.0%}": study.changed[GoalChange(share, USUAL_BLEND)] for share in SHARES
-    }
-    delays = {name: [one.delay_s for one in many if one.new_active] for name, many in usual.items()}
-    counts = {name: len(many) for name, many in usual.items()}
     return (
-        Figure(
-            to_svg(_courses(seed)),
-            "One reach, changed at 40 % of its time in each way; dashed: the reaches it goes over"
-            " from and to.",
-        ),
         Figure(
             to_svg(outcome_figure(panels, NEW_WANTED)),
             "Which task was active 0.3 s after the movement's end.",
         ),
-        Figure(
-            to_svg(delay_figure(delays, counts)),
-            f"How soon the new task was active, blended over {USUAL_BLEND:.0%} of the movement.",
-        ),
         _table(study),
-    )
-
-
-def _courses(seed: int) -> Drawing:
-    """One reach, changed in each way; every generator draws the same two reaches."""
-
-    def draw(blend: float | None) -> JoinedMovement:
-        rng = np.random.default_rng(seed)
-        first = draw_reach(rng, TASKS[0], draw_rest(rng))
-        return change_of_mind(rng, first, TASKS[1], SHARES[2], blend)
-
-    def path(movement: WristMovement) -> NDArray[np.float64]:
-        return movement.positions(np.linspace(0.0, movement.duration_s, 200))
-
-    blended = draw(USUAL_BLEND)
-    return courses_figure(
-        {_how(blend): path(draw(blend)) for blend in BLENDS},
-        {"first": path(blended.first), "second": path(blended.second)},
     )
 
 

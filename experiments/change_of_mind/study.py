@@ -1,11 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reaches whose goal moves to another task's on the way: how often, and how soon, it is noticed.
+"""Reaches whose goal moves to another task's on the way: how often, and how soon, it is noticed."""
 
-`python -m experiments.change_of_mind.study --n 5` prints the table.
-"""
-
-import argparse
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
@@ -231,57 +226,3 @@ def summarise(followed: Sequence[FollowedReach]) -> Cell:
         float(np.mean([bool(one.others) for one in followed])),
         float(np.median(errors)) if errors else np.nan,
     )
-
-
-def table_lines(study: ChangeStudy) -> list[str]:
-    """The table as text."""
-    lines = [
-        "to       blend  change   n   new active  old kept  released in 0.5 s  median delay"
-        "  never meant  hand error"
-    ]
-    for change in study.changed:
-        cell = study.cell(change)
-        how = "replan" if change.blend is None else f"{change.blend:.2f}"
-        lines.append(
-            f"{change.to:8} {how:6} {change.share:5.0%} {cell.n:5} {cell.new_active:10.0%}"
-            f" {cell.old_kept:10.0%} {cell.released_in_time:15.0%} {cell.delay_s:14.2f} s"
-            f" {cell.others:11.0%} {100 * cell.hand_error_m:9.1f} cm"
-        )
-    same = study.unchanged
-    lines.append(
-        f"unchanged: {sum(one.new_active for one in same)} of {len(same)} active at the end,"
-        f" {sum(one.switches > 0 for one in same)} switched,"
-        f" {sum(bool(one.others) for one in same)} with another task active,"
-        f" {sum(one.withdrawals > 0 for one in same)} let go"
-    )
-    for session in study.sessions:
-        right = sum(session.recognised)
-        order = "in order" if session.in_order else f"became active: {session.activated}"
-        lines.append(f"without a pause: {right} of {len(session.tasks)} recognised, {order}")
-    return lines
-
-
-def main(args: Sequence[str] | None = None) -> int:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--n", type=int, default=QUICK_PER_PAIR, help="reaches per ordered pair")
-    parser.add_argument("--unchanged", type=int, default=UNCHANGED, help="reaches unchanged")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--usual", action="store_true", help="changes to tasks, usual blend, only")
-    parser.add_argument("--sessions", type=int, default=0, help="sessions without pauses")
-    options = parser.parse_args(args)
-    changes = [
-        change
-        for change in CHANGES
-        if not options.usual or (change.blend == USUAL_BLEND and change.to == "task")
-    ]
-    library = learn_toolbox(Settings())
-    study = follow_all(library, options.seed, options.n, options.unchanged, changes=changes)
-    sessions = follow_sessions(library, options.seed, options.sessions, INTERACTIONS)
-    study = replace(study, sessions=tuple(sessions))
-    sys.stdout.write("\n".join(table_lines(study)) + "\n")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from experiments.clearance.figures import courses_figure, nearest_figure
+from experiments.clearance.figures import nearest_figure
 from experiments.clearance.study import CLEARANCE_M, ClearanceRun, ClearanceStudy, investigate
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
@@ -18,8 +18,6 @@ LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
 LEAST_ARRIVING = 0.8
 """Wanted of the runs that touch unguarded and are refused where paths are only bent."""
 OUTCOMES = ("as before", "bent", "replanned", "refused")
-N_SHOWN = 3
-"""Replanned motions that the report draws. Convention."""
 CONDITIONS = (
     "No paper gives figures of this; what stands in the column of the paper is what is wanted.",
     "Reaches are the simulated coworker's, recognised and predicted on line; one or two boxes of 5"
@@ -139,16 +137,7 @@ def _blocks(runs: Sequence[ClearanceRun]) -> tuple[Block, ...]:
         "Least distance between the arm and a box in each run, by PyBullet. Left of the line the"
         " arm would be inside a box.",
     )
-    moved = sorted(of_outcome["replanned"], key=lambda one: one.free_m)
-    table = TableBlock(columns, rows, "What became of the runs.")
-    if not moved:
-        return nearest, table
-    courses = Figure(
-        to_svg(courses_figure(moved[:N_SHOWN])),
-        "The hand's way to the handover in those runs planned anew in which it went deepest without"
-        " boxes; the boxes are seen through the arm, whose links have a width of their own.",
-    )
-    return nearest, table, courses
+    return nearest, TableBlock(columns, rows, "What became of the runs.")
 
 
 def _numbers(study: ClearanceStudy) -> Mapping[str, object]:

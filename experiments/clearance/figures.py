@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of boxes in the way: how near the arm comes, and courses that were bent."""
+"""The figure of boxes in the way: how near the arm comes."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from experiments.clearance.study import ClearanceRun
-from intent_recognition.kinematics import Box
 from intent_recognition.report import (
     DASHED,
     INK,
@@ -16,13 +12,11 @@ from intent_recognition.report import (
     PALETTE,
     Drawing,
     new_axes,
-    new_figure,
-    shared_legend,
     styled,
 )
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 COLOURS = {
     "as before": NONE_COLOUR,
@@ -50,42 +44,3 @@ def nearest_figure(runs: Sequence[ClearanceRun], clearance_m: float) -> Drawing:
     axes.set_ylabel("guarded: least distance [cm]")
     axes.legend(loc="upper left")
     return figure
-
-
-@styled
-def courses_figure(runs: Sequence[ClearanceRun]) -> Drawing:
-    """The hand's way to the handover without boxes and with the guard, among them, from above and
-    from the side; one row for each of some runs.
-    """
-    figure = new_figure(8.2, 2.9 * len(runs))
-    grid = figure.subplots(len(runs), 2, squeeze=False)
-    for row, run in zip(grid, runs, strict=True):
-        for axes, (x, y) in zip(row, ((0, 1), (0, 2)), strict=True):
-            for box in run.boxes:
-                _fill(axes, box, x, y)
-            for name, done, style in (
-                ("without boxes", run.free, DASHED),
-                ("guarded", run.guarded, "-"),
-            ):
-                hand = done.hand_m[: done.interacting]
-                colour = INK if done is run.free else COLOURS["bent"]
-                axes.plot(hand[:, x], hand[:, y], color=colour, linestyle=style, label=name)
-            axes.set(xlabel="hand x [m]", ylabel=f"hand {'xyz'[y]} [m]")
-            axes.set_aspect("equal", adjustable="datalim")
-        row[0].set_title(f"{run.task}, from above")
-        row[1].set_title("from the side")
-    shared_legend(figure, grid.ravel(), 3)
-    return figure
-
-
-def _fill(axes: "Axes", box: Box, x: int, y: int) -> None:
-    """The outline of a box seen along an axis: the convex hull of its corners."""
-    from scipy.spatial import ConvexHull
-
-    corners: NDArray[np.float64] = np.array(
-        np.meshgrid(*([-0.5, 0.5],) * 3), dtype=np.float64
-    ).reshape(3, -1)
-    world = np.array(box.center)[:, None] + box.rotation @ (corners * np.array(box.size)[:, None])
-    seen = world[[x, y]].T
-    outline = seen[ConvexHull(seen).vertices]
-    axes.fill(outline[:, 0], outline[:, 1], color=PALETTE[0], alpha=0.3, linewidth=0)

@@ -38,7 +38,7 @@ from experiments.constraints.trials import FILLING, POURING
 from experiments.constraints.trials_file import TRIALS_FILE, Trials, read_trials
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
-from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, readable, to_svg
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
 from intent_recognition.share import share_path
 from sim_bridge.containers import CONTAINER_NAMES
 from sim_bridge.scenarios.pouring import annotated_source
@@ -170,7 +170,6 @@ def blocks(scores: Mapping[str, CurveTable]) -> tuple[Block, ...]:
             " object each. Left: the object's other trials. Right: nine other objects.",
         ),
         _area_table(scores),
-        _object_table(scores),
         Paragraph(_filling_remark(scores[FILLING])),
     )
 
@@ -213,16 +212,6 @@ def _area_table(scores: Mapping[str, CurveTable]) -> TableBlock:
             areas = by_test[SAME].area, novel.area, novel.areas.min()
             rows.append((name, method, *areas, 100 * novel.early.mean()))
     return TableBlock(columns, rows, "Areas below the ROC curves, means over the training sets.")
-
-
-def _object_table(scores: Mapping[str, CurveTable]) -> TableBlock:
-    novel = {f"{e}, {m}": scores[e][m][NOVEL] for e in (POURING, FILLING) for m in METHODS}
-    columns = (Column("learned from", align="left"), *(Column(name, form=".3f") for name in novel))
-    rows = (
-        (readable(name), *(of.areas[of.trained_on == index].mean() for of in novel.values()))
-        for index, name in enumerate(CONTAINER_NAMES)
-    )
-    return TableBlock(columns, rows, "Area on the nine other objects, by the object learned from.")
 
 
 def conditions(trials: Trials) -> tuple[str, ...]:

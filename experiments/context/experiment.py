@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.context.figures import outcome_figure, scene_figure
+from experiments.context.figures import outcome_figure
 from experiments.context.study import (
     CONDITIONS,
     KNOWN,
-    LATE,
     NEVER,
     SHARES,
     TURN_RAD,
@@ -18,22 +17,17 @@ from experiments.context.study import (
     WITHOUT,
     DrawnSet,
     investigate,
-    paths,
 )
 from experiments.draws import spread
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from intent_recognition.learning import TrainingSettings
-from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
+from intent_recognition.report import Block, Figure, to_svg
 
 N_DRAWS, N_TRAIN, N_TEST = 10, 12, 8
 """Draws, and of each task demonstrations learned from and tests in each."""
 
 
-SHOWN = ((0.4, 0.25), (0.55, 0.0), (0.7, -0.25))
-"""Places of the box in the figure of the scene [m]."""
-TOLD = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)
-"""Shares of the movement in the table."""
 CONDITIONS_TEXT = (
     "Wrist, hand and box are simulated from formulae (minimum jerk), with noise of 1 mm on the"
     " wrist and of 1 cm on where both end.",
@@ -147,11 +141,6 @@ def findings(study: Sequence[DrawnSet]) -> tuple[Finding, ...]:
 
 def blocks(study: Sequence[DrawnSet]) -> tuple[Block, ...]:
     """Figures and tables, in order."""
-    share = np.linspace(0.0, 1.0, 101)
-    courses = [
-        (np.array(box), *paths("insert", share, np.array(box), 0.0, np.zeros((2, 3))))
-        for box in SHOWN
-    ]
     outcome = outcome_figure(
         SHARES,
         {name: errors_m(study, name) for name in CONDITIONS},
@@ -160,45 +149,9 @@ def blocks(study: Sequence[DrawnSet]) -> tuple[Block, ...]:
     )
     return (
         Figure(
-            to_svg(scene_figure(courses, round(100 * TURNS_AT))),
-            "One task at three places of the box, from above: the wrists part late.",
-        ),
-        Figure(
             to_svg(outcome),
             "Left: error of the hand's predicted end, mean over the tests, band over the draws."
             " Right: share of the tests that were acted on. Dashed upright: the wrist turns to the"
             " box.",
         ),
-        _table(study),
-        _decisions(study),
     )
-
-
-def _table(study: Sequence[DrawnSet]) -> TableBlock:
-    columns = (Column("", align="left"), *(Column(f"{share:.0%}", "cm") for share in TOLD))
-    told = [SHARES.index(share) for share in TOLD]
-    rows = ((name, *map(spread, 100.0 * errors_m(study, name)[:, told].T)) for name in CONDITIONS)
-    caption = (
-        "Error of the hand's predicted end, mean over the tests, by share of the movement seen;"
-        f" median (range) over {len(study)} draws."
-    )
-    return TableBlock(columns, rows, caption)
-
-
-def _decisions(study: Sequence[DrawnSet]) -> TableBlock:
-    rows = []
-    for name in CONDITIONS:
-        all_decided = decided(study, name)
-        acted = np.isfinite(all_decided)
-        middle, inside = np.nanmedian(all_decided), [drawn.inside[name].mean() for drawn in study]
-        counts = f"{acted.sum()} of {len(acted)}", sum(drawn.wrong[name] for drawn in study)
-        rows.append((name, 100.0 * middle, *counts, 100.0 * np.mean(inside)))
-    columns = (
-        Column("", align="left"),
-        Column("median decision", "% of the movement", form=".0f"),
-        Column("acted on"),
-        Column("wrongly acted on"),
-        Column("inside two standard deviations", "%", form=".0f"),
-    )
-    caption = f"Decisions of all draws; the box that comes late comes after {LATE:.0%}."
-    return TableBlock(columns, rows, caption)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the moved box: where everybody goes, and what knowing its place brings."""
+"""The figure of the moved box: what knowing its place brings."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,7 +12,6 @@ from intent_recognition.report import (
     NONE_COLOUR,
     PALETTE,
     Drawing,
-    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -20,32 +19,6 @@ from intent_recognition.report import (
 
 STYLES = ((NONE_COLOUR, "-"), (PALETTE[1], "-"), (PALETTE[2], DASHED), (PALETTE[0], "-"))
 """Colour and line of each condition."""
-
-
-@styled
-def scene_figure(
-    courses: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]],
-    turns_at: int,
-) -> Drawing:
-    """Wrist and hand from above, at some places of the box.
-
-    Args:
-        courses: box (2,), wrist (T, 3) and hand (T, 3) of each place [m].
-        turns_at: number of the sample from which on the wrist turns to the box.
-    """
-    figure, axes = new_axes(5.4, 4.2)
-    for colour, (box, wrist, hand) in zip(PALETTE, courses, strict=False):
-        axes.plot(*wrist[:, :2].T, color=colour, label="wrist")
-        axes.plot(*hand[:, :2].T, color=colour, linestyle=DASHED, label="robot's hand")
-        axes.plot(*box, marker="s", markersize=9, color=colour, linestyle="none", label="box")
-    _, wrist, _ = courses[0]
-    axes.plot(
-        *wrist[turns_at, :2], marker="o", color=INK, linestyle="none", label="the wrist turns"
-    )
-    axes.set(xlabel="x [m]", ylabel="y [m]")
-    axes.set_aspect("equal", adjustable="datalim")
-    shared_legend(figure, [axes], 4)
-    return figure
 
 
 @styled

@@ -5,17 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, spearmanr
+from scipy.stats import spearmanr
 
 from experiments.feedback.controller import FeedbackPolicy, feedback_policy
 from experiments.feedback.figures import (
     distribution_figure,
     push_figure,
-    spread_figure,
-    stiffness_figure,
 )
 from experiments.feedback.study import (
-    CONTROLLERS,
     DESIGN,
     N_RUNS,
     N_RUNS_QUICK,
@@ -35,7 +32,7 @@ from experiments.feedback.study import (
 )
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
-from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
+from intent_recognition.report import Block, Figure, Paragraph, to_svg
 
 CONDITIONS = (
     "The papers name this controller as future work and show no figure of it; what stands in the"
@@ -103,7 +100,7 @@ def _outcome(
             " mean alone, and is it soft where the demonstrations vary?"
         ),
         findings=findings(numbers, pushes),
-        blocks=blocks(policy, demonstrated, reproduced, pushes, ratios),
+        blocks=blocks(policy, reproduced, pushes),
         conditions=CONDITIONS,
         numbers=numbers,
     )
@@ -169,35 +166,18 @@ def findings(numbers: dict, pushes: Sequence[Pushed]) -> tuple[Finding, ...]:
 
 
 def blocks(
-    policy: FeedbackPolicy,
-    demonstrated: NDArray[np.float64],
-    reproduced: Sequence[Reproduced],
-    pushes: Sequence[Pushed],
-    ratios: Sequence[NDArray[np.float64]],
+    policy: FeedbackPolicy, reproduced: Sequence[Reproduced], pushes: Sequence[Pushed]
 ) -> tuple[Block, ...]:
     """Figures, tables and remarks, in order."""
     n, times = policy.n_joints, sample_times(reproduced[0])
     n_runs = len(reproduced[0].positions_rad)
     wanted = (policy.times_s, policy.mean[:, :n], policy.std)
-    chance = np.sqrt(chi2.ppf([0.025, 0.975], n_runs - 1) / (n_runs - 1))
     moments = [(one.mean, one.std) for one in reproduced]
     return (
         Figure(
             to_svg(distribution_figure(wanted, times, moments)),
             f"Mean and 2 sigma of the primitive, and of {n_runs} executions on the arm in physics"
             " by each controller, from drawn starts under the same disturbance.",
-        ),
-        Figure(
-            to_svg(spread_figure(wanted, times, moments, chance)),
-            "Standard deviation of each joint. The band is where 95 % of such samples of the"
-            " primitive's own distribution would lie.",
-        ),
-        _ratio_table(ratios),
-        Figure(
-            to_svg(stiffness_figure(policy, demonstrated)),
-            "Above, the spread of the demonstrations; below, the controller's stiffness (restoring"
-            " acceleration per deviation of the same joint): stiff in the fetch, which all"
-            " demonstrations share, soft where the handovers differ.",
         ),
         Figure(
             to_svg(
@@ -219,10 +199,3 @@ def blocks(
             small=True,
         ),
     )
-
-
-def _ratio_table(ratios: Sequence[NDArray[np.float64]]) -> TableBlock:
-    joints = (Column(f"joint {k + 1}", form=".2f") for k in range(len(ratios[0])))
-    columns = (Column("std of the arm / the primitive's", align="left"), *joints)
-    rows = ((name, *ratio) for name, ratio in zip(CONTROLLERS, ratios, strict=True))
-    return TableBlock(columns, rows, "Root mean square over the movement.")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the feedback controllers: distributions, spreads, stiffness, pushes."""
+"""Figures of the feedback controllers: distributions and pushes."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.feedback.controller import FeedbackPolicy
-from intent_recognition.report import PALETTE, SOFT, Drawing, fill_two_sigma, new_figure, styled
+from intent_recognition.report import PALETTE, Drawing, fill_two_sigma, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,59 +54,6 @@ def distribution_figure(
         axes.plot(times_s, moments[0][0][:, k], color=STOCHASTIC, lw=1.0, label="arm, mean")
         axes.set(ylabel=f"joint {k + 1} [rad]", xlim=(0.0, grid[-1]))
     _legend(panels, corner)
-    return figure
-
-
-@styled
-def spread_figure(
-    wanted: Wanted,
-    times_s: NDArray[np.float64],
-    moments: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
-    chance: NDArray[np.float64],
-) -> Drawing:
-    """Standard deviation of each joint over time.
-
-    Args:
-        wanted: of the primitive.
-        times_s: of the arm's samples (S,).
-        moments: as of `distribution_figure`.
-        chance: factors on the primitive's std between which 95 % of such samples' lie (2,).
-    """
-    figure, panels, corner = _joint_panels(wanted[1].shape[1], 4.7)
-    grid, _, std = wanted
-    for k, axes in enumerate(panels):
-        axes.fill_between(
-            grid, chance[0] * std[:, k], chance[1] * std[:, k],
-            color=PRIMITIVE, alpha=0.18, lw=0, label="primitive, 95 % by chance",
-        )  # fmt: skip
-        axes.plot(grid, std[:, k], color=PRIMITIVE, label="primitive")
-        for (_, spread), name, colour, dash in zip(moments, NAMES, COLOURS, DASHES, strict=True):
-            axes.plot(times_s, spread[:, k], color=colour, linestyle=dash, label=f"arm, {name}")
-        axes.set(ylabel=f"std of joint {k + 1} [rad]", xlim=(0.0, grid[-1]), ylim=(0.0, None))
-    _legend(panels, corner)
-    return figure
-
-
-@styled
-def stiffness_figure(policy: FeedbackPolicy, demonstrated: NDArray[np.float64]) -> Drawing:
-    """Spread of the demonstrations and stiffness of the controller over time, per joint.
-
-    Args:
-        policy: of the primitive.
-        demonstrated: std over the demonstrations on the policy's grid (T, 7) [rad].
-    """
-    figure = new_figure(8.2, 5.2)
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    for k in range(policy.n_joints):
-        colour = PALETTE[k % len(PALETTE)]
-        upper.plot(policy.times_s, demonstrated[:, k], color=colour, label=f"joint {k + 1}")
-        lower.plot(policy.times_s, policy.stiffness[:, k], color=colour)
-    upper.set(ylabel="std of the demonstrations [rad]", ylim=(0.0, None))
-    lower.set_ylabel("stiffness [1/s\N{SUPERSCRIPT TWO}]")
-    lower.set_xlabel("time [s]")
-    lower.set_xlim(0.0, policy.times_s[-1])
-    lower.axhline(0.0, color=SOFT, linewidth=0.8)
-    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=7)
     return figure
 
 

@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from experiments.grasps.figures import cuts_figure, held_figure
+from experiments.grasps.figures import cuts_figure
 from experiments.grasps.gripper import FORCE_N
 from experiments.grasps.lifting import DENSITY_KG_M3, FRICTION, HOLD_S, LIFT_M
 from experiments.grasps.study import (
@@ -22,7 +22,7 @@ from experiments.grasps.study import (
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from intent_recognition.errors import IntentError
-from intent_recognition.report import Column, Figure, TableBlock, readable, to_svg
+from intent_recognition.report import Figure, to_svg
 
 WANTED_SHARE = 0.85
 """Share of the containers that has to be held."""
@@ -71,8 +71,6 @@ def run(settings: Settings) -> ExperimentResult:
                 "Cuts through the containers, with the fingers on their way: filled where the"
                 " container was held. Lengths in millimetres.",
             ),
-            Figure(to_svg(held_figure(shares, WANTED_SHARE)), "Share of the lifts that held."),
-            _table(trials),
         ),
         conditions=CONDITIONS,
         numbers={
@@ -122,14 +120,3 @@ def _scanned(settings: Settings) -> list[Subject]:
         return list(scanned(settings.recordings(MESHES)))
     except IntentError:
         return []
-
-
-def _table(trials: Sequence[Trial]) -> TableBlock:
-    columns = [Column("container", align="left"), Column("lifts")]
-    columns += [Column(f"held, {manner}") for manner in MANNERS]
-    rows = []
-    for name in dict.fromkeys(t.subject.name for t in trials):
-        some = [t for t in trials if t.subject.name == name]
-        held = (sum(t.held for t in some if t.manner == manner) for manner in MANNERS)
-        rows.append((readable(name), len(some) // len(MANNERS), *held))
-    return TableBlock(columns, rows, "Lifts that held, by container.")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of grasps: cuts through the containers with the fingers, and shares held."""
+"""The figure of grasps: cuts through the containers with the fingers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,6 @@ from intent_recognition.report import (
     INK,
     PALETTE,
     Drawing,
-    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -51,24 +50,6 @@ def cuts_figure(trials: Sequence[Trial]) -> Drawing:
     for axes in grid[len(drawn) :]:
         axes.set_axis_off()
     shared_legend(figure, list(grid[: len(drawn)]), len(MANNERS))
-    return figure
-
-
-@styled
-def held_figure(shares: Mapping[str, Mapping[str, float]], wanted: float) -> Drawing:
-    """Bars of the shares held, by kind of container and manner."""
-    figure, axes = new_axes(5.4, 3.2)
-    places, width = np.arange(len(shares)), 0.8 / len(MANNERS)
-    for k, manner in enumerate(MANNERS):
-        at = places + (k - 0.5 * (len(MANNERS) - 1)) * width
-        heights = [100.0 * share[manner] for share in shares.values()]
-        bars = axes.bar(at, heights, 0.92 * width, color=COLOURS[manner], label=manner)
-        axes.bar_label(bars, fmt="%.0f", padding=1)
-    axes.axhline(100.0 * wanted, color=INK, lw=0.8, linestyle=":", label="wanted")
-    axes.set_xticks(places, list(shares))
-    axes.set(xlim=(-0.8, len(shares) - 0.2), ylabel="held for 2 s [%]", ylim=(0.0, 112.0))
-    axes.grid(visible=False, axis="x")
-    shared_legend(figure, [axes], len(MANNERS) + 1)
     return figure
 
 

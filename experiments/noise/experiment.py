@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.noise.figures import growth_figure, noise_figure
+from experiments.noise.figures import noise_figure
 from experiments.noise.study import (
     DMP,
-    DMP_CARRIED,
     DMP_CLEAN,
     DMP_PLAIN,
     METHODS,
@@ -24,7 +23,6 @@ from experiments.noise.study import (
     N_TEST,
     N_TRAIN,
     PROMP,
-    PROMP_CLEAN,
     Plan,
     make_plan,
     one_data_set,
@@ -33,7 +31,7 @@ from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from experiments.sketches.curves import N_SAMPLES
 from experiments.sketches.models import SMOOTHERS, standard_error
-from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
+from intent_recognition.report import Block, Figure, to_svg
 
 
 class Growth(NamedTuple):
@@ -64,7 +62,7 @@ def run(settings: Settings) -> ExperimentResult:
             " other, when the model is made of positions (ProMP) and of accelerations (DMP)?"
         ),
         findings=findings(table, growth, plan),
-        blocks=blocks(table, growth, plan),
+        blocks=blocks(table, plan),
         conditions=conditions(plan),
         numbers={
             "noise_variance": list(plan.levels),
@@ -131,19 +129,10 @@ def findings(
     )
 
 
-def blocks(
-    table: Mapping[str, NDArray[np.float64]], growth: Mapping[str, Growth], plan: Plan
-) -> tuple[Block, ...]:
-    """Figures, tables and remarks, in order."""
-    summary = {m: (errors.mean(axis=0), standard_error(errors)) for m, errors in table.items()}
-    bars = noise_figure({m: summary[m] for m in (PROMP, DMP)}, plan.levels, plan.counts)
-    panels = {
-        f"{plan.counts[k]} of {N_SAMPLES} samples seen": {
-            m: (mean[:, k], error[:, k]) for m, (mean, error) in summary.items()
-        }
-        for k in (_half(plan), -1)
-    }
-    lines = growth_figure(panels, plan.levels, STYLES)
+def blocks(table: Mapping[str, NDArray[np.float64]], plan: Plan) -> tuple[Block, ...]:
+    """The paper's figure."""
+    summary = {m: (table[m].mean(axis=0), standard_error(table[m])) for m in (PROMP, DMP)}
+    bars = noise_figure(summary, plan.levels, plan.counts)
     return (
         Figure(
             to_svg(bars),
@@ -151,69 +140,12 @@ def blocks(
             " other (the paper's Fig. 3), everything chosen for the noise. Means over"
             f" {plan.repeats} data sets, \N{PLUS-MINUS SIGN} 2 standard errors.",
         ),
-        Figure(
-            to_svg(lines),
-            "Error over the noise when half of the curve is seen, and all of it; mean"
-            " \N{PLUS-MINUS SIGN} 2 standard errors.",
-        ),
-        _growth_table(summary, growth),
-        Paragraph(_explanation(summary, plan)),
-    )
-
-
-STYLES = {
-    PROMP: (0, False, "o"),
-    DMP: (1, False, "s"),
-    PROMP_CLEAN: (0, True, "o"),
-    DMP_CLEAN: (1, True, "s"),
-    DMP_PLAIN: (3, True, "^"),
-    DMP_CARRIED: (2, False, "D"),
-}
-"""Colour, dashed, marker of each method."""
-
-
-def _explanation(
-    summary: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], plan: Plan
-) -> str:
-    """Why the DMP errs more, in one paragraph."""
-
-    def share(method: str, column: int) -> str:
-        return f"{summary[method][0][-1, column] / summary[PROMP][0][-1, column]:.2f}"
-
-    half = _half(plan)
-    return (
-        "Differentiating twice loses no more than position and velocity at the start, which the DMP"
-        " receives in addition. But it correlates the noise of neighbouring samples, and"
-        " conditioning sample by sample (Eq. 6) takes them for independent. Given the covariance"
-        f" that the derivatives have, the DMP errs {share(DMP_CARRIED, half)} instead of"
-        f" {share(DMP, half)} times as much as the ProMP with {plan.counts[half]} samples,"
-        f" {share(DMP_CARRIED, -1)} instead of {share(DMP, -1)} times with all (variance"
-        f" {plan.levels[-1]:g}). So it is not the forcing function that is sensitive to noise, but"
-        " what is made of its observation."
     )
 
 
 def _half(plan: Plan) -> int:
     """Which number of samples is about half of the curve."""
     return int(np.argmin(np.abs(np.array(plan.counts) - N_SAMPLES // 2)))
-
-
-def _growth_table(
-    summary: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
-    growth: Mapping[str, Growth],
-) -> TableBlock:
-    columns = (
-        Column("method", align="left"),
-        Column("RMSE, clean", "1/1000"),
-        Column("RMSE, variance 0.04", "1/1000"),
-        Column("growth"),
-    )
-    rows = []
-    for method, (mean, error) in summary.items():
-        ends = (1e3 * mean[k, -1] for k in (0, -1)), (1e3 * error[k, -1] for k in (0, -1))
-        both = (f"{m:.1f} \N{PLUS-MINUS SIGN} {e:.1f}" for m, e in zip(*ends, strict=True))
-        rows.append((method, *both, str(growth[method])))
-    return TableBlock(columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error.")
 
 
 def conditions(plan: Plan) -> tuple[str, ...]:

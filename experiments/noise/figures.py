@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the experiment on noise: errors over observed samples and over the noise."""
+"""The figure of the experiment on noise: errors over observed samples."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import DASHED, PALETTE, SOFT, Drawing, new_figure, styled
+from intent_recognition.report import SOFT, Drawing, new_figure, styled
 
 BAND = 2.0
 """Standard errors on both sides of a mean."""
-TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
-"""Marks of the axis of errors."""
 
 
 @styled
@@ -50,53 +48,6 @@ def noise_figure(
     grid[0].set_ylabel("RMSE of the predicted agent [sketch units]")
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, title="noise variance", loc="outside right center", reverse=True)
-    return figure
-
-
-@styled
-def growth_figure(
-    panels: Mapping[str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]],
-    levels: Sequence[float],
-    styles: Mapping[str, tuple[int, bool, str]],
-) -> Drawing:
-    """Error over the noise variance, a line per method, +- two standard errors.
-
-    The axis of the errors is logarithmic; a band that would reach below half its line ends there.
-
-    Args:
-        panels: per title and method, mean and standard error, (L,) each.
-        levels: noise variances, (L,).
-        styles: per method, number of its colour, whether it is dashed, its marker.
-    """
-    figure = new_figure(4.6 * len(panels), 4.4)
-    grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-    means = np.array([mean for lines in panels.values() for mean, _ in lines.values()])
-    lowest, highest = means.min(), means.max()
-    for axes, (title, lines) in zip(grid, panels.items(), strict=True):
-        for name, (mean, error) in lines.items():
-            number, dashed, marker = styles[name]
-            low, high = np.maximum(mean - BAND * error, 0.5 * mean), mean + BAND * error
-            axes.fill_between(levels, low, high, color=PALETTE[number], alpha=0.15, linewidth=0)
-            axes.plot(
-                levels,
-                mean,
-                color=PALETTE[number],
-                linestyle=DASHED if dashed else "-",
-                marker=marker,
-                markersize=5.5,
-                markeredgecolor="white",
-                label=name,
-            )
-        axes.set_title(title)
-        axes.set_xticks(levels, [f"{level:g}" for level in levels])
-        axes.set_xlabel("noise variance [sketch units²]")
-        axes.set_yscale("log")
-        axes.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
-        axes.minorticks_off()
-        axes.set_ylim(0.8 * lowest, 1.2 * highest)
-    grid[0].set_ylabel("RMSE of the predicted agent [sketch units]")
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=3.0)
     return figure
 
 

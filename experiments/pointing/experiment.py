@@ -29,7 +29,7 @@ from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.report import Block, Column, Figure, Paragraph, Row, TableBlock, to_svg
+from intent_recognition.report import Block, Figure, Row, to_svg
 from intent_recognition.signals import Demonstration
 
 QUICK = (0, 7)
@@ -101,7 +101,7 @@ def _outcome(
             " wrist alone, without any sensor for the table?"
         ),
         findings=findings(errors, nearest, tested, draws),
-        blocks=blocks(library, tested, errors, predicted, nearest, teaching, moved),
+        blocks=blocks(library, tested, errors, nearest),
         conditions=CONDITIONS,
         numbers={
             "error_m": errors.tolist(),
@@ -168,10 +168,7 @@ def blocks(
     library: TaskLibrary,
     tested: list[Tested],
     errors: NDArray[np.float64],
-    predicted: NDArray[np.float64],
     nearest: NDArray[np.float64],
-    teaching: NDArray[np.float64],
-    moved: NDArray[np.float64],
 ) -> tuple[Block, ...]:
     """Figures, tables and remarks, in order."""
     spots = [
@@ -197,15 +194,6 @@ def blocks(
             )
         ),
         *(_conditioned(library, one) for one in shown),
-        _table(tested, errors, predicted, nearest),
-        Paragraph(
-            f"What the errors come from: the finger was {1000 * teaching.mean():.0f} mm off on"
-            f" average when the arm was taught (at most {1000 * teaching.max():.0f} mm), and the"
-            f" marker sat {1000 * np.linalg.norm(moved[:2]):.0f} mm away from its place in"
-            " training, seen from above. The arm itself ends where it was told to, within"
-            f" {1000 * max(np.abs(errors - predicted)):.1f} mm.",
-            small=True,
-        ),
     )
 
 
@@ -223,29 +211,3 @@ def _conditioned(library: TaskLibrary, one: Tested) -> Figure:
         f"Test spot #{one.index + 1}: the primitive before and after conditioning on the wrist's"
         " final position alone. Above the wrist, below the arm's first four joints.",
     )
-
-
-def _table(
-    tested: list[Tested],
-    errors: NDArray[np.float64],
-    predicted: NDArray[np.float64],
-    nearest: NDArray[np.float64],
-) -> TableBlock:
-    from_centre = [np.linalg.norm(one.spot_m - CIRCLE_CENTRE_M) for one in tested]
-    distances = {
-        "from the centre": np.array(from_centre),
-        "prediction": predicted,
-        "on the arm": errors,
-        "nearest demonstration": nearest,
-    }
-    columns = (
-        Column("test spot"),
-        *(Column(name, "cm", form=".1f") for name in distances),
-        Column("2 sigma along, across", "cm"),
-    )
-    rows = []
-    for k, one in enumerate(tested):
-        axes = 200.0 * np.sqrt(np.linalg.eigvalsh(one.spread_m2))[::-1]
-        values = (100.0 * of[k] for of in distances.values())
-        rows.append((f"#{one.index + 1}", *values, f"{axes[0]:.1f}, {axes[1]:.1f}"))
-    return TableBlock(columns, rows, "Errors on the table's plane.")

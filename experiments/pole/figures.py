@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the pole: paths from above, error over the number of components, distance kept."""
+"""Figures of the pole: the scene, paths from above, error over the number of components."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -12,10 +12,8 @@ from intent_recognition.report import (
     INK,
     PALETTE,
     PAPER_COLOUR,
-    SOFT,
     Drawing,
     fill_two_sigma,
-    new_axes,
     new_figure,
     shared_legend,
     styled,
@@ -146,70 +144,6 @@ def components_figure(
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set(xlabel="components", ylabel=label)
     shared_legend(figure, grid, 5)
-    return figure
-
-
-@styled
-def clearance_figure(
-    motions: Mapping[str, tuple[NDArray[np.float64], NDArray[np.bool_]]],
-) -> Drawing:
-    """Least distance from the pole of every motion, one row of dots per kind of motion.
-
-    Args:
-        motions: per kind, the least distance of each motion [m] (n,), negative inside the pole,
-            and whether it touched the pole (n,).
-    """
-    figure, axes = new_axes(8.2, 0.9 + 0.55 * len(motions))
-    lowest = min(100.0 * float(np.min(values)) for values, _ in motions.values())
-    left = min(lowest - 1.0, -1.5)
-    axes.axvspan(left, 0.0, color=HIT_COLOUR, alpha=0.08, lw=0)
-    axes.axvline(0.0, color=HIT_COLOUR, linewidth=1.3)
-    rng = np.random.default_rng(0)
-    for row, (values, touched) in enumerate(motions.values()):
-        values = 100.0 * values
-        jitter = row + rng.uniform(-0.16, 0.16, len(values))
-        for chosen, colour in ((~touched, PALETTE[2]), (touched, HIT_COLOUR)):
-            axes.scatter(
-                values[chosen], jitter[chosen], s=20, color=colour, alpha=0.7, linewidths=0
-            )
-        axes.plot([np.median(values)] * 2, [row - 0.27, row + 0.27], color=INK, linewidth=1.6)
-    axes.set_yticks(range(len(motions)), list(motions))
-    axes.set(ylim=(len(motions) - 0.5, -0.5), xlim=(left, None))
-    axes.grid(visible=False, axis="y")
-    axes.text(left, -0.42, " in the pole", color=HIT_COLOUR, fontsize=9, va="top")
-    axes.set_xlabel("least distance of the arm from the pole's surface [cm]")
-    return figure
-
-
-@styled
-def two_answers_figure(
-    phase: NDArray[np.float64],
-    answers: Sequence[tuple[str, NDArray[np.float64], NDArray[np.float64]]],
-    truths: Mapping[str, NDArray[np.float64]],
-    names: Sequence[str],
-) -> Drawing:
-    """Joints over phase: what each component and a single Gaussian predict, with ±2 sigma.
-
-    Args:
-        phase: (S,).
-        answers: (label, mean (S, Q), standard deviation (S, Q)), at most three.
-        truths: per way, what was shown there (S, Q).
-        names: of the Q joints drawn.
-    """
-    figure = new_figure(3.4 * len(names), 3.7)
-    grid = figure.subplots(1, len(names), squeeze=False)[0]
-    colours = (WAY_COLOURS["left"], WAY_COLOURS["right"], SOFT)
-    for q, (axes, name) in enumerate(zip(grid, names, strict=True)):
-        for (label, mean, std), colour in zip(answers, colours, strict=False):
-            fill_two_sigma(axes, phase, mean[:, q], std[:, q], colour)
-            axes.plot(phase, mean[:, q], color=colour, label=label)
-        for way, truth in truths.items():
-            axes.plot(
-                phase, truth[:, q], color=INK, linewidth=1.2,
-                linestyle=DASHED if way == "left" else (0, (1, 1.5)), label=f"shown: {way}",
-            )  # fmt: skip
-        axes.set(xlabel="phase", ylabel=f"{name} [rad]", xlim=(0.0, 1.0))
-    shared_legend(figure, grid[:1], 5)
     return figure
 
 

@@ -5,27 +5,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.draws import also, drawn, draws_tables
-from experiments.left_out import FINAL, PHASES, predict
 from experiments.pole.figures import (
     PolePaths,
-    clearance_figure,
     components_figure,
     paths_figure,
     scene_figure,
-    two_answers_figure,
 )
-from experiments.pole.geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip, way_of
-from experiments.pole.study import Carried, PoleStudy, n_through
+from experiments.pole.geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip
+from experiments.pole.study import Carried, PoleStudy
 from experiments.results import Finding
-from intent_recognition.kinematics import JOINT_NAMES
-from intent_recognition.learning import purity
 from intent_recognition.report import (
     Block,
-    Column,
     Figure,
-    KeyNumber,
-    KeyNumbers,
-    Paragraph,
     TableBlock,
     to_png,
     to_svg,
@@ -33,8 +24,6 @@ from intent_recognition.report import (
 
 PAPER_PLATEAU_CM = 4.0
 """Error of the path that the paper reaches with enough components [cm], about."""
-SHOWN_JOINTS = (0, 2, 4)
-"""Joints that are drawn, by index."""
 TIP_ERROR = "error of the fingertip's path [cm]"
 JOINT_ERROR = "error of the joints [rad]"
 
@@ -93,37 +82,15 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
 def blocks(study: PoleStudy) -> tuple[Block, ...]:
     """Figures and tables."""
     return (
-        _key_numbers(study),
         _scene(study),
         _paths(study),
         _components(study),
-        _table(study),
-        _clearance(study),
         *_draws(study),
-        *_two_answers(study),
     )
 
 
 def _ways(carried: Carried) -> list[tuple[str, int]]:
     return list(zip(carried.ways, carried.indices.tolist(), strict=True))
-
-
-def _key_numbers(study: PoleStudy) -> KeyNumbers:
-    error = 100.0 * study.tip_rms_m[study.chosen - 1].mean()
-    n = len(study.mixture.runs)
-    hits = int(study.mixture.hits.sum())
-    found = purity(list(study.ways), study.taken.labels)
-    return KeyNumbers(
-        (
-            KeyNumber("components chosen", str(study.chosen), "8"),
-            KeyNumber(
-                "error of the path", f"{error:.1f} cm", "about 4 cm", error <= PAPER_PLATEAU_CM
-            ),
-            KeyNumber("hit the pole", f"{hits} of {n}", good=not hits),
-            KeyNumber("a single Gaussian hits it", f"{int(study.single.hits.sum())} of {n}"),
-            KeyNumber("purity of the components", f"{found:.2f}", note="by the side of the pole"),
-        )
-    )
 
 
 def shown_twice(study: PoleStudy) -> dict[str, int]:
@@ -185,26 +152,6 @@ def _components(study: PoleStudy) -> Figure:
     )
 
 
-def _table(study: PoleStudy) -> TableBlock:
-    columns = (
-        Column("components"),
-        Column("left-out density", "nats per sample, lower is better", form=".2f"),
-        Column("path", "cm"),
-        Column("joints", "rad", form=".3f"),
-        Column("on the other side"),
-        Column("... at spots reached one way"),
-        Column("through the pole"),
-    )
-    rows = []
-    for tried, tip_rms_m in zip(study.tried, study.tip_rms_m, strict=True):
-        predicted = [way_of(path) for path in fingertip(tried.predicted.mean)]
-        other = np.array([a != b for a, b in zip(predicted, study.ways, strict=True)])
-        errors = tried.nll.mean(), _one_sigma(tip_rms_m), tried.joint_rms_rad.mean()
-        others = other.sum(), (other & ~study.both).sum()
-        rows.append((tried.number, *errors, *others, n_through(tried.predicted)))
-    return TableBlock(columns, rows, "Predictions, before execution.", strong=[study.chosen - 1])
-
-
 def _one_sigma(errors_m: NDArray[np.float64]) -> str:
     """Mean ± standard deviation [cm]."""
     return f"{100.0 * errors_m.mean():.1f} ± {100.0 * errors_m.std(ddof=1):.1f}"
@@ -218,65 +165,3 @@ def _draws(study: PoleStudy) -> tuple[TableBlock, ...]:
         " its end only; below median and range."
     )
     return draws_tables(study.draws, lambda name: "cm" if name.startswith("path") else "", caption)
-
-
-def _clearance(study: PoleStudy) -> Figure:
-    shown = np.array([float(d.metadata["clearance_m"]) for d in study.demonstrations])
-    kinds: dict[str, tuple[NDArray[np.float64], NDArray[np.bool_]]] = {
-        "demonstrated": (shown, np.zeros(len(shown), dtype=bool))
-    }
-    for carried in study.carried:
-        kinds[carried.label] = carried.clearance_m, carried.hits
-    return Figure(
-        to_svg(clearance_figure(kinds)),
-        "Least distance of the arm and its finger from the pole, in physics: demonstrated, and"
-        " executed from predictions of each demonstration left out; red: it touched. An arm that"
-        " the pole holds up presses against it, at a distance of about zero, however deep it was"
-        " told to go.",
-    )
-
-
-def _two_answers(study: PoleStudy) -> tuple[Block, ...]:
-    """What is predicted at one spot that was shown on both sides, from where the wand ends."""
-    if study.chosen < 2:
-        return ()
-    twice = shown_twice(study)
-    index, n = twice[WAYS[0]], len(study.demonstrations)
-    labels = study.taken.labels
-    answers = []
-    for way in WAYS:
-        members = labels[np.array(study.ways) == way]
-        component = int(np.bincount(members).argmax())
-        found = predict(study.pairs, study.taken.mixtures, FINAL, np.full(n, component))
-        chance = found.probability[index, component]
-        answers.append(
-            (f"component {way}, p = {chance:.2f}", *_drawn(found.mean[index], found.std[index]))
-        )
-    single = predict(study.pairs, study.tried[0].mixtures, FINAL)
-    answers.append(("single Gaussian", *_drawn(single.mean[index], single.std[index])))
-    truths = {way: study.pairs.controlled[i][:, SHOWN_JOINTS] for way, i in twice.items()}
-    names = [JOINT_NAMES[q].removesuffix("_joint") for q in SHOWN_JOINTS]
-    other = sum(a != study.ways[i] for a, i in _ways(study.mixture_end))
-    off = sum(a != study.ways[i] and not study.both[i] for a, i in _ways(study.mixture_end))
-    return (
-        Figure(
-            to_svg(two_answers_figure(PHASES, answers, truths, names)),
-            "What the wand's final position says about the arm at one spot that was shown on both"
-            " sides (the one by the left was left out): two answers, ± 2 sigma, and the single"
-            " Gaussian between them.",
-        ),
-        Paragraph(
-            f"Told the final position only, nothing says the side at such spots: {other} of"
-            f" {len(study.mixture_end.runs)} motions go by the other side than was shown, {off} of"
-            " them at spots that are reached one way only. The fingertip ends"
-            f" {100 * study.mixture_end.final_error_m.mean():.1f} cm from where it was shown to, on"
-            f" average (at most {100 * study.mixture_end.final_error_m.max():.1f} cm), whatever the"
-            " side."
-        ),
-    )
-
-
-def _drawn(
-    mean: NDArray[np.float64], std: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return mean[:, SHOWN_JOINTS], std[:, SHOWN_JOINTS]

@@ -27,11 +27,10 @@ from experiments.pouring.study import (
     of_manner,
     pair_name,
     read_recorded,
-    to_level,
 )
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
-from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
+from intent_recognition.report import Block, Figure, to_svg
 from intent_recognition.warping import EMPTY, to_warped, warped_scale
 from sim_bridge.scenarios.pouring import PAIRS, read_demonstrated, seen_as
 
@@ -92,7 +91,7 @@ def run(settings: Settings) -> ExperimentResult:
             " what is spilled when it is not?"
         ),
         findings=findings(numbers, repeated),
-        blocks=blocks(pours, skill, demonstrations, repeated),
+        blocks=blocks(pours, skill, demonstrations),
         conditions=CONDITIONS,
         numbers=numbers,
     )
@@ -192,12 +191,7 @@ def _touches(numbers: dict, manner: str) -> str:
     return f"{np.count_nonzero(touched)} (at most {max(hardest):.1f} N)"
 
 
-def blocks(
-    pours: Sequence[RecordedPour],
-    skill: Skill,
-    demonstrations: Path,
-    repeated: Sequence[tuple[RecordedPour, int, int]],
-) -> tuple[Block, ...]:
+def blocks(pours: Sequence[RecordedPour], skill: Skill, demonstrations: Path) -> tuple[Block, ...]:
     """Figures, tables and remarks, in order."""
     phase = np.linspace(0.0, 1.0, 200)
     primitive = skill.primitive
@@ -226,18 +220,6 @@ def blocks(
             to_svg(spilled_figure([pair_name(k) for k in range(len(PAIRS))], spilled, 40)),
             "Balls beside the second container after each pour.",
         ),
-        _table(pours),
-        _level_table(pours),
-        Paragraph(
-            "Repeated now: "
-            + "; ".join(
-                f"{pair_name(p.order.pair)}, {NAMES[p.order.manner]}: {s} spilled, {k} left in the"
-                f" cup (recorded: {p.spilled}, {p.kept})"
-                for p, s, k in repeated
-            )
-            + ".",
-            small=True,
-        ),
     )
 
 
@@ -247,38 +229,3 @@ def _real(pour: RecordedPour, warped: Band, duration_s: float) -> Real:
     band = Band(warped.time * duration_s, warped.mean * scale, warped.std * scale)
     done = np.column_stack([pour.path.offset_m, pour.path.tilt_rad]) * TO_CM_AND_DEG
     return Real(pair_name(pour.order.pair), band, pour.path.times_s, done)
-
-
-def _table(pours: Sequence[RecordedPour]) -> TableBlock:
-    columns = [Column("pair", align="left")]
-    for name in NAMES.values():
-        columns += [Column(f"{name}: in"), Column("left in cup"), Column("spilled")]
-        columns += [Column("spill expected", form=".2f")]
-    rows = []
-    for pair in range(len(PAIRS)):
-        found = [
-            next((p for p in of_manner(pours, manner) if p.order.pair == pair), None)
-            for manner in NAMES
-        ]
-        rows.append((pair_name(pair), *(cell for one in found for cell in _cells(one))))
-    caption = "Balls after each pour, of 40, and the probability of a spill expected before it."
-    return TableBlock(columns, rows, caption)
-
-
-def _level_table(pours: Sequence[RecordedPour]) -> TableBlock:
-    columns = [Column("pair", align="left"), Column("asked")]
-    names = ("to be left", "left in cup", "spilled", "error [%]")
-    columns += [Column(name, form=".0f") for name in names]
-    rows = []
-    for p in to_level(pours):
-        asked = p.order.pour if p.order.pour == EMPTY else f"{p.order.pour} ml"
-        balls = p.wanted, p.kept, p.spilled
-        rows.append((pair_name(p.order.pair), asked, *balls, 100.0 * p.level_error))
-    caption = "Balls after pours to a level, of 40; the error is in shares of the cup's volume."
-    return TableBlock(columns, rows, caption)
-
-
-def _cells(pour: RecordedPour | None) -> tuple[float | None, ...]:
-    if pour is None:
-        return (None,) * 4
-    return pour.n_balls - pour.spilled - pour.kept, pour.kept, pour.spilled, pour.risk

@@ -23,10 +23,8 @@ from experiments.settings import Settings
 from intent_recognition.report import (
     NONE_COLOUR,
     PALETTE,
-    Column,
     Drawing,
     Figure,
-    TableBlock,
     new_figure,
     shared_legend,
     styled,
@@ -75,7 +73,6 @@ def run(settings: Settings) -> ExperimentResult:
                 "Left, the cheapest rollout so far over the first one's cost, median and quartiles"
                 " of the seeds. Right, the cost of fresh pours before and after, a line a seed.",
             ),
-            _table(done),
         ),
         conditions=CONDITIONS,
         numbers=_numbers(done),
@@ -128,16 +125,6 @@ def learning_figure(done: Sequence[Practised]) -> Drawing:
     right.set(ylabel="cost of fresh pours", ylim=(0.0, None))
     shared_legend(figure, [left], 2)
     return figure
-
-
-def _table(done: Sequence[Practised]) -> TableBlock:
-    names = ["start", *(name for m in METHODS for name in (f"{m}: after", "spilled"))]
-    columns = [Column("seed", align="left"), *(Column(name, form=".1f") for name in names)]
-    rows = []
-    for pair in zip(*(of_method(done, method) for method in METHODS), strict=True):
-        after = (value for one in pair for value in (one.settled, one.spilled[1]))
-        rows.append((pair[0].seed, pair[0].start, *after))
-    return TableBlock(columns, rows, "Cost and spilled balls of fresh pours, means.")
 
 
 def _numbers(done: Sequence[Practised]) -> dict[str, object]:

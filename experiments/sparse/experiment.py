@@ -43,7 +43,7 @@ from experiments.sparse.study import (
     PROMP,
     one_data_set,
 )
-from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, to_svg
+from intent_recognition.report import Block, Figure, to_svg
 
 STREAM_VARIANCE = 0.04
 """Of the noisy stream, as in the paper's Fig. 2 (b)."""
@@ -73,7 +73,7 @@ def run(settings: Settings) -> ExperimentResult:
             " agents' movements, and can a DMP be conditioned on them at all?"
         ),
         findings=findings(counts, rmse, inside, acceleration),
-        blocks=blocks(settings, counts, rmse, inside, acceleration),
+        blocks=blocks(settings, counts, rmse),
         conditions=(
             "The paper's sketches are not published; ours are drawn by a generator.",
             "The noise of the sparse observations, which the paper does not report, has a standard"
@@ -140,8 +140,6 @@ def blocks(
     settings: Settings,
     counts: Sequence[int],
     rmse: Mapping[str, NDArray[np.float64]],
-    inside: NDArray[np.float64],
-    acceleration: NDArray[np.float64],
 ) -> tuple[Block, ...]:
     """Figures, tables and remarks, in order."""
     rng = settings.rng(1000)
@@ -189,15 +187,9 @@ def blocks(
         ),
         Figure(
             to_svg(sparse_error_figure(counts, lines, dense, accelerations)),
-            f"Left: mean over {len(inside)} data sets of {N_TEST} pairs,"
+            f"Left: mean over {len(next(iter(rmse.values())))} data sets of {N_TEST} pairs,"
             " \N{PLUS-MINUS SIGN} 2 standard errors. Right: the acceleration in the example"
             " (a), and what a spline through four or ten observations of it says.",
-        ),
-        _table(counts, lines, inside, acceleration),
-        Paragraph(
-            "With ten observations the best spline is nearly good enough: ten noisy samples of a"
-            " smooth curve determine it. With three or four, most of what a DMP observes is the"
-            " spline's own assumption."
         ),
     )
 
@@ -222,27 +214,3 @@ def _example(
         for number in range(2)
     ]
     return SketchExample(*panels)
-
-
-def _table(
-    counts: Sequence[int],
-    lines: Mapping[str, Line],
-    inside: NDArray[np.float64],
-    acceleration: NDArray[np.float64],
-) -> TableBlock:
-    share, wrong = inside.mean(axis=0), np.median(acceleration, axis=0)
-    columns = (
-        Column("observations"),
-        *(Column(f"RMSE, {name}", form=".3f") for name in lines),
-        Column("inside 2 sigma, observed", "%", form=".1f"),
-        Column("... controlled", "%", form=".1f"),
-        Column("acceleration error, best spline", "%", form=".0f"),
-        Column("... through the samples", "%", form=".0f"),
-    )
-    rows = (
-        (count, *(line.mean[k] for line in lines.values()), *100 * share[k], *100 * wrong[k, ::-1])
-        for k, count in enumerate(counts)
-    )
-    return TableBlock(
-        columns, rows, "Controlled agent's error, calibration, and error of the spline."
-    )

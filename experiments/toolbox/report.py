@@ -15,13 +15,8 @@ from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.learning import purity
 from intent_recognition.report import (
     Block,
-    Column,
     Figure,
-    KeyNumber,
-    KeyNumbers,
-    Paragraph,
     Row,
-    TableBlock,
     hand_error_figure,
     readable,
     to_svg,
@@ -116,34 +111,12 @@ def two_sigma(values: NDArray[np.float64]) -> str:
 def blocks(study: ToolboxStudy) -> tuple[Block, ...]:
     """Figures and tables."""
     return (
-        _key_numbers(study),
         _components(study),
         _found(study),
         *_conditioned(study),
         _hand(study),
-        _table(study),
-        _end_alone(study),
         *draws_tables(study.draws, lambda name: "cm" if "," in name else "", DRAWS_CAPTION),
-        _executions(study),
     )
-
-
-def _key_numbers(study: ToolboxStudy) -> KeyNumbers:
-    error = 100.0 * study.hand_error_m(study.from_end)
-    right, n = study.n_right, len(study.executions)
-    numbers = [KeyNumber("components chosen", str(study.chosen), "3", study.chosen == 3)]
-    for task in HAND_TASKS:
-        values, (mean, spread) = error[study.tasks == task], PAPER_CM[task]
-        numbers.append(
-            KeyNumber(
-                f"hand, {readable(task)}",
-                f"{two_sigma(values)} cm",
-                f"{mean} ± {spread} cm",
-                note="component from the whole movement",
-            )
-        )
-    numbers.append(KeyNumber("executions recognised", f"{right} of {n}", "all of 40", right == n))
-    return KeyNumbers(tuple(numbers))
 
 
 def _components(study: ToolboxStudy) -> Figure:
@@ -238,56 +211,3 @@ def _hand(study: ToolboxStudy) -> Row:
             ),
         )
     )
-
-
-def _table(study: ToolboxStudy) -> TableBlock:
-    columns = (
-        Column("components"),
-        Column("left-out density", "nats per sample, lower is better", form=".3f"),
-        Column("joints, whole movement", "rad", form=".4f"),
-        Column("joints, final wrist", "rad", form=".4f"),
-        Column("purity", form=".2f"),
-        Column("members"),
-    )
-    rows = []
-    for t, end_rms_rad in zip(study.tried, study.end_rms_rad, strict=True):
-        errors = t.nll.mean(), t.joint_rms_rad.mean(), end_rms_rad.mean()
-        members = ", ".join(str(n) for n in np.bincount(t.labels))
-        rows.append((t.number, *errors, purity(study.tasks.tolist(), t.labels), members))
-    return TableBlock(columns, rows, strong=[study.chosen - 1])
-
-
-def _end_alone(study: ToolboxStudy) -> Paragraph:
-    right = study.recognised(study.end_alone)
-    errors = 100.0 * study.hand_error_m(study.end_alone)
-    parts = ", ".join(
-        f"{readable(task)} {errors[study.tasks == task].mean():.1f} cm" for task in HAND_TASKS
-    )
-    return Paragraph(
-        "Were the component, too, taken from the final position alone, it would be right in"
-        f" {int(right.sum())} of {len(right)}: the three regions of goals overlap by more than"
-        f" half. The hand's mean error would be {parts}; where the component is right,"
-        f" {errors[right].mean():.1f} cm.",
-        small=True,
-    )
-
-
-def _executions(study: ToolboxStudy) -> TableBlock:
-    columns = (
-        Column("interaction", align="left"),
-        Column("executions"),
-        Column("right"),
-        Column("decided after", "% of the movement, median", form=".0f"),
-        Column("hand when the movement ends", "cm, mean ± 2 sigma"),
-    )
-    rows = []
-    for task in sorted({e.task for e in study.executions}):
-        own = [e for e in study.executions if e.task == task]
-        errors = 100.0 * np.array([e.hand_error_m for e in own])
-        errors = errors[np.isfinite(errors)]
-        shares = [e.decided_share for e in own if np.isfinite(e.decided_share)]
-        decided = 100 * np.median(shares) if shares else None
-        error = two_sigma(errors) if errors.size else None
-        rows.append((readable(task), len(own), sum(e.right for e in own), decided, error))
-    caption = "Executions before the online estimator; wrong at any time counts as wrong."
-    return TableBlock(columns, rows, caption)

@@ -54,4 +54,4 @@ def test_who_knows_the_box_predicts_and_acts_before_the_wrist_turns_to_it():
     assert error[LATER][late] == error[KNOWN][late]
     decided = numbers["decided_share"]
     assert max(decided[KNOWN]) < TURNS_AT < min(share or 1.0 for share in decided[WITHOUT])
-    assert len(outcome.blocks) == 4 and all(one.remark for one in outcome.findings)
+    assert len(outcome.blocks) == 1 and all(one.remark for one in outcome.findings)

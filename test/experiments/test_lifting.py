@@ -81,4 +81,4 @@ def test_a_quick_run_lifts_made_and_scanned_containers(tmp_path):
     assert held[MADE][CARRIED] < 1.0
     assert set(held) == {MADE, SCANNED}
     assert [finding.holds for finding in result.findings] == [True, True, True]
-    assert len(result.blocks) == 3
+    assert len(result.blocks) == 1
