@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What came of experiments: in the terminal, as JSON, as the report and its figures."""
+"""What came of experiments: in the terminal, and as JSON."""
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from experiments.catalogue import Experiment
-from experiments.report import write_experiments_report, write_figures
 from experiments.results import ExperimentResult
 from experiments.runs import ExperimentRun
 from intent_recognition import __version__
@@ -37,21 +35,6 @@ def numbers_json(runs: Mapping[str, ExperimentRun], seed: int, quick: bool) -> d
         findings = [vars(finding) for finding in run.outcome.findings]
         content["experiments"][name] = {"findings": findings, "numbers": dict(run.outcome.numbers)}
     return content
-
-
-def write_report(
-    folder: Path,
-    outcomes: Mapping[str, ExperimentResult],
-    failures: Mapping[str, str],
-    numbers: Mapping,
-) -> Path:
-    """Write report.html and figures/ into a folder; returns the report's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, outcome in outcomes.items():
-        write_figures(folder / "figures", name, outcome)
-    mode = ", quick" if numbers["quick"] else ""
-    footer = f"intent_recognition {__version__}, seed {numbers['seed']}{mode}."
-    return write_experiments_report(folder / "report.html", outcomes, failures, footer)
 
 
 def print_list(console: Console, entries: Iterable[Experiment]) -> None:

@@ -27,41 +27,37 @@ SUBTITLE = (
 VERDICTS = {True: "yes", False: "no", None: "not like for like"}
 
 
-def write_experiments_report(
-    path: str | Path,
+def write_report(
+    folder: Path,
     results: Mapping[str, ExperimentResult],
     failures: Mapping[str, str],
-    footer: str,
+    numbers: Mapping,
 ) -> Path:
-    """Write the report.
+    """Write report.html into a folder, and each figure as a file of its own below figures/.
 
     Args:
-        path: of the HTML file.
+        folder: is made if it is missing.
         results: per experiment, in order.
         failures: per experiment that broke off, why.
-        footer: where the numbers came from.
+        numbers: of `numbers_json`.
 
     Raises:
-        ResourceBusyError: the file cannot be written.
+        ResourceBusyError: the report cannot be written.
     """
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    for name, result in results.items():
+        for number, figure in enumerate(_figures(result.blocks), 1):
+            path = folder / "figures" / f"{name}_{number}.{figure.suffix}"
+            path.write_bytes(figure.data)
     sections = [_overview(results, failures)]
     sections += [_section(result) for result in results.values()]
-    return write_page(path, ReportPage(TITLE, SUBTITLE, tuple(sections), footer))
+    mode = ", quick" if numbers["quick"] else ""
+    footer = f"intent_recognition {numbers['version']}, seed {numbers['seed']}{mode}."
+    page = ReportPage(TITLE, SUBTITLE, tuple(sections), footer)
+    return write_page(folder / "report.html", page)
 
 
-def write_figures(folder: Path, name: str, result: ExperimentResult) -> list[Path]:
-    """Write an experiment's figures as files of their own, named after it and numbered."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for number, figure in enumerate(_figures(result.blocks), 1):
-        path = folder / f"{name}_{number}.{figure.suffix}"
-        path.write_bytes(figure.data)
-        written.append(path)
-    return written
-
-
-def findings_table(result: ExperimentResult) -> TableBlock:
-    """The paper's figures and ours."""
+def _findings_table(result: ExperimentResult) -> TableBlock:
     columns = (
         Column("", align="left"),
         Column("paper"),
@@ -110,7 +106,7 @@ def _section(result: ExperimentResult) -> Section:
     blocks: list[Block] = [
         Paragraph(result.question),
         Paragraph(f"Stands beside: {result.source}.", small=True),
-        findings_table(result),
+        _findings_table(result),
         *result.blocks,
     ]
     if result.conditions:

@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         raise IntentError.about("intent experiments", what, "an installed package", cure)
     from experiments import output
     from experiments.catalogue import EXPERIMENTS, chosen
+    from experiments.report import write_report
     from experiments.runs import run_all
     from experiments.settings import Settings
 
@@ -94,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         output.print_outcome(console, name, outcome, runs[name].seconds)
     numbers = output.numbers_json(runs, args.seed, args.quick)
     with busy(console, "writing the report"):
-        report = output.write_report(args.output, outcomes, failures, numbers)
+        report = write_report(args.output, outcomes, failures, numbers)
         for path in (args.output / "numbers.json", args.json):
             write_json(path, numbers)
     for name, reason in failures.items():

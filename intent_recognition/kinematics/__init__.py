@@ -30,6 +30,7 @@ from intent_recognition.kinematics.urdf import read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (
     DEFAULT_EFFORT,
     DEFAULT_SPEED,
+    end_of,
     parse_urdf,
     parse_xml,
     read_urdf,

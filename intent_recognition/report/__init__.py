@@ -18,7 +18,6 @@ from intent_recognition.report.drawing import (
     shared_legend,
     styled,
     task_colours,
-    task_markers,
     to_png,
     to_svg,
 )

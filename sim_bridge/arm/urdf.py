@@ -12,18 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import package_shares
+from intent_recognition.kinematics import end_of, package_shares
 
 WORLD = "world"
 """Root link of a description."""
 BLOCK_WIDTH_M = 0.2
 """Of the block that is drawn below a raised base [m]. Convention: wider than a small arm's foot."""
-
-
-def end_of(joint: ET.Element, end: str) -> str:
-    """Parent or child link of a joint; empty where none is named."""
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
 
 
 def add_joint(

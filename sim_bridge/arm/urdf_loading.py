@@ -12,8 +12,7 @@ from xml.etree import ElementTree
 import pybullet_data
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import check_meshes
-from sim_bridge.arm.urdf import end_of
+from intent_recognition.kinematics import check_meshes, end_of
 from sim_bridge.physics import BulletClient, pybullet
 
 MOST_LINKS = 128
