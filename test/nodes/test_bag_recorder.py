@@ -166,6 +166,20 @@ def test_namespace_is_left_out_of_the_bag(harness, tmp_path):
     assert list(BagReader(tmp_path / "bag").topics) == ["/mocap/wrist/pose"]
 
 
+def test_a_topic_with_another_name_in_the_graph_has_its_own_in_the_bag(harness, tmp_path):
+    """As the arm's; that every node of a graph is told: test_launch.py."""
+    publisher = harness.publisher(PoseStamped, "/arm/states", STATE)
+    values = {"output": str(tmp_path / "bag"), "topics": ["joint_states"]}
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    words = ["--ros-args", "-r", "joint_states:=/arm/states"]
+    node = harness.add(BagRecorder(parameter_overrides=overrides, cli_args=words))
+    harness.connect(publisher)
+    publisher.publish(pose(0))
+    harness.spin_until(lambda: node._writer.message_count)
+    node.stop()
+    assert list(BagReader(tmp_path / "bag").topics) == ["/joint_states"]
+
+
 def test_all_there_are_in_a_namespace_leave_other_cells_out(harness, tmp_path):
     """A topic of the same name elsewhere would become the same topic of the bag."""
     node = harness.add(recorder("lab", output=str(tmp_path / "bag")))

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A work cell for tests: a recorded or made-up wrist, shown to the nodes on simulated time."""
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -22,12 +20,9 @@ from intent_recognition.nodes.conversions import joint_values, stamp_ns, to_pose
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
-from sim_bridge.nodes.arm_sim import ArmSim
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import handover_point
 
-Own = Mapping[str, Mapping[str, object]]
-NONE: Own = {}
 POSES = "mocap/wrist/pose"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 SECOND_NS = 1_000_000_000
@@ -67,13 +62,6 @@ def recorded(bag: Path, hold_s: float = 4.0) -> Wrist:
     )
 
 
-def without(wrist: Wrist, start_s: float, end_s: float) -> Wrist:
-    """The wrist out of sight between two times."""
-    t = wrist.times_ns * 1e-9
-    seen = (t < start_s) | (t > end_s)
-    return wrist._replace(times_ns=wrist.times_ns[seen], positions=wrist.positions[seen])
-
-
 class Cell:
     """Listens to the whole graph, and moves the wrist as `/clock` goes on."""
 
@@ -87,34 +75,21 @@ class Cell:
         self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
         self.states = harness.collect(JointState, "joint_states", qos.STATE)
-        self.reports = harness.collect(DiagnosticArray, "/diagnostics")
         self._poses = harness.publisher(PoseStamped, POSES, qos.SENSOR)
         harness.probe.create_subscription(Clock, "/clock", self._on_clock, qos.STATE)
 
-    def start_nodes(
-        self, model: Path, *, factor: float = 1.0, robot: str = "", own: Own = NONE, **activation
-    ) -> None:
-        """All nodes in this process; simulated time waits for the observations to be taken.
-
-        `own` are parameters by node; `robot` is another arm than the LWR.
-        """
-        simulated = {"use_sim_time": True}
+    def start_nodes(self, model: Path, factor: float) -> None:
+        """All nodes in this process; simulated time waits for the observations to be taken."""
+        node, simulated = self.harness.node, {"use_sim_time": True}
         named = simulated | {"model": str(model)}
-        self.ingest = self._add(MocapIngest, simulated)
-        self.estimator = self._add(IntentEstimatorNode, named | own.get("intent_estimator", {}))
-        activation = own.get("primitive_activation", {}) | activation
-        self.activation = self._add(PrimitiveActivation, named | activation)
-        physics = {"publish_clock": True, "real_time_factor": factor}
-        if robot:
-            physics |= {"robot": robot} | own.get("arm_sim", {})
-        self.arm = self._add(ArmSim if robot else LwrSim, physics)
+        self.ingest = node(MocapIngest, **simulated)
+        self.estimator = node(IntentEstimatorNode, **named)
+        self.activation = node(PrimitiveActivation, hold_time=3.0, **named)
+        self.arm = node(LwrSim, publish_clock=True, real_time_factor=factor)
         self.arm._now_s = PatientClock(self._behind)
 
     def _behind(self) -> bool:
         return n_taken([POSES], self.ingest, self.estimator) < self._n_sent
-
-    def _add(self, kind, parameters):
-        return self.harness.node(kind, **parameters)
 
     def connect(self) -> None:
         """Wait until every topic of the chain has found its ends."""
@@ -133,10 +108,6 @@ class Cell:
         """Begin to move the wrist a little after now."""
         self.wrist, self._next = wrist, 0
         self.start_ns = self.now_ns + START_DELAY_NS
-
-    def shown(self) -> bool:
-        """Whether the whole of the wrist's way has been published."""
-        return self._next >= len(self.wrist.times_ns)
 
     def _on_clock(self, message: Clock) -> None:
         self.now_ns = stamp_ns(message.clock)
@@ -182,18 +153,3 @@ class Cell:
             if since_s <= elapsed_s <= until_s:
                 leaders.append(message.name[int(np.argmax(message.position))])
         return leaders
-
-    def said(self, node: str, text: str) -> bool:
-        """Whether a node has reported a status with this text."""
-        return any(
-            status.name == node and text in status.message
-            for report in self.reports
-            for status in report.status
-        )
-
-
-def path_distance(point: np.ndarray, path: Sequence[np.ndarray]) -> float:
-    """Largest joint difference (at the best place) between a posture (7,) and a path (T, 7)."""
-    path = np.asarray(path)
-    fine = np.vstack([path[:-1] + w * np.diff(path, axis=0) for w in np.linspace(0.0, 1.0, 21)])
-    return float(np.min(np.max(np.abs(fine - point), axis=1)))
