@@ -60,16 +60,17 @@ def predicted(task, onset_ns, duration_s=2.0, shift=0.0, names=JOINT_NAMES, size
 
 
 class Graph:
-    """Fake estimator, arm and clock around a real node."""
+    """Fake estimator, of one of several people too, arm and clock around a real node."""
 
-    def __init__(self, harness, **parameters):
-        self.harness = harness
+    def __init__(self, harness, person="", **parameters):
+        self.harness, told = harness, f"intent/{person}/".replace("//", "/")
         parameters = {"use_sim_time": True, "home": HOME.tolist(), **parameters}
         given = {name: value for name, value in parameters.items() if value is not None}
         self.node = harness.node(PrimitiveActivation, **given)
         self.clock = harness.publisher(Clock, "/clock", 10)
-        self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
-        self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.tasks = harness.publisher(JointState, f"{told}tasks", qos.STATE)
+        predicted = f"{told}robot_trajectory"
+        self.prediction = harness.publisher(JointTrajectory, predicted, qos.COMMAND)
         self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
         self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self.active = harness.collect(String, "intent/active_task", qos.LATCHED)

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from estimator_graph import message_for, shifted, with_covariance
-from model_builder import ROBOT, WRIST, learned_model, make_dofs, perform, true_library
-from nav_msgs.msg import Odometry
+from estimator_graph import DOFS, Folder, message_for, shifted
+from estimator_graph import Graph as EstimatorGraph
+from model_builder import ROBOT
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
@@ -22,77 +21,46 @@ from intent_recognition.nodes.conversions import (
     trajectory_arrays,
 )
 from intent_recognition.nodes.diagnostics import values_of
-from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import POSTURE_USED, start_mean
 from intent_recognition.recognition.transitions import HABIT_TRUST
-from intent_recognition.signals.observation import Observation, merge
+from intent_recognition.signals.observation import Observation
 
-DOFS = make_dofs(WRIST)
 RING = np.array([[0.04, 0.92, 0.04], [0.04, 0.04, 0.92], [0.92, 0.04, 0.04], [1 / 3] * 3])
 
 
 @pytest.fixture(scope="module")
-def truth():
-    return true_library(DOFS)
+def folder(tmp_path_factory):
+    """A model whose tasks follow one another."""
+    made = Folder(tmp_path_factory.mktemp("ring"), DOFS)
+    made.model = replace(made.model, library=replace(made.model.library, transition_prior=RING))
+    save_model(made.path, made.model)
+    return made
 
 
-@pytest.fixture(scope="module")
-def model(truth):
-    learned = learned_model(DOFS, truth)
-    return replace(learned, library=replace(learned.library, transition_prior=RING))
+class Graph(EstimatorGraph):
+    """With a fake arm, and who hears which task is expected."""
 
-
-@pytest.fixture(scope="module")
-def path(model, tmp_path_factory):
-    path = tmp_path_factory.mktemp("ring") / "model.npz"
-    save_model(path, model)
-    return path
-
-
-def movement(truth, task, seed=100):
-    found = merge(perform(truth, task, seed).observed)
-    return [with_covariance(DOFS, observation) for observation in found]
-
-
-class Graph:
-    """The node between a fake tracker, a fake arm and listeners."""
-
-    def __init__(self, harness, path, **parameters):
-        self.harness = harness
-        values = {"model": str(path), "publish_rate": 1000.0, **parameters}
-        self.node = harness.node(IntentEstimatorNode, **values)
-        self.wrist = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
+    def __init__(self, harness, folder, **parameters):
+        super().__init__(harness, folder, listen=False, publish_rate=1000.0, **parameters)
         self.arm = harness.publisher(JointState, "joint_states", qos.STATE)
-        self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
-        self.robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
         self.next = harness.collect(JointState, "intent/next_task", qos.LATCHED)
-        harness.connect(self.wrist)
-        if values.get("start_posture", True):
-            harness.connect(self.arm)
-        topics = ("intent/tasks", "intent/robot_trajectory", "intent/next_task")
-        harness.connect(*(p for p in self.node.publishers if p.topic_name.lstrip("/") in topics))
+        told = (p for p in self.node.publishers if p.topic_name == "/intent/next_task")
+        harness.connect(self.arm, *told)
 
-    def received(self, topic):
-        return self.node._diagnostics._totals[topic]
-
-    def send(self, publisher, message, topic):
-        before = self.received(topic)
-        publisher.publish(message)
-        self.harness.spin_until(lambda: self.received(topic) > before, what=topic)
+    def send_arm(self, message):
+        totals = self.node._diagnostics._totals
+        before = totals[ROBOT.topic]
+        self.arm.publish(message)
+        self.harness.spin_until(lambda: totals[ROBOT.topic] > before, what=ROBOT.topic)
 
     def feed(self, observations, arm=lambda stamp: None):
         """Human and arm in turn: the arm's sample of a stamp after the human's."""
         for observation in observations:
-            message = message_for(DOFS, observation)
-            self.send(self.wrist, message, WRIST.topic)
+            self.send(message_for(DOFS, observation))
             posture = arm(observation.stamp_ns)
             if posture is not None:
-                sample = to_joint_state(ROBOT.joints, posture, time_ns=observation.stamp_ns)
-                self.send(self.arm, sample, ROBOT.topic)
-
-    def rejected(self, reason):
-        return self.node._diagnostics.rejected(reason)
+                self.send_arm(to_joint_state(ROBOT.joints, posture, time_ns=observation.stamp_ns))
 
 
 def alone(model, observations, arm):
@@ -109,36 +77,36 @@ def alone(model, observations, arm):
 
 
 @pytest.mark.slow
-def test_the_start_posture_is_used_and_equals_the_library_s(harness, model, path, truth):
-    start = start_mean(model.library, 1) + 0.003
-    graph = Graph(harness, path)
-    observations = movement(truth, 1)
+def test_the_start_posture_is_used_and_equals_the_library_s(harness, folder):
+    start = start_mean(folder.model.library, 1) + 0.003
+    graph = Graph(harness, folder)
+    observations = folder.observations(1)
     graph.feed(observations, lambda stamp: start)
-    predictions = alone(model, observations, lambda stamp: start)
+    predictions = alone(folder.model, observations, lambda stamp: start)
     harness.spin_until(lambda: len(graph.robot) >= len(predictions), what="predictions")
     assert sum(p.start == POSTURE_USED for p in predictions) > 50
     for message, prediction in zip(graph.robot, predictions, strict=True):
         _, positions, _ = trajectory_arrays(message)
         np.testing.assert_array_equal(positions, prediction.trajectory.positions)
     harness.spin_until(lambda: len(graph.tasks) == len(observations), what="all tasks")
-    plain = IntentEstimator(model.library)
+    plain = IntentEstimator(folder.model.library)
     for message, observation in zip(graph.tasks, observations, strict=True):
         expected = plain.update(observation).probabilities
         np.testing.assert_allclose(message.position, expected, rtol=0.0, atol=1e-12)
 
 
-def test_a_posture_outside_is_skipped_counted_and_reported(harness, model, path, truth):
-    graph = Graph(harness, path)
-    far = start_mean(model.library, 1) + 0.8
-    graph.feed(movement(truth, 1), lambda stamp: far)
+def test_a_posture_outside_is_skipped_counted_and_reported(harness, folder):
+    graph = Graph(harness, folder)
+    far = start_mean(folder.model.library, 1) + 0.8
+    graph.feed(folder.observations(1), lambda stamp: far)
     assert graph.rejected("start_posture_outside")
     values = values_of(graph.node._diagnostics.report())
     assert values["start posture"] == "outside"
 
 
-def test_bad_joint_states_are_counted_and_harm_nothing(harness, model, path, truth):
-    graph = Graph(harness, path)
-    start = start_mean(model.library, 1)
+def test_bad_joint_states_are_counted_and_harm_nothing(harness, folder):
+    graph = Graph(harness, folder)
+    start = start_mean(folder.model.library, 1)
     names, stamp = list(ROBOT.joints), 1_600_000_000_000_000_000
     for position, labels, time_ns, reason in (
         (start, names, stamp, ""),
@@ -150,21 +118,21 @@ def test_bad_joint_states_are_counted_and_harm_nothing(harness, model, path, tru
         (start, names, stamp + 30, ""),  # which does not shut out the others
     ):
         message = to_joint_state(labels, position, time_ns=time_ns)
-        graph.send(graph.arm, message, ROBOT.topic)
+        graph.send_arm(message)
         assert not reason or graph.rejected(reason) == 1
     assert graph.rejected("posture_stamp_not_increasing") == 1
-    graph.feed(movement(truth, 1)[:80])
+    graph.feed(folder.observations(1)[:80])
     assert graph.node._diagnostics.report().level == b"\x00"
 
 
 @pytest.mark.slow
-def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, truth):
-    graph = Graph(harness, path)
+def test_the_next_task_is_published_when_a_movement_ends(harness, folder):
+    graph = Graph(harness, folder)
     harness.spin_until(lambda: graph.next, what="the first expectation")
     first = graph.next[0]
-    assert list(first.name) == list(model.labels) and first.header.frame_id == ""
+    assert list(first.name) == list(folder.model.labels) and first.header.frame_id == ""
     np.testing.assert_allclose(first.position, 1 / 3)
-    observations = movement(truth, 1)
+    observations = folder.observations(1)
     graph.feed(observations)
     harness.spin_until(lambda: len(graph.next) == 2, what="the next task")
     after = graph.next[1]
@@ -175,10 +143,10 @@ def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, t
     harness.spin_until(lambda: len(graph.tasks) == len(observations), what="all tasks")
     idle = [m for m in graph.tasks if stamp_ns(m) >= stamp_ns(after)]
     assert stamp_ns(idle[0]) == stamp_ns(after) and idle[0].position[-1] == 1.0
-    later = shifted(movement(truth, 2), 6.0)
+    later = shifted(folder.observations(2), 6.0)
     graph.feed(later[:70])
     harness.spin_until(lambda: len(graph.tasks) == len(observations) + 70, what="all tasks")
-    both = [IntentEstimator(model.library, transitions=on) for on in (True, False)]
+    both = [IntentEstimator(folder.model.library, transitions=on) for on in (True, False)]
     for estimator in both:
         ours = [estimator.update(o).probabilities for o in (*observations, *later[:70])]
         same = np.allclose([m.position for m in graph.tasks], ours, rtol=0.0, atol=1e-12)
@@ -190,11 +158,11 @@ def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, t
 
 
 @pytest.mark.slow
-def test_when_the_clock_goes_back_the_estimator_starts_anew_at_once(harness, model, path, truth):
-    graph = Graph(harness, path, use_sim_time=True)
+def test_when_the_clock_goes_back_the_estimator_starts_anew_at_once(harness, folder):
+    graph = Graph(harness, folder, use_sim_time=True)
     clock = harness.publisher(Clock, "/clock", 10)
     harness.connect(clock)
-    observations = movement(truth, 1)
+    observations = folder.observations(1)
     left_over = shifted(observations[-1:], 0.01)
     for late in ([], left_over):  # the second pass of a recording, and what the first left
         now_ns = observations[0].stamp_ns

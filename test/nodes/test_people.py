@@ -5,22 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from activation_graph import HOME, JOINT_NAMES, LABELS, START_NS, predicted
+from activation_graph import Graph
 from geometry_msgs.msg import PoseStamped
 from model_builder import WRIST, learned_model, make_dofs, perform, true_library
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering import TaskPosterior
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, to_pose, to_stamp
+from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, ingest_pose
@@ -117,68 +114,20 @@ def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
     }
 
 
-class TwoBeliefs:
-    """Fake beliefs of two people, an arm and a clock around the activation node."""
-
-    def __init__(self, harness):
-        self.harness, self.now_ns, self.needs = harness, START_NS, {}
-        named = {"use_sim_time": True, "home": HOME.tolist(), "persons": ["anna", "ben"]}
-        self.node = harness.node(PrimitiveActivation, **named)
-        self.clock = harness.publisher(Clock, "/clock", 10)
-        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
-        self.tasks = {
-            w: harness.publisher(JointState, f"intent/{w}/tasks", qos.STATE) for w in TASKS
-        }
-        self.predictions = {
-            w: harness.publisher(JointTrajectory, f"intent/{w}/robot_trajectory", qos.COMMAND)
-            for w in TASKS
-        }
-        self.helped = harness.collect(String, "intent/active_person", qos.LATCHED)
-        outputs = (*self.tasks.values(), *self.predictions.values())
-        self.measures = False
-        harness.connect(self.clock, self.joints, *outputs)
-
-    def send(self, publisher, message, stream):
-        totals = self.node.diagnostics._totals
-        before = totals[stream]
-        publisher.publish(message)
-        self.harness.spin_until(lambda: totals[stream] > before, what=stream)
-
-    def step(self):
-        self.now_ns += STEP_NS
-        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
-        clock = self.node.get_clock()
-        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns, what="clock")
-        if self.measures:
-            state = to_joint_state(JOINT_NAMES, HOME, np.zeros(7), time_ns=self.now_ns)
-            self.send(self.joints, state, "joint_states")
-        for person in TASKS:
-            p = [0.0, 0.0, 1.0]
-            if person in self.needs:
-                task, onset_ns = self.needs[person]
-                p = [0.02 + 0.94 * (label == task) for label in LABELS]
-                message = predicted(task, onset_ns)
-                self.send(self.predictions[person], message, "intent/robot_trajectory")
-            message = to_joint_state(LABELS, np.array(p), time_ns=self.now_ns)
-            self.send(self.tasks[person], message, "intent/tasks")
-
-
 @pytest.mark.slow
-def test_the_arm_helps_the_one_who_needs_it_first_and_says_whom(harness):
-    graph = TwoBeliefs(harness)
-    graph.step()
-    onset_ns = graph.now_ns
-    graph.needs = {"ben": ("screw", onset_ns - 800_000_000), "anna": ("plate", onset_ns)}
+def test_the_arm_hears_each_on_topics_of_their_own_and_says_whom_it_helps(harness):
+    """Whom it helps first: test_people.py of the activation."""
+    graph = Graph(harness, person="ben", persons=["anna", "ben"])
+    helped = harness.collect(String, "intent/active_person", qos.LATCHED)
+    graph.begin("screw")
     for _ in range(10):  # without joint states no motion begins
-        graph.step()
+        graph.tick()
+        graph.send_prediction()
+        graph.send_tasks()
     assert graph.node.activation.attended == ""
-    graph.measures = True
-    for _ in range(5):
-        graph.step()
-    activation = graph.node.activation
-    assert (activation.attended, activation.active_task) == ("ben", "screw")
-    assert activation.counts["started"] == 1
-    harness.spin_until(lambda: graph.helped and graph.helped[-1].data == "ben", what="who")
+    graph.until(lambda: graph.node.activation.attended == "ben")
+    assert graph.node.activation.active_task == "screw"
+    harness.spin_until(lambda: helped and helped[-1].data == "ben", what="who")
 
 
 @pytest.mark.parametrize("names", [["anna", "anna"], ["no/topic"], ["1st"]])

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Policies of SROS 2: each node may do what it does, under its names, and no more."""
+"""Names and qualities of service that the contract fixes, and policies of SROS 2: each node may do
+what it does, under its names, and no more.
+"""
 
 from xml.etree import ElementTree
 
 import pytest
 from bag_builder import write_bag
-from nodes.test_names import NODES as BUILT
-from nodes.test_names import check_contract, make
+from every_node import needed, node_class
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
 
 from intent_recognition.nodes.graph import GRAPHS, NODES, OWN_TOPICS, RECORDED
 from intent_recognition.nodes.security import main, policy
@@ -36,11 +39,43 @@ LATER = {
     "coworker_sim": set(),
 }
 """Topics that a node takes up after its start, or with a file of sequences."""
-TURNED_ON = {
+GIVEN = {
+    "intent_estimator": {"autostart": False},
     "primitive_activation": {"person_dofs": ["x", "y", "z"]},
-    "lwr_sim": {"controller": "stochastic_feedback"},
+    "bag_player": {"wait_for_subscribers": 0.0},
+    "lwr_sim": {"publish_clock": True, "controller": "stochastic_feedback"},
+    "coworker_sim": {"use_sim_time": True},
 }
-"""Parameters that make a node use more topics than it does by default."""
+"""Parameters that make a node use more topics than it does by default, or wait until asked."""
+SENSOR = (QoSReliabilityPolicy.BEST_EFFORT, QoSDurabilityPolicy.VOLATILE, 10)
+STATE = (QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 10)
+COMMAND = (QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 1)
+LATCHED = (QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_LOCAL, 1)
+OFFERED = {
+    "mocap_ingest": {"human/wrist": SENSOR},
+    "intent_estimator": {
+        "intent/tasks": STATE,
+        "intent/robot_trajectory": COMMAND,
+        "intent/human_path": COMMAND,
+        "intent/human_trajectory": COMMAND,
+        "intent/markers": COMMAND,
+        "intent/next_task": LATCHED,
+    },
+    "primitive_activation": {"joint_trajectory": COMMAND, "intent/active_task": LATCHED},
+    "object_warper": {"object/labelled_cloud": STATE, "object/parameters": STATE},
+    "object_transfer": {"intent/transfer": STATE},
+    "lwr_sim": {"joint_states": STATE, "robot_description": LATCHED},
+    "coworker_sim": {"mocap/wrist/pose": SENSOR, "coworker/task": STATE},
+    "task_teacher": {"teach/status": LATCHED},
+}
+SERVICES = {
+    "intent_estimator": {"reset", "reload_model"},
+    "primitive_activation": {"reset"},
+    "bag_recorder": {"start", "stop"},
+    "bag_player": {"pause", "resume"},
+    "task_teacher": {"start", "stop", "learn", "discard", "undo"},
+    "lwr_sim": {"gravity_compensation"},
+}
 
 
 @pytest.fixture
@@ -72,8 +107,34 @@ def given(graph: str, bag: str, **more: object) -> dict:
 
 
 FRAMES = {"/tf", "/tf_static"}
-IN_NO_GRAPH = {"object_warper"}
-"""Under these names."""
+ABSOLUTE = {"/clock", "/diagnostics", "/rosout", "/parameter_events", *FRAMES}
+IN_NO_GRAPH = {"arm_sim", "object_warper", "warped_primitive"}
+"""Under these names, or not in these graphs as they are given."""
+
+
+def make(harness, name, folder):
+    values = needed(name, folder) | GIVEN.get(name, {})
+    overrides = [Parameter(key, value=value) for key, value in values.items()]
+    return harness.add(node_class(name)(namespace="/cell1", parameter_overrides=overrides))
+
+
+def check_contract(node, name):
+    """Names are in the namespace, and topics and services offered as the contract says."""
+    topics = {entity.topic_name for entity in (*node.publishers, *node.subscriptions)}
+    assert "/diagnostics" in topics
+    assert all(topic.startswith("/cell1/") for topic in topics - ABSOLUTE)
+    offered = {service.service_name for service in node.services}
+    assert all(service.startswith(f"/cell1/{name}/") for service in offered)
+    assert offered >= {f"/cell1/{name}/{service}" for service in SERVICES.get(name, ())}
+    profiles = {p.topic_name: p.qos_profile for p in node.publishers}
+    for topic, (reliability, durability, depth) in OFFERED.get(name, {}).items():
+        profile = profiles[f"/cell1/{topic}"]
+        assert (profile.reliability, profile.durability) == (reliability, durability), topic
+        assert (profile.history, profile.depth) == (QoSHistoryPolicy.KEEP_LAST, depth), topic
+
+
+def test_a_node_of_no_graph_keeps_the_contract(harness, tmp_path):
+    check_contract(make(harness, "object_warper", tmp_path), "object_warper")
 
 
 @pytest.fixture
@@ -81,13 +142,13 @@ def model(toolbox_model):
     return str(toolbox_model)
 
 
-@pytest.mark.parametrize("name", sorted({*REGISTERED} & {*BUILT} - IN_NO_GRAPH))
+@pytest.mark.parametrize("name", sorted({*REGISTERED} - IN_NO_GRAPH))
 def test_a_node_keeps_the_contract_and_may_do_what_it_does_and_hardly_more(
-    harness, bag, model, name
+    harness, bag, model, tmp_path, name
 ):
     graph = "replay" if name == "bag_player" else "demo"
     rules = allowed(policy(graph, given(graph, bag, model=model)))[name]
-    node = make(harness, name, bag, **TURNED_ON.get(name, {}))
+    node = make(harness, name, tmp_path / "node")
     check_contract(node, name)
     publishes = {p.topic_name for p in node.publishers} - FRAMES  # where tf2_msgs is installed
     subscribes = {s.topic_name for s in node.subscriptions} - FRAMES

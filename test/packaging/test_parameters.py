@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shipped parameter file fits the nodes."""
 
-import importlib
 import re
 
 import pytest
 import yaml
-from bag_builder import write_bag
-from dashboard.browser import free_port
-from rclpy.node import Node
+from every_node import needed, node_class
 
 from intent_recognition.activation import ActivationSettings
 from intent_recognition.kinematics import DEFAULT_ACCELERATION_RAD_S2
@@ -29,19 +26,6 @@ from sim_bridge.coworker import SessionTiming
 
 TEXT = share_path("config/params.yaml").read_text(encoding="utf-8")
 SECTIONS = yaml.safe_load(TEXT)
-
-
-def node_class(name):
-    """The node of an executable: the Node its module defines."""
-    module = importlib.import_module(NODES[name].module)
-    (found,) = [
-        member
-        for member in vars(module).values()
-        if isinstance(member, type)
-        and issubclass(member, Node)
-        and member.__module__ == module.__name__
-    ]
-    return found
 
 
 @pytest.mark.slow
@@ -93,15 +77,6 @@ def words(name):
     """Every word of a section, comments included: parameters without a default stand there."""
     (section,) = re.findall(rf"^/\*\*/{name}:\n((?:  .*\n|\n)+)", TEXT, re.MULTILINE)
     return re.findall(r"\w+", section)
-
-
-def needed(name, folder):
-    """Without what a node does not start, and what must not be taken on this machine."""
-    if name == "bag_player":
-        return {"bag": str(write_bag(folder / "bag")), "start_paused": True}
-    if name == "task_teacher":
-        return {"library": str(folder / "tasks")}
-    return {"port": free_port()} if name == "dashboard" else {}
 
 
 def test_every_node_has_a_section():
