@@ -2,6 +2,7 @@
 """A fake estimator, arm and clock around a real activation node, on its topics."""
 
 import numpy as np
+from hermite import hermite
 from joint_trajectories import build_joint_trajectory
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -25,27 +26,10 @@ START_NS = 50_000_000_000
 STEP_NS = 20_000_000
 
 
-def hermite(message, time_ns):
+def reference(message, time_ns):
     """Position and velocity a cubic follower of the message has at a time."""
     times, q, rest = trajectory_arrays(message)
-    v = rest["velocities"]
-    t = (time_ns - stamp_ns(message)) * 1e-9
-    if t >= times[-1]:
-        return q[-1], v[-1]
-    i = max(int(np.searchsorted(times, t, side="right")) - 1, 0)
-    h, x = times[i + 1] - times[i], (t - times[i]) / (times[i + 1] - times[i])
-    position = (
-        (2 * x**3 - 3 * x**2 + 1) * q[i]
-        + (x**3 - 2 * x**2 + x) * h * v[i]
-        + (-2 * x**3 + 3 * x**2) * q[i + 1]
-        + (x**3 - x**2) * h * v[i + 1]
-    )
-    velocity = (
-        6 * (x**2 - x) / h * (q[i] - q[i + 1])
-        + (3 * x**2 - 4 * x + 1) * v[i]
-        + (3 * x**2 - 2 * x) * v[i + 1]
-    )
-    return position, velocity
+    return hermite(times, q, rest["velocities"], (time_ns - stamp_ns(message)) * 1e-9)
 
 
 def predicted(task, onset_ns, duration_s=2.0, shift=0.0, names=JOINT_NAMES, size=1.0):
@@ -107,7 +91,7 @@ class Graph:
     def arm(self):
         for message in reversed(self.commands):
             if self.now_ns >= stamp_ns(message):
-                return hermite(message, self.now_ns)[0]
+                return reference(message, self.now_ns)[0]
         return HOME
 
     def send_joints(self, position=None):

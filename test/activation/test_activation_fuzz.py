@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hermite import cubic, hermite
 from simulation import make_library
 
 from intent_recognition.activation import (
@@ -109,7 +110,9 @@ class Fuzz:
         """Position and velocity the controller is at, by the commands sent to it alone."""
         for command in reversed(self.commands):
             if time_ns >= command.start_ns:
-                return hermite(command.plan, (time_ns - command.start_ns) * 1e-9)
+                plan = command.plan
+                at_s = (time_ns - command.start_ns) * 1e-9
+                return hermite(plan.times_s, plan.positions, plan.velocities, at_s)
         return self.rest, np.zeros(7)
 
     def arm(self):
@@ -291,29 +294,6 @@ class Fuzz:
             self.rest, self.push, self.commands = q, np.zeros(7), []
         command_of(command.plan, np.stack([self.last_q, self.reference(self.now_ns)[0]]))
         self.commands = [*self.commands[-3:], command]
-
-
-def hermite(plan, time_s):
-    """Position and velocity of a plan's cubics, from the definition of Hermite's polynomials."""
-    t = plan.times_s
-    if time_s >= t[-1]:
-        return plan.positions[-1], np.zeros(7)
-    i = min(int(np.searchsorted(t, time_s, side="right")) - 1, len(t) - 2)
-    h = t[i + 1] - t[i]
-    ends = plan.positions[i], plan.positions[i + 1], plan.velocities[i], plan.velocities[i + 1]
-    return cubic((time_s - t[i]) / h, h, *ends)[:2]
-
-
-def cubic(x, h, q0, q1, v0, v1):
-    """Position, velocity and acceleration at the share x of an interval h."""
-    return (
-        (2 * x**3 - 3 * x**2 + 1) * q0
-        + (x**3 - 2 * x**2 + x) * h * v0
-        + (-2 * x**3 + 3 * x**2) * q1
-        + (x**3 - x**2) * h * v1,
-        6 * (x**2 - x) / h * (q0 - q1) + (3 * x**2 - 4 * x + 1) * v0 + (3 * x**2 - 2 * x) * v1,
-        (12 * x - 6) / h**2 * (q0 - q1) + (6 * x - 4) / h * v0 + (6 * x - 2) / h * v1,
-    )
 
 
 def check_curve(plan):
