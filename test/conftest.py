@@ -11,8 +11,9 @@ import pkgutil
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -200,16 +201,34 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def toolbox_model(repository, tmp_path_factory, usual) -> Path:
-    """A model file learned from the shipped training bags, once for all processes of a run."""
+def once(tmp_path_factory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Function that lets a folder of a name be filled once for all processes of a run."""
     own = tmp_path_factory.getbasetemp()
-    path = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "toolbox.npz"
-    with path.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not path.is_file():
-            with bounded(usual):
-                _learn_toolbox(repository, path)
-    return path
+    shared = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+    def provide(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, filled = shared / name, shared / f"{name}.filled"
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not filled.is_file():
+                shutil.rmtree(folder, ignore_errors=True)  # of a test that was ended meanwhile
+                folder.mkdir()
+                fill(folder)
+                filled.touch()
+        return folder
+
+    return provide
+
+
+@pytest.fixture(scope="session")
+def toolbox_model(repository, once, usual) -> Path:
+    """A model file learned from the shipped training bags."""
+
+    def learn(folder: Path) -> None:
+        with bounded(usual):
+            _learn_toolbox(repository, folder / "toolbox.npz")
+
+    return once("toolbox", learn) / "toolbox.npz"
 
 
 def _learn_toolbox(repository: Path, path: Path) -> None:
@@ -237,26 +256,19 @@ def harness():
 
 
 @pytest.fixture(scope="session")
-def ros_interfaces(tmp_path_factory):
+def ros_interfaces(once):
     """Function that lets this and other processes import a package of `test/interfaces`.
 
-    Once compiled it serves all processes of a run; an installed one is used as it is. Each has a
-    folder of its own: who asks for one does not find another one half made.
+    An installed one is used as it is. Each has a folder of its own: who asks for one does not find
+    another one half made.
     """
-    own = tmp_path_factory.getbasetemp()
-    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "interfaces"
 
     def provide(package: str) -> None:
         if shutil.which("g++") is None:
             pytest.skip(f"no compiler for {package}")
         from ros_interfaces import build
 
-        folder = shared / package
-        folder.mkdir(parents=True, exist_ok=True)
-        with (folder / "lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            if not (folder / package / "__init__.py").is_file():
-                build(package, folder)
+        folder = once(f"interfaces_{package}", partial(build, package))
         if str(folder) not in sys.path:
             sys.path.append(str(folder))
             known = os.environ.get("PYTHONPATH")

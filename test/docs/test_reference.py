@@ -13,11 +13,10 @@ PAGES = ("commands", "launch", "nodes")
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
+def written(once):
     """The pages, written anew in a process of its own: it starts every node once."""
-    folder = tmp_path_factory.mktemp("reference")
-    output_of(sys.executable, ROOT / "docs" / "tools" / "write_reference.py", folder)
-    return folder
+    script = ROOT / "docs" / "tools" / "write_reference.py"
+    return once("reference", lambda folder: output_of(sys.executable, script, folder))
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -21,16 +21,19 @@ STYLE = re.compile(r"url\([\"']?(?!data:)([^)\"']+)|@import[^;]+")
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
+def site(once):
     if not all(map(find_spec, ("sphinx", "myst_parser", "furo", "sphinx_gallery"))):
         if os.environ.get("CI"):
             pytest.fail("no Sphinx: pip install -r requirements-docs.txt")
         pytest.skip("no Sphinx (requirements-docs.txt)")
-    folder = tmp_path_factory.mktemp("site")
+    return once("site", build) / "html"
+
+
+def build(folder):
+    """All pages; test_examples.py runs the examples."""
     options = ["-W", "--keep-going", "-q", "-c", "docs", "-b", "html", "-d", f"{folder}/trees"]
-    options += ["-D", "plot_gallery=0"]  # test_examples.py runs the examples
+    options += ["-D", "plot_gallery=0"]
     output_of(sys.executable, "-m", "sphinx", *options, ".", f"{folder}/html")
-    return folder / "html"
 
 
 def test_every_page_is_there(site):
