@@ -82,7 +82,7 @@ BOUNDS = {
     "intent_recognition.learning.selection:NOISE_SCALES": (4.0,),
     "intent_recognition.learning.left_out_odds:MAX_FOLLOWED": 2,
     "intent_recognition.learning.unknown_task:MAX_CALIBRATED": 12,
-    "intent_recognition.learning.selection:MAX_VALIDATED": 12,
+    "intent_recognition.learning.held_out_examples:MAX_VALIDATED": 12,
 }
 """In tests so few hyperparameters are tried and so few demonstrations left out while learning."""
 

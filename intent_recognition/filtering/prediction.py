@@ -121,13 +121,14 @@ class TaskPrediction:
         q, n = library.n_controlled, library.basis.n_basis
         by_dof, rest = matrix.reshape(q, n, -1), rest.reshape(q, n, q, n)
         cross = np.matmul(by_dof[None], spread[:, None])  # (k, Q, N, P N)
-        own = np.matmul(cross, by_dof.swapaxes(1, 2)) + np.einsum("qnqm->qnm", rest)
+        scale = library.regressions.uncertainty(self.task, observed, spread)[:, None, None, None]
+        own = np.matmul(cross, by_dof.swapaxes(1, 2)) + scale * np.einsum("qnqm->qnm", rest)
         mean = (observed @ matrix.T + offset).reshape(-1, q, n)
         if start is None:
             return mean, own
         row = library.basis.design_matrix(np.zeros(1))[0]
         at = np.einsum("n,qnp->qp", row, by_dof)
-        cross = np.matmul(cross, at.T) + np.einsum("qnrm,m->qnr", rest, row)  # (k, Q, N, Q)
+        cross = np.matmul(cross, at.T) + scale * np.einsum("qnrm,m->qnr", rest, row)  # (k, Q, N, Q)
         spread = np.einsum("n,kqnr->kqr", row, cross)
         spread = symmetrize(spread) + np.diag(start.variance + library.control_noise_variance())
         cross = cross.reshape(len(mean), q * n, q).swapaxes(1, 2)

@@ -27,6 +27,7 @@ from intent_recognition.gaussian.normal import (
     Gaussian,
     Regression,
     condition,
+    expected_distance,
     log_density,
     marginal,
     product,

@@ -141,6 +141,18 @@ def regression(joint: Gaussian, n_source: int) -> Regression:
     )
 
 
+def expected_distance(precision: Floats, apart: Floats, covariance: Floats) -> Floats:
+    """E[x^T precision x] of x ~ N(apart, covariance), (...).
+
+    Args:
+        precision: (..., d, d).
+        apart: (..., d).
+        covariance: (..., d, d).
+    """
+    turned = np.matmul(precision, apart[..., None])[..., 0]
+    return np.sum(apart * turned, axis=-1) + np.sum(precision * covariance, axis=(-2, -1))
+
+
 def product(factors: Sequence[Gaussian], powers: Sequence[float]) -> Gaussian:
     """The normal distribution whose density is proportional to prod_i N(x; m_i, P_i)^a_i.
 

@@ -34,6 +34,7 @@ from intent_recognition.learning.examples import (
     scored_phases,
 )
 from intent_recognition.learning.fitting import library_from_statistics
+from intent_recognition.learning.hyperparameters import Hyperparameters
 from intent_recognition.learning.interaction_promp import fit_interaction_promp
 from intent_recognition.learning.mixture import (
     BASIS,
@@ -52,7 +53,6 @@ from intent_recognition.learning.preprocessing import (
     example_of,
     in_turns,
 )
-from intent_recognition.learning.selection import Hyperparameters
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, summarize
 from intent_recognition.learning.timing import PACES, Timing

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from intent_recognition.array_types import Floats
+from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
 from intent_recognition.learning.preprocessing import SignalNames
-from intent_recognition.learning.selection import STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import (
     CONTEXT_STRENGTH,

@@ -16,15 +16,15 @@ from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
 from intent_recognition.learning.examples import scored_phases
 from intent_recognition.learning.held_out import (
-    LeftOutExample,
+    Followed,
     filter_samples,
     predict_agents,
     samples_at,
 )
+from intent_recognition.learning.held_out_examples import LeftOutExample
+from intent_recognition.learning.hyperparameters import EXPONENTS
 from intent_recognition.promp import ResidualCoupling, TaskLibrary
 
-EXPONENTS = (0.2, 0.5, 1.0)
-"""Exponents of the evidence that are tried, the default first (docs/decisions/one_filter.md)."""
 N_DURATIONS = 7
 """Durations under which a demonstration is filtered. Convention: it bounds the time."""
 
@@ -58,7 +58,9 @@ def follow(
     for progress in filter_samples(library, prior, pace.ravel(), relative.ravel(), samples):
         if progress.n_samples in samples_at(shares):
             evidence.append(progress.log_evidence.reshape(own.shape))
-            human, robot = predict_agents(library, left_out, progress, own, pace, relative)
+            human, robot = predict_agents(
+                library, left_out, Followed(progress, own, pace, relative)
+            )
             observed.append(human)
             controlled.append(robot)
     return np.array(evidence), np.array(observed), np.array(controlled)

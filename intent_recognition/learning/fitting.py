@@ -10,13 +10,13 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
+from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
 from intent_recognition.learning.none_model import departures, none_primitive, none_timing
 from intent_recognition.learning.persons import (
     covariance_of_strangers,
     log_duration_variance_of_strangers,
 )
 from intent_recognition.learning.preprocessing import Preprocessing
-from intent_recognition.learning.selection import STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import (
     TaskStatistics,
     aligned_statistics,
@@ -90,6 +90,7 @@ def library_from_statistics(
         none_prior=settings.none_prior,
         duration_evidence=settings.duration_evidence or chosen.duration_evidence,
         task_evidence=chosen.task_evidence,
+        regression_variance=chosen.regression_variance,
         phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         evidence_freedom=EVIDENCE_FREEDOM,
         onset=preprocessing.onset,

@@ -3,7 +3,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasureme
 from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,
     SAMPLES_USED,
-    TrainingExample,
     sample_phases,
     scored_phases,
 )
+from intent_recognition.learning.held_out_examples import LeftOutExample
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import (
     TaskLibrary,
@@ -25,14 +25,9 @@ from intent_recognition.promp import (
     reference_phase,
     steady_phase,
 )
-from intent_recognition.signals import commensurate
 
-MAX_RIVALS = 8
-"""Other tasks, those with the nearest means, that a demonstration is compared with. Convention: it
-bounds the time; tasks farther away have no evidence to speak of."""
 MAX_FLOATS = 2**19
 """Numbers in the covariances filtered at a time. Measured: 4 MB take about the least time."""
-T = TypeVar("T")
 
 
 class FilteredSamples(NamedTuple):
@@ -59,33 +54,20 @@ class FilteredSamples(NamedTuple):
         return Deviations(sample_phases()[: self.n_samples], filtered, likelihood)
 
 
-class LeftOutExample(NamedTuple):
-    """One demonstration, and its task without it.
+class Followed(NamedTuple):
+    """Hypotheses of the own tasks of n demonstrations, S each, after some samples.
 
     Attributes:
-        task: number of its task.
-        mean: weights of its task, (D N,).
-        covariance: of the observed weights, shared by the tasks, (P N, P N).
-        gain: of the controlled weights on the observed ones, (Q N, P N).
-        rivals: numbers of the other tasks it is compared with.
-        rival_means: their observed weights, without the person who was left out, (r, P N).
-        observed: its samples, (m, P).
-        seen: the same at the scored phases, (s, P).
-        truth: of the controlled DOFs there, (s, Q).
-        log_duration: mean of the logarithms of the others' durations [log s].
+        progress: these and others.
+        own: where they stand among them, (n, S).
+        pace: of them, as in `filter_samples`, (n, S).
+        relative: likewise.
     """
 
-    task: int
-    mean: Floats
-    covariance: Floats
-    gain: Floats
-    rivals: Integers
-    rival_means: Floats
-    observed: Floats
-    seen: Floats
-    truth: Floats
-    duration_s: float
-    log_duration: float
+    progress: FilteredSamples
+    own: Integers
+    pace: Floats
+    relative: Floats
 
 
 def filter_samples(
@@ -123,95 +105,95 @@ def filter_samples(
         yield FilteredSamples(k + 1, evidence, weights, believed)
 
 
+def follow_known(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
+) -> Iterator[Followed]:
+    """Filter left-out demonstrations of known duration under their own tasks and the rivals.
+
+    Yields:
+        The own tasks after each sample, S is 1.
+    """
+    prior, own = _priors(library, left_out, tasks)
+    sizes = np.diff(np.append(own, len(prior.mean)))
+    samples = np.repeat(np.array([one.observed for one in left_out]), sizes, axis=0)
+    pace, relative = np.ones(len(prior.mean)), np.exp(_log_relative(library, left_out))
+    own = own[:, None]
+    for progress in filter_samples(library, prior, pace, relative, np.swapaxes(samples, 0, 1)):
+        yield Followed(progress, own, pace[own], relative[own])
+
+
+def _priors(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
+) -> tuple[Gaussian, Integers]:
+    """Observed weights under the own task and the rivals of each; where each own task stands."""
+    size, count = library.n_observed_weights, np.array([task.n for task in tasks.values()])
+    mean, covariance = [], []
+    for one in left_out:
+        n = np.r_[max(count[one.task] - 1, 1), count[one.rivals]]
+        mean.append(np.vstack([one.mean[:size], one.rival_means]))
+        covariance.append(one.covariance * (1.0 + 1.0 / n)[:, None, None])
+    own = np.cumsum([0, *(len(part) for part in mean[:-1])])
+    return Gaussian(np.concatenate(mean), np.concatenate(covariance)), own
+
+
+def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
+    """Log of their durations in parts of the usual ones of own task and rivals, one after another.
+
+    Those of the own task are without the demonstration.
+    """
+    usual = [np.r_[one.log_duration, library.log_duration_mean[one.rivals]] for one in left_out]
+    return np.concatenate(
+        [np.log(one.duration_s) - of_one for one, of_one in zip(left_out, usual, strict=True)]
+    )
+
+
 def samples_at(shares: Sequence[float]) -> list[int]:
     """After how many samples these shares of a movement were seen."""
     return [round(share * SAMPLES_USED) for share in shares]
 
 
 def predict_agents(
-    library: TaskLibrary,
-    left_out: Sequence[LeftOutExample],
-    progress: FilteredSamples,
-    own: Integers,
-    pace: Floats,
-    relative: Floats,
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed
 ) -> tuple[Floats, Floats]:
     """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
 
     Args:
         library: whose basis and phase deviation are used.
         left_out: n demonstrations.
-        progress: the filter after some of their samples.
-        own: its hypotheses of each demonstration's own task, (n, S).
-        pace: of these, as in `filter_samples`, (n, S).
-        relative: likewise.
+        followed: their own tasks after some of their samples.
     """
-    model, basis, size = library.phase_deviation, library.basis, library.n_observed_weights
+    size = library.n_observed_weights
     mean = np.array([one.mean for one in left_out])[:, None]
     gain = np.array([one.gain for one in left_out])
-    filtered = progress.weights.mean[own]
+    filtered = followed.progress.weights.mean[followed.own]
     change = (filtered - mean[..., :size]) @ np.swapaxes(gain, 1, 2)
     weights = np.concatenate([filtered, mean[..., size:] + change], axis=2)
-    deviations = progress.deviations(own.ravel())
-    pace, relative = pace.reshape(-1, 1), relative.reshape(-1, 1)
+    of_observed, of_controlled = expected_rows(library, followed)
+    of_dofs = np.swapaxes(weights.reshape(followed.own.size, -1, library.basis.n_basis), 1, 2)
+    observed = of_observed @ of_dofs[..., : library.n_observed]
+    controlled = of_controlled @ of_dofs[..., library.n_observed :]
+    shape = (*followed.own.shape, len(scored_phases()), -1)
+    return observed.reshape(shape), controlled.reshape(shape)
+
+
+def expected_rows(library: TaskLibrary, followed: Followed) -> tuple[Floats, Floats]:
+    """Basis functions of both agents at the scored phases, expected over phase deviations.
+
+    Args:
+        library: whose basis and phase deviation are used.
+        followed: as in `predict_agents`.
+
+    Returns:
+        Of the observed and the controlled DOFs, (n S, s, N) each.
+    """
+    model, basis = library.phase_deviation, library.basis
+    pace, relative = followed.pace.reshape(-1, 1), followed.relative.reshape(-1, 1)
+    deviations = followed.progress.deviations(followed.own.ravel())
     share = deviations_at(model, 1.0 / pace[:, 0], deviations, scored_phases())
     phase = pace * scored_phases()
     rows = np.einsum(
         "nse,nsek->nsk", share, basis.design_matrix(reference_phase(model, phase, relative))
     )
-    of_dofs = np.swapaxes(weights.reshape(len(pace), -1, basis.n_basis), 1, 2)
-    observed = rows @ of_dofs[..., : library.n_observed]
-    if not model.controlled_follows:
-        rows = basis.design_matrix(steady_phase(model, phase, relative))
-    controlled = rows @ of_dofs[..., library.n_observed :]
-    shape = (*own.shape, phase.shape[1], -1)
-    return observed.reshape(shape), controlled.reshape(shape)
-
-
-def evenly(items: Sequence[T], most: int) -> list[T]:
-    """At most so many of the items, evenly spaced."""
-    count = min(len(items), most)
-    return [items[i] for i in np.linspace(0, len(items) - 1, count).round().astype(int)]
-
-
-def paired_examples(
-    tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics], most: int
-) -> list[tuple[int, TrainingExample, TrainingExample]]:
-    """Demonstrations, evenly drawn from all tasks: number of the task, as learned, as recorded.
-
-    Args:
-        tasks: statistics that primitives are built from.
-        recorded: of the same labels or more, of the examples as they were recorded.
-        most: how many.
-    """
-    labels = list(recorded)
-    pairs = [
-        (labels.index(label), example, as_recorded)
-        for label, task in tasks.items()
-        for example, as_recorded in zip(task.examples, recorded[label].examples, strict=True)
-    ]
-    return evenly(pairs, most)
-
-
-def nearest_tasks(
-    tasks: Sequence[TaskStatistics],
-    example: TrainingExample,
-    others: Integers,
-    units: Sequence[str],
-) -> Integers:
-    """The tasks whose mean weights come nearest to an example's, at most `MAX_RIVALS`.
-
-    Args:
-        tasks: their statistics.
-        example: what they are compared with.
-        others: numbers of those that are compared.
-        units: of the observed DOFs, (P,); distances in incommensurate ones are each divided by
-            their mean.
-    """
-    if len(others) <= MAX_RIVALS:
-        return others
-    apart = np.zeros(len(others))
-    for dofs in commensurate(units):
-        squares = [np.sum((tasks[k].mean - example.weights)[dofs] ** 2) for k in others]
-        apart += len(dofs) * np.array(squares) / (np.mean(squares) or 1.0)
-    return others[np.argsort(apart)[:MAX_RIVALS]]
+    if model.controlled_follows:
+        return rows, rows
+    return rows, basis.design_matrix(steady_phase(model, phase, relative))

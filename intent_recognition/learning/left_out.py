@@ -15,6 +15,7 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.learning.hyperparameters import STRENGTH
 from intent_recognition.learning.none_model import (
     Departure,
     departures,
@@ -22,7 +23,6 @@ from intent_recognition.learning.none_model import (
     none_timing,
 )
 from intent_recognition.learning.persons import covariance_of_strangers, without_group
-from intent_recognition.learning.selection import STRENGTH
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
     Scatter,

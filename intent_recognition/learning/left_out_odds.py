@@ -17,7 +17,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.filtering import NEGLIGIBLE, MovementFilter, make_prior_grid
 from intent_recognition.learning.examples import TrainingExample, sample_phases
-from intent_recognition.learning.held_out import paired_examples
+from intent_recognition.learning.held_out_examples import paired_examples
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import NO_ODDS, LeftOutOdds, TaskLibrary, conformal_bound

@@ -14,9 +14,10 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import learned_from, library_from_statistics, statistics_of
+from intent_recognition.learning.hyperparameters import Hyperparameters
 from intent_recognition.learning.left_out_odds import learn_left_out_odds, learn_switch_margin
 from intent_recognition.learning.preprocessing import Preprocessing, example_of
-from intent_recognition.learning.selection import Choice, Hyperparameters, choose
+from intent_recognition.learning.selection import Choice, choose
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import (
     TaskStatistics,
@@ -216,6 +217,7 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
         phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         duration_evidence=preprocessing.settings.duration_evidence or chosen.duration_evidence,
         task_evidence=chosen.task_evidence,
+        regression_variance=chosen.regression_variance,
         coupling=coupling,
         **learned_from(trained.tasks, preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},

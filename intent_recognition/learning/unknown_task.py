@@ -16,12 +16,8 @@ from intent_recognition.array_types import Floats, Integers
 from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample, sample_phases
-from intent_recognition.learning.held_out import (
-    MAX_FLOATS,
-    filter_samples,
-    nearest_tasks,
-    paired_examples,
-)
+from intent_recognition.learning.held_out import MAX_FLOATS, filter_samples
+from intent_recognition.learning.held_out_examples import nearest_tasks, paired_examples
 from intent_recognition.learning.left_out import LeavingOut, LeftOut
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import TaskLibrary, conformal_bound

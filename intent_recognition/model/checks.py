@@ -36,6 +36,7 @@ SCALARS = (
     "switch_margin",
     "duration_evidence",
     "task_evidence",
+    "regression_variance",
 )
 
 
@@ -76,6 +77,8 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
         prior = numbers[name]
         shares = np.all(prior >= 0.0) and np.all(np.abs(prior.sum(axis=-1) - 1.0) <= 1e-6)
         require(bool(shares), f"{path}: {name}", "sums of one", prior)
+    variance = numbers["regression_variance"]
+    require(bool(variance >= 0.0), f"{path}: regression_variance", "at least 0", variance)
     none_prior = numbers["none_prior"]
     require(bool(0.0 < none_prior < 1.0), f"{path}: none_prior", "between 0 and 1", none_prior)
 

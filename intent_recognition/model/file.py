@@ -46,7 +46,11 @@ from intent_recognition.untrusted import UntrustedError, check_archive, load_jso
 
 FORMAT_VERSION = 3
 """Of the file; others are not read."""
-ADDED: dict[str, NDArray[Any]] = {"switch_margin": np.array(0.0), "task_evidence": np.array(1.0)}
+ADDED: dict[str, NDArray[Any]] = {
+    "switch_margin": np.array(0.0),
+    "task_evidence": np.array(1.0),
+    "regression_variance": np.array(0.0),
+}
 """What older models hold, which were written without these."""
 
 

@@ -29,7 +29,8 @@ class ControlGrid:
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
         self._n_controlled = library.n_controlled
         self._noise = library.control_noise_variance()
-        basis, (matrix, offset, covariance) = library.basis, library.regressions[task]
+        self._regressions, self._task = library.regressions, task
+        basis, (matrix, offset, covariance) = library.basis, self._regressions[task]
         shape = (library.n_controlled, basis.n_basis)
         matrix, offset = matrix.reshape(*shape, -1), offset.reshape(shape)
         covariance = covariance.reshape(*shape, *shape)
@@ -54,7 +55,7 @@ class ControlGrid:
         self._start_covariance = np.tensordot(start, toward_start, axes=(0, 1))
         own = np.einsum("qnqm->qnm", covariance)
         variance = np.einsum("tn,qnm,tm->tq", design, own, design, optimize=True)
-        self._variance = (variance + self._noise).ravel()
+        self._variance = variance.ravel()
 
     def predict(
         self, observed: Gaussian, duration_s: float, start: StartPosture | None = None
@@ -69,13 +70,15 @@ class ControlGrid:
         values = self._response @ observed.mean + self._base
         within = self._matrix @ observed.covariance @ self._matrix.swapaxes(1, 2)  # (Q, N, N)
         at = np.add.reduce((self._design @ within) * self._design, axis=2)
-        variance = self._variance + at.T.ravel()
+        scale = self._regressions.uncertainty(self._task, *observed)
+        variance = scale * self._variance + np.tile(self._noise, len(self.phase)) + at.T.ravel()
         if start is not None:
             toward = observed.covariance @ self._start_response.T
-            covariance = symmetrize(self._start_covariance + self._start_response @ toward)
+            covariance = scale * self._start_covariance + self._start_response @ toward
+            covariance = symmetrize(covariance)
             covariance += np.diag(start.variance + self._noise)
             expected = self._start_response @ observed.mean + self._start_base
-            cross = self._response @ toward + self._start_cross
+            cross = self._response @ toward + scale * self._start_cross
             cross, innovation, _ = whiten_innovation(
                 covariance,
                 cross.reshape(-1, self._n_controlled).T,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import first_of
-from intent_recognition.gaussian import Gaussian, Regression, regression
+from intent_recognition.gaussian import Gaussian, Regression, expected_distance, regression
 from intent_recognition.plots import Figure, by_unit, draw_bands, name_lines, new_panels
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.context import ContextModel, as_context
@@ -35,11 +35,14 @@ class Regressions:
         mean: weights, observed first, (K, D N).
         covariance: (K, D N, D N).
         n_observed: number of observed weights.
+        variance: of the coefficients, in parts of C (x) S_oo^-1.
     """
 
-    def __init__(self, mean: Floats, covariance: Floats, n_observed: int):
+    def __init__(self, mean: Floats, covariance: Floats, n_observed: int, variance: float = 0.0):
         self._mean, self._covariance, self._n_observed = mean, covariance, n_observed
+        self._variance = variance
         self._kept: dict[int, Regression] = {}
+        self._precision: dict[int, Floats] = {}
 
     def __len__(self) -> int:
         return len(self._mean)
@@ -52,9 +55,29 @@ class Regressions:
             joint = Gaussian(self._mean[index], self._covariance[index])
             found = regression(joint, self._n_observed)
             while len(self._kept) >= N_KEPT:
-                del self._kept[next(iter(self._kept))]
+                oldest = next(iter(self._kept))
+                del self._kept[oldest]
+                self._precision.pop(oldest, None)
         self._kept[index] = found
         return found
+
+    def uncertainty(self, task: int, mean: Floats, covariance: Floats) -> Floats:
+        """By what the uncertain coefficients multiply C where the observed weights are so, (...).
+
+        1 + r E[(w_o - mu_o)^T S_oo^-1 (w_o - mu_o)], r the variance of the coefficients.
+
+        Args:
+            task: number of the task, not negative.
+            mean: of the observed weights, (..., P N).
+            covariance: of them, (..., P N, P N).
+        """
+        if not self._variance:
+            return np.ones(mean.shape[:-1])
+        n = self._n_observed
+        if task not in self._precision:
+            self._precision[task] = np.linalg.inv(self._covariance[task][:n, :n])
+        distance = expected_distance(self._precision[task], mean - self._mean[task, :n], covariance)
+        return np.asarray(1.0 + self._variance * distance, dtype=np.float64)
 
 
 @dataclass(frozen=True, repr=False)
@@ -98,6 +121,8 @@ class TaskLibrary:
         context: how the weights depend on what is known of the scene; None where nothing is, or
             where it has been used (`given`).
         coupling: of what the weights leave unexplained of both agents; None for none.
+        regression_variance: of the coefficients by which a task's observed weights tell its
+            controlled ones (`Regressions.uncertainty`).
         usual_log_duration: what durations of the tasks and none are relative to in
             `promp.steady_phase`, log seconds, (K + 1,); None for the means of their timing priors.
     """
@@ -135,6 +160,7 @@ class TaskLibrary:
     left_out_odds: LeftOutOdds = NO_ODDS
     context: ContextModel | None = None
     coupling: ResidualCoupling | None = None
+    regression_variance: float = 0.0
     usual_log_duration: Floats | None = None
 
     def __repr__(self) -> str:
@@ -269,9 +295,10 @@ class TaskLibrary:
         """Regression of the controlled weights on the observed ones, one for each task.
 
         Observations touch only the observed weights; the controlled ones follow exactly when asked
-        for: N(A w_o + b, C).
+        for: N(A w_o + b, C), C times `Regressions.uncertainty`.
         """
-        return Regressions(self.weight_mean, self.weight_covariance, self.n_observed_weights)
+        parts = self.weight_mean, self.weight_covariance, self.n_observed_weights
+        return Regressions(*parts, self.regression_variance)
 
     def observed_dofs(self, group: int, dofs: Sequence[int] | None = None) -> Integers:
         """Indices of the observed DOFs of a signal, (m,).

@@ -36,7 +36,8 @@ def controlled_weights(
 ) -> Gaussian:
     """Controlled weights given the task and the filtered observed weights.
 
-    N(A m_o + b, C + A P_o A^T), exact (`TaskLibrary.regressions`). A start posture is one
+    N(A m_o + b, u C + A P_o A^T), exact (`TaskLibrary.regressions`), with u for the uncertain
+    coefficients A (`Regressions.uncertainty`). A start posture is one
     more observation of the controlled weights at phase 0; it does not bear on the task.
 
     Args:
@@ -50,6 +51,7 @@ def controlled_weights(
     """
     matrix, offset, covariance = library.regressions[task]
     mean = matrix @ observed.mean + offset
+    covariance = library.regressions.uncertainty(task, *observed) * covariance
     covariance = symmetrize(covariance + matrix @ observed.covariance @ matrix.T)
     if start is None:
         return Gaussian(mean, covariance)
@@ -100,7 +102,7 @@ def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) 
     known exactly; with `start_known` the controlled agent's start, too.
     """
     n, size = library.n_controlled, library.n_observed_weights
-    known = Gaussian(np.zeros(size), np.zeros((size, size)))
+    known = Gaussian(library.weight_mean[task, :size], np.zeros((size, size)))
     start = StartPosture(np.zeros(n), np.zeros(n)) if start_known else None
     covariance = controlled_weights(library, task, known, start).covariance
     variance = dof_variance(library.basis.design_matrix(np.ones(1)), covariance)[0]

@@ -52,8 +52,10 @@ def run_on(library, task, hypotheses, observations) -> TaskPrediction:
     return run.prediction(task)
 
 
-def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
+@pytest.mark.parametrize("variance", [0.0, 0.05])
+def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng, variance):
     library = library_with(rng, STEADY, groups=(2, 1))
+    library = replace(library, regression_variance=variance)
     hypotheses = fixed_prior_grid(library, 2.0)
     observations = seen(library, rng, 25)
     bank = run_bank(library, hypotheses, observations, START_NS)

@@ -16,7 +16,8 @@ from intent_recognition.learning.examples import (
     TrainingExample,
     sample_phases,
 )
-from intent_recognition.learning.held_out import MAX_RIVALS, evenly, filter_samples, nearest_tasks
+from intent_recognition.learning.held_out import filter_samples
+from intent_recognition.learning.held_out_examples import MAX_RIVALS, evenly, nearest_tasks
 from intent_recognition.learning.statistics import summarize
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
 from intent_recognition.signals.observation import Observation

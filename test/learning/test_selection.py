@@ -11,20 +11,18 @@ from scipy.interpolate import make_interp_spline
 from simulation import START_NS, minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian, condition
-from intent_recognition.learning import selection
+from intent_recognition.learning import held_out_examples, selection
 from intent_recognition.learning.accumulation import Accumulated, accumulate
 from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
-from intent_recognition.learning.selection import (
-    FRACTIONS,
+from intent_recognition.learning.held_out_examples import leave_out
+from intent_recognition.learning.hyperparameters import (
     INDEPENDENT,
-    NOISE_SCALES,
     REGRESSION_STRENGTHS,
     STRENGTH,
     Hyperparameters,
-    choose,
-    validate,
 )
+from intent_recognition.learning.selection import FRACTIONS, NOISE_SCALES, choose, validate
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import summarize
 from intent_recognition.learning.task_evidence import POWERS
@@ -120,7 +118,7 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength, ind
     everything = np.array([example.weights for part in parts for example in part])
     floor = weight_floor(everything)  # its scale alone is that of all of them
     chosen = Hyperparameters(strength=strength, independent=independent, lag=lag)
-    found = selection._leave_out(tasks, tasks, UNITS, chosen)
+    found = leave_out(tasks, tasks, UNITS, chosen)
     assert len(found) == sum(n for n in counts if n > 1)
     turns = [
         (k, example)
@@ -152,7 +150,7 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength, ind
 def test_two_demonstrations_in_all_leave_the_spread_of_both():
     """Nothing else would be left to learn a covariance from; the mean is the other one's."""
     task = summarize(examples(1, [2])[0])
-    found = selection._leave_out({"task_0": task}, {"task_0": task}, UNITS, Hyperparameters())
+    found = leave_out({"task_0": task}, {"task_0": task}, UNITS, Hyperparameters())
     for one, other in zip(found, task.examples[::-1], strict=True):
         np.testing.assert_allclose(one.mean, other.weights.ravel(), atol=1e-12)
         assert np.linalg.eigvalsh(one.covariance).min() > 0.0
@@ -211,7 +209,7 @@ def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning(noise_scale):
     library = replace(
         library, phase_deviation=STEADY, evidence_freedom=np.inf, noise_scale=noise_scale
     )
-    left_out = selection._leave_out(data.tasks, data.tasks, UNITS, Hyperparameters())
+    left_out = leave_out(data.tasks, data.tasks, UNITS, Hyperparameters())
     losses, errors = validate(library, left_out, data.tasks)
     expected_losses, expected_error = by_hand(library, data)
     # movements of several tasks are hard to tell apart, and to predict
@@ -231,7 +229,7 @@ def test_what_the_library_has_learned_of_the_task_left_out_does_not_matter(pace)
         observed_weight_covariance=None,
     )
     tasks = statistics_of(data.tasks, pace == "aligned")
-    left_out = selection._leave_out(tasks, data.tasks, UNITS, Hyperparameters())
+    left_out = leave_out(tasks, data.tasks, UNITS, Hyperparameters())
     for found, expected in zip(
         validate(blank, left_out, tasks), validate(library, left_out, tasks), strict=True
     ):
@@ -245,7 +243,7 @@ def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
         label: summarize([e._replace(group="abc"[k % 3]) for k, e in enumerate(task.examples)])
         for label, task in data.tasks.items()
     }
-    found = selection._leave_out(people, people, UNITS, Hyperparameters())
+    found = leave_out(people, people, UNITS, Hyperparameters())
     everyone = [example for task in people.values() for example in task.examples]
     for one, example in zip(found, everyone, strict=True):
         rest = {
@@ -259,7 +257,7 @@ def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
         assert one.log_duration == pytest.approx(rest[example.task].log_duration_mean)
     alone = {k: summarize([e._replace(group="") for e in t.examples]) for k, t in people.items()}
     for one, example in zip(
-        selection._leave_out(alone, alone, UNITS, Hyperparameters()), everyone, strict=True
+        leave_out(alone, alone, UNITS, Hyperparameters()), everyone, strict=True
     ):
         task = people[example.task]
         mean = task.mean - (example.weights - task.mean) / (task.n - 1)
@@ -270,7 +268,7 @@ def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
     data = accumulated(2, counts=(4, 2, 1))
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters("aligned"))
     tasks = statistics_of(data.tasks, True)
-    left_out = selection._leave_out(tasks, data.tasks, UNITS, Hyperparameters())
+    left_out = leave_out(tasks, data.tasks, UNITS, Hyperparameters())
     whole = validate(library, left_out, tasks)
     monkeypatch.setattr(selection, "MAX_FLOATS", 1)
     for found, expected in zip(validate(library, left_out, tasks), whole, strict=True):
@@ -279,10 +277,13 @@ def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
 
 def test_of_very_many_demonstrations_a_bounded_number_is_left_out(monkeypatch):
     data = accumulated(2, counts=(5, 3, 1))
-    monkeypatch.setattr(selection, "MAX_VALIDATED", 4)
-    assert [
-        one.task for one in selection._leave_out(data.tasks, data.tasks, UNITS, Hyperparameters())
-    ] == [0, 0, 1, 1]
+    monkeypatch.setattr(held_out_examples, "MAX_VALIDATED", 4)
+    assert [one.task for one in leave_out(data.tasks, data.tasks, UNITS, Hyperparameters())] == [
+        0,
+        0,
+        1,
+        1,
+    ]
 
 
 @pytest.mark.usefixtures("usually_tried")

@@ -14,7 +14,7 @@ from intent_recognition.learning import (
     learn_with_report,
 )
 from intent_recognition.learning.correcting import keep_correction
-from intent_recognition.learning.held_out import MAX_RIVALS, nearest_tasks
+from intent_recognition.learning.held_out_examples import MAX_RIVALS, nearest_tasks
 from intent_recognition.promp import controlled_spread, end_std_limits, weight_floor
 from intent_recognition.recognition import IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.decision import DecisionState

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a library derives from what it holds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -40,6 +42,26 @@ def test_dense_samples_together_are_worth_one_sample_per_correlation_time(correl
 def test_two_samples_at_the_same_time_do_not_divide_by_zero(rng):
     library = make_library(rng, n_basis=4, correlation_time_s=0.05)
     assert np.all(np.isfinite(library.noise_covariance(np.arange(3), 0.0)))
+
+
+def test_uncertain_coefficients_widen_what_is_far_from_the_demonstrations(rng):
+    """Against draws of the coefficients, and of observed weights that are known by and large."""
+    library = replace(make_library(rng, n_basis=4, groups=(2,)), regression_variance=0.08)
+    matrix, _, left = library.regressions[1]
+    size, n = library.n_observed_weights, 200_000
+    usual, joint = library.weight_mean[1, :size], library.weight_covariance[1, :size, :size]
+    spread = 0.3 * joint
+    place = usual + 2.0 * np.linalg.cholesky(joint) @ rng.normal(size=size)
+    apart = rng.multivariate_normal(place - usual, spread, size=n)
+    coefficients = rng.normal(size=(n, *matrix.shape))
+    coefficients = np.linalg.cholesky(left) @ coefficients
+    coefficients = coefficients @ np.linalg.cholesky(0.08 * np.linalg.inv(joint)).T
+    residuals = np.einsum("nqp,np->nq", coefficients, apart)
+    residuals += rng.multivariate_normal(np.zeros(len(left)), left, size=n)
+    found = library.regressions.uncertainty(1, place, spread)
+    np.testing.assert_allclose(residuals.var(axis=0), found * np.diag(left), rtol=0.02)
+    certain = replace(library, regression_variance=0.0).regressions
+    np.testing.assert_array_equal(certain.uncertainty(1, place, spread), 1.0)
 
 
 def test_every_task_s_regression_is_there_and_few_stay_in_memory(rng):

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What held-out validation chooses (`learning.selection`)."""
+
+from typing import NamedTuple
+
+from intent_recognition.promp import OTHERS_SAMPLE_SIZE, TargetSettings
+
+STRENGTH = 4.0
+"""Equivalent sample size of the target of the shared covariance, in demonstrations
+(docs/decisions/one_filter.md)."""
+REGRESSION_STRENGTHS = (30.0, 100.0)
+"""The same for each task's own covariance, from which the controlled agent's regression comes; the
+first where nothing can be left out (docs/decisions/covariance_target.md)."""
+INDEPENDENT = (0.0, 0.01)
+"""Independent parts of these weights' variance that are tried
+(docs/decisions/covariance_target.md)."""
+EXPONENTS = (0.2, 0.5, 1.0)
+"""Exponents of the evidence of a duration that are tried, the default first
+(docs/decisions/one_filter.md)."""
+REGRESSION_VARIANCES = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Variances of a regression's coefficients that are tried, the default first
+(docs/decisions/covariance_target.md)."""
+
+
+class Hyperparameters(NamedTuple):
+    """Hyperparameters and their score on demonstrations left out, lower wins.
+
+    Attributes:
+        pace: one of `PACES`.
+        noise_scale: factor of the observed DOFs' noise variance.
+        duration_evidence: exponent of the evidence in the posterior of the duration.
+        borrowed: equivalent sample size of the other tasks in the target of each task's own
+            covariance, in demonstrations.
+        strength: equivalent sample size of this target, in demonstrations.
+        independent: part of a weight's variance in it that no other weight shares.
+        lag: how much later in phase the controlled agent follows, in it.
+        regression_variance: of the coefficients of each task's regression.
+        task_evidence: exponent of the evidence of the tasks against each other.
+        log_loss: of the task, mean over the movement, in nats.
+        error: mean squared error of the controlled agent, each DOF in parts of its variance.
+        score: both together, in nats; NaN where nothing could be left out.
+    """
+
+    pace: str = "own"
+    noise_scale: float = 4.0
+    duration_evidence: float = EXPONENTS[0]
+    borrowed: float = OTHERS_SAMPLE_SIZE
+    strength: float = REGRESSION_STRENGTHS[0]
+    independent: float = INDEPENDENT[0]
+    lag: float = 0.0
+    regression_variance: float = 0.0
+    task_evidence: float = 1.0
+    log_loss: float = float("nan")
+    error: float = float("nan")
+    score: float = float("nan")
+
+    def target(self, n_observed: int) -> TargetSettings:
+        """What the target of a task's own covariance assumes."""
+        return TargetSettings(self.borrowed, self.independent, self.lag, n_observed)
+
+    @property
+    def aligned(self) -> bool:
+        """Whether demonstrations are aligned before their weights are fitted."""
+        return self.pace == "aligned"

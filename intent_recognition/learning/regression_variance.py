@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How uncertain a task's regression is, from demonstrations that were left out.
+
+The controlled weights given the observed ones are N(A w_o + b, C), and A stems from a dozen
+demonstrations. Given that its coefficients are normal with covariance r C (x) S_oo^-1, a prediction
+from w_o has the covariance C (1 + r E[(w_o - mu_o)^T S_oo^-1 (w_o - mu_o)]): the farther a person
+is from those of the demonstrations, the less is known of the robot (the predictive distribution of
+Bayesian linear regression; Bishop 2006, Eq. 3.59). Validation chooses r by the log density of what
+was left out: where whole people are left out, by that of new people.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from intent_recognition.array_types import Floats
+from intent_recognition.gaussian import Gaussian, expected_distance, regression
+from intent_recognition.learning.held_out import (
+    expected_rows,
+    follow_known,
+    predict_agents,
+    samples_at,
+)
+from intent_recognition.learning.held_out_examples import LeftOutExample
+from intent_recognition.learning.hyperparameters import REGRESSION_VARIANCES
+from intent_recognition.learning.statistics import TaskStatistics
+from intent_recognition.promp import TaskLibrary
+
+
+def choose_regression_variance(
+    library: TaskLibrary,
+    left_out: Sequence[LeftOutExample],
+    tasks: Mapping[str, TaskStatistics],
+    shares: Sequence[float],
+    at_once: int,
+) -> float:
+    """The variance of the coefficients under which the controlled agent is most probable.
+
+    Another one than the first takes the place of it where its log density is higher by more than
+    the standard error over the demonstrations.
+
+    Args:
+        library: whose basis, noise and timing are used.
+        left_out: the demonstrations.
+        tasks: statistics of each label.
+        shares: of the movement after which it is predicted.
+        at_once: demonstrations filtered at a time, with their rivals.
+    """
+    parts = [
+        _losses(library, left_out[first : first + at_once], tasks, samples_at(shares))
+        for first in range(0, len(left_out), at_once)
+    ]
+    losses = np.concatenate(parts, axis=1)
+    best = int(np.argmin(losses.mean(axis=1)))
+    gained = losses[0] - losses[best]
+    clear = gained.mean() > gained.std() / np.sqrt(len(gained))
+    return REGRESSION_VARIANCES[best if clear else 0]
+
+
+def _losses(
+    library: TaskLibrary,
+    left_out: Sequence[LeftOutExample],
+    tasks: Mapping[str, TaskStatistics],
+    numbers: Sequence[int],
+) -> Floats:
+    """Twice the mean negative log density of each demonstration under each variance, (r, n)."""
+    size, n = library.n_observed_weights, len(left_out)
+    shape = n, library.n_controlled, library.basis.n_basis
+    gain = np.array([one.gain for one in left_out]).reshape(*shape, size)
+    usual = np.array([one.mean[:size] for one in left_out])
+    precision = np.array([np.linalg.inv(one.joint[:size, :size]) for one in left_out])
+    rules = [regression(Gaussian(one.mean, one.joint), size) for one in left_out]
+    given = np.array([rule.covariance for rule in rules]).reshape(*shape, *shape[1:])
+    given = np.einsum("nqkql->nqkl", given)
+    truth, losses = np.array([one.truth for one in left_out]), []
+    for followed in follow_known(library, left_out, tasks):
+        if followed.progress.n_samples not in numbers:
+            continue
+        _, predicted = predict_agents(library, left_out, followed)
+        _, rows = expected_rows(library, followed)
+        mean, covariance = followed.progress.weights.moments(followed.own[:, 0])
+        response = np.einsum("nsk,nqkp->nsqp", rows, gain).reshape(n, -1, size)
+        mapped = np.sum((response @ covariance) * response, axis=2).reshape(truth.shape)
+        certain = mapped + library.control_noise_variance()
+        left = np.einsum("nsk,nqkl,nsl->nsq", rows, given, rows, optimize=True)
+        distance = expected_distance(precision, mean - usual, covariance)[:, None, None]
+        variance = [certain + (1.0 + r * distance) * left for r in REGRESSION_VARIANCES]
+        square = (truth - predicted[:, 0]) ** 2
+        losses.append([np.mean(np.log(v) + square / v, axis=(1, 2)) for v in variance])
+    return np.mean(losses, axis=0)
