@@ -3,7 +3,6 @@
 
 from intent_recognition.signals.arrays import as_numbers, as_stamp_ns, check_times
 from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered
-from intent_recognition.signals.labels import GROUP, LABEL, LONGEST_LABEL, NONE, can_name_task
 from intent_recognition.signals.lags import (
     SpeedCorrelation,
     StreamFinding,
@@ -33,11 +32,16 @@ from intent_recognition.signals.past import Samples, SignalPast
 from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, movement_span, onset_settings
 from intent_recognition.signals.signal import (
+    GROUP,
+    LABEL,
+    LONGEST_LABEL,
     MIN_SAMPLES,
+    NONE,
     ORIENTATION_FIELDS,
     POSE_FIELDS,
     POSITION_FIELDS,
     Signal,
+    can_name_task,
 )
 from intent_recognition.signals.streams import common_span, stream_defect, zeros
 from intent_recognition.signals.turns import (
@@ -49,9 +53,11 @@ from intent_recognition.signals.turns import (
     whole_turns,
 )
 from intent_recognition.signals.units import (
+    LONGEST_PERIOD_S,
     OFTEN_TAKEN,
     SPATIAL_UNITS,
     UNITS,
+    USUAL_PERIODS_S,
     Known,
     Misfit,
     Size,

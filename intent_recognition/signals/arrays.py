@@ -23,15 +23,10 @@ def as_numbers(
     values: ArrayLike,
     cure: str = "Pass an array, with rows of the same length.",
 ) -> Floats:
-    """A copy of values as numbers.
-
-    Args:
-        argument: its name, for the message.
-        values: of any shape; what is masked, or missing in a table of pandas, becomes NaN.
-        cure: for the message.
+    """A copy of values of any shape as numbers; what is masked, or missing in pandas, becomes NaN.
 
     Raises:
-        ShapeError: they are no numbers, or rows differ in length.
+        ShapeError: they are no numbers, or rows differ in length; names the argument, and the cure.
     """
     try:
         if np.iscomplexobj(values):

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
 from intent_recognition.signals.arrays import as_numbers, as_seconds, check_times
-from intent_recognition.signals.labels import GROUP, LABEL, can_name_task
-from intent_recognition.signals.signal import MIN_SAMPLES, Signal
+from intent_recognition.signals.signal import GROUP, LABEL, MIN_SAMPLES, Signal, can_name_task
 from intent_recognition.signals.streams import recording_doubts, stream_defect
 from intent_recognition.signals.turns import continuous
 from intent_recognition.signals.units import Known, spelled

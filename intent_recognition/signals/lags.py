@@ -29,11 +29,7 @@ LEAST_OTHERS = 5
 
 
 class StreamFinding(NamedTuple):
-    """What is wrong, or may be, with a recording.
-
-    Attributes:
-        reason: one sentence, with the likely cause.
-    """
+    """What is wrong, or may be, with a recording, and the likely cause, in a sentence."""
 
     name: str
     reason: str
@@ -89,7 +85,10 @@ def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFindin
     these are few). It is a hint, given where there is nothing stronger: an agent that reacts early
     or late looks the same.
     """
-    found, sizes = [], _usual_sizes(correlations)
+    by_name: dict[str, list[Size]] = {}
+    for name, size in (named for one in correlations for named in one.sizes):
+        by_name.setdefault(name, []).append(size)
+    found, sizes = [], {name: median_size(sizes) for name, sizes in by_name.items()}
     lags = np.array([one.lag_s for one in correlations])
     tasks = np.array([str(one.task) for one in correlations])
     for index, one in enumerate(correlations):
@@ -102,14 +101,6 @@ def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFindin
         reasons += _same_under_another_label(one, correlations)
         found += [StreamFinding(one.name, reason) for reason in reasons]
     return found
-
-
-def _usual_sizes(correlations: Sequence[SpeedCorrelation]) -> dict[str, Size]:
-    """Median sizes of the signals of several recordings, by their first DOFs."""
-    by_name: dict[str, list[Size]] = {}
-    for name, size in (named for one in correlations for named in one.sizes):
-        by_name.setdefault(name, []).append(size)
-    return {name: median_size(sizes) for name, sizes in by_name.items()}
 
 
 def _other_units(one: SpeedCorrelation, usual: Mapping[str, Size]) -> Iterator[str]:

@@ -59,12 +59,9 @@ def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
 def observations_of(
     groups: Sequence[int], stamps_ns: Integers, values: Floats
 ) -> Iterator[Observation]:
-    """Samples of all signals together as one observation of each signal; a NaN has no row.
+    """Samples (T, P) of all signals together as one observation of each signal; a NaN has no row.
 
-    Args:
-        groups: number of DOFs of each signal; they sum to P.
-        stamps_ns: (T,).
-        values: (T, P).
+    The groups are the numbers of DOFs of each signal, P in all.
     """
     edges = np.cumsum(groups)[:-1]
     for stamp_ns, row in zip(stamps_ns.tolist(), values, strict=True):

@@ -51,12 +51,8 @@ class OnsetSettings:
 def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Floats:
     """Slope of a line through the samples of the last `window_s` at each sample, (T, d).
 
-    Causal. NaN where fewer than three samples, or less than half the window, are there.
-
-    Args:
-        times_s: (T,), increasing.
-        values: (T, d).
-        window_s: length of the window.
+    Causal, of values (T, d) at increasing times (T,). NaN where fewer than three samples, or less
+    than half the window, are there.
     """
     times_s = np.asarray(times_s, dtype=np.float64)
     first = np.searchsorted(times_s, times_s - window_s - 1e-9)
@@ -80,10 +76,7 @@ def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Float
 def peak_speed(times_s: Floats, values: Floats, window_s: float = 0.15) -> float:
     """Largest norm of the windowed velocity, per second; 0 for a signal too short to tell.
 
-    Args:
-        times_s: increasing, (T,) [s].
-        values: (T, P), in the unit of the signal.
-        window_s: length of the line fitted for the velocity.
+    Of values (T, P) at increasing times (T,) [s].
     """
     if len(times_s) < 3:
         return 0.0
@@ -96,11 +89,6 @@ def speed_noise(times_s: Floats, values: Floats, window_s: float = 0.15) -> floa
 
     The noise is what a sample differs from the line between its two neighbours by: its median,
     since a movement is no line where it turns or starts. 0 for a signal too short to tell.
-
-    Args:
-        times_s: (T,), increasing.
-        values: (T, d).
-        window_s: length of the window.
     """
     if len(times_s) < MIN_SAMPLES:
         return 0.0
@@ -118,10 +106,7 @@ def speed_noise(times_s: Floats, values: Floats, window_s: float = 0.15) -> floa
 def detect_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> float | None:
     """Time at which the movement began that is under way at the last sample, or None.
 
-    Args:
-        settings: thresholds.
-        times_s: (T,), the recent past, increasing.
-        values: (T, P), positions of the observed DOFs.
+    Of the recent past: positions (T, P) of the observed DOFs at increasing times (T,).
     """
     if len(times_s) < 4:
         return None
@@ -162,12 +147,7 @@ def at_rest(
 
 
 def is_slow(settings: OnsetSettings, velocity: Floats | None) -> bool:
-    """Whether a signal is as slow as at rest at its end: what `at_rest` asks of its last sample.
-
-    Args:
-        settings: thresholds.
-        velocity: as of `end_velocity`.
-    """
+    """Whether a signal with an `end_velocity` is as slow as `at_rest` asks of its last sample."""
     limit = settings.rest_share * settings.reference_speed
     return velocity is not None and bool(velocity @ velocity < limit**2)
 
@@ -175,10 +155,7 @@ def is_slow(settings: OnsetSettings, velocity: Floats | None) -> bool:
 def end_velocity(settings: OnsetSettings, times_s: Floats, values: Floats) -> Floats | None:
     """The last row of `windowed_velocity`, (P,); None where it is not known.
 
-    Args:
-        settings: thresholds.
-        times_s: of the samples of the last `window_s`, (T,).
-        values: (T, P).
+    Of the samples of the last `window_s`: values (T, P) at times (T,).
     """
     if len(times_s) < 3 or times_s[-1] - times_s[0] < 0.5 * settings.window_s:
         return None

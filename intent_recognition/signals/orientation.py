@@ -96,11 +96,11 @@ def mean_orientation(quaternions: ArrayLike) -> Floats:
     """
     q = _of_size(4, "quaternions", quaternions).reshape(-1, 4)
     norm = np.linalg.norm(q, axis=1, keepdims=True)
-    q = q[(norm[:, 0] > LEAST_QUATERNION) & np.isfinite(norm[:, 0])]
-    if not len(q):
+    measured = (norm[:, 0] > LEAST_QUATERNION) & np.isfinite(norm[:, 0])
+    if not measured.any():
         cure = "Record orientations, or leave the entry out."
         raise ArgumentError.about("quaternions", "at least one that is measured", 0, cure)
-    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    q = q[measured] / norm[measured]
     mean = np.linalg.eigh(q.T @ q)[1][:, -1]
     return mean if mean[3] >= 0.0 else -mean
 
@@ -133,12 +133,9 @@ def right_jacobian(vectors: ArrayLike) -> Floats:
 
 
 def to_tangent_covariance(covariance: ArrayLike, vector: ArrayLike, reference: ArrayLike) -> Floats:
-    """Covariance (3, 3) of a rotation vector, of one about the fixed axes of the world.
+    """Covariance (3, 3) of a rotation vector (3,), of one about the fixed axes of the world.
 
-    Args:
-        covariance: of small rotations about the world's axes (3, 3) [rad^2], as in ROS.
-        vector: the rotation vector (3,).
-        reference: unit quaternion (4,) xyzw.
+    That is of small rotations (3, 3) [rad^2], as in ROS; the reference is a unit quaternion xyzw.
     """
     quaternion = from_tangent(vector, reference)
     change = np.linalg.solve(right_jacobian(vector), rotation_matrix(quaternion).T)
@@ -154,12 +151,9 @@ def rotation_matrix(quaternion: ArrayLike) -> Floats:
 
 
 def quaternion_rates(quaternions: Floats, vectors: ArrayLike, rates: ArrayLike) -> Floats:
-    """Time derivatives (..., 4) of quaternions, of those of their rotation vectors (..., 3).
+    """Time derivatives (..., 4) of quaternions xyzw, of those of their rotation vectors (..., 3).
 
-    Args:
-        quaternions: (..., 4) xyzw, as `from_tangent` gives them.
-        vectors: (..., 3) [rad].
-        rates: of the vectors, per second (..., 3).
+    All as `from_tangent` has them; rates are per second.
     """
     turn = np.einsum("...ij,...j->...i", right_jacobian(vectors), np.asarray(rates))
     xyz, w = quaternions[..., :3], quaternions[..., 3:]

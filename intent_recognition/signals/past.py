@@ -10,8 +10,6 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.signals.observation import Observation
 
-INITIAL_SIZE = 256
-"""Observations for which a history has memory at first. Convention."""
 NEVER_NS = -(2**63)
 """Earlier than every stamp [ns]."""
 
@@ -51,10 +49,7 @@ class History:
     """Observations of the same DOFs in order, with their stamps and values as arrays."""
 
     def __init__(self, n_values: int):
-        self._stamps_ns, self._values = (
-            np.empty(INITIAL_SIZE, np.int64),
-            np.empty((INITIAL_SIZE, n_values)),
-        )
+        self._stamps_ns, self._values = np.empty(256, np.int64), np.empty((256, n_values))
         self._kept: list[Observation] = []
         self._first = 0
 
@@ -99,14 +94,10 @@ class History:
 
 
 class SignalPast:
-    """Observations of one signal, those of the same DOFs together.
+    """Observations of one signal, those of the same DOFs together, of the last `length_s`.
 
     Onset and rest are detected from each DOF at the times at which it was measured; nothing is
     filled in.
-
-    Args:
-        n_dofs: of the signal.
-        length_s: how much of the past is kept.
     """
 
     def __init__(self, n_dofs: int, length_s: float):
@@ -178,11 +169,7 @@ class SignalPast:
         """Positions that tell how the signal moves now; DOFs measured together stay together.
 
         A DOF does not count that was last seen `rest_s` before the newest observation, nor, beside
-        others, one with such gaps in these last seconds that its speed is unknown.
-
-        Args:
-            rest_s: how long a finished movement rests.
-            window_s: length of the line fitted for the speed; half of it must be there.
+        others, one with gaps in these seconds in which half the window of its speed is missing.
         """
         found = [(dofs, h.samples) for (dofs, d), h in self._histories.items() if not d]
         if len(found) < 2:

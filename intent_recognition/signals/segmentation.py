@@ -16,24 +16,17 @@ from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.units import SPATIAL_UNITS
 
 END_MARGIN_S = 0.3
-"""Rest after the last motion that belongs to the interaction [s].
-
-Convention: a primitive ends at rest.
-"""
+"""Rest after the last motion that belongs to the interaction [s]. Convention: primitives end at
+rest."""
 SAMPLES_IN_WINDOW = 4
 """Fewest samples of a signal in the window of its speed. Convention: as many as an onset needs."""
 LONGEST_WINDOW_S = 1.2
 """Longest window of the speed [s]. Convention: an onset is found about half a window late."""
 ABOVE_NOISE = 3.0
-"""Speed that counts as moving, at least, in parts of what noise alone gives (root mean square).
-
-Convention: three standard deviations.
-"""
-
+"""Speed that counts as moving, at least, in standard deviations of what noise gives. Convention."""
 SLOWEST = 1e-6
 """Least reference speed [m/s or rad/s]; in other units in parts of the signal's range, per second.
 Numerical safeguard: a signal that never moved has some."""
-
 LEAST_RATE_HZ = (SAMPLES_IN_WINDOW - 1) / LONGEST_WINDOW_S
 """Rate of a signal below which no onset is found in it [Hz]: `SAMPLES_IN_WINDOW` in the longest
 window."""
@@ -42,13 +35,10 @@ window."""
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:
     """Thresholds for each signal from the median of its peak speeds over the recordings.
 
-    The window in which the speed is measured is as long as the signal needs it to be: for
-    `SAMPLES_IN_WINDOW`, and for a movement so slow that its noise would count as moving. Where
-    no window is long enough, what counts as moving is `ABOVE_NOISE`, in the window that shows the
-    movement best; of a signal that is noise throughout, that is a short one.
-
-    Args:
-        recordings: the signals of each demonstration, the same ones in the same order.
+    Each recording has the same signals in the same order. The window in which the speed is measured
+    is as long as the signal needs it to be: for `SAMPLES_IN_WINDOW`, and for a movement so slow
+    that its noise would count as moving. Where no window is long enough, what counts as moving is
+    `ABOVE_NOISE`, in the window that shows the movement best; of noise throughout, that is short.
     """
     n_signals = len(recordings[0])
     return tuple(_settings_of([signals[k] for signals in recordings]) for k in range(n_signals))
@@ -57,9 +47,7 @@ def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSetting
 def least_reference(signals: Sequence[Signal], window_s: float) -> float:
     """Reference speed at which the noise of a signal does not count as moving, per second.
 
-    Args:
-        signals: the signal in each of some recordings, none of them empty.
-        window_s: length of the line fitted for the speed.
+    Of its recordings, none of them empty, in windows of `window_s`.
     """
     noise = [speed_noise(s.seconds(int(s.stamps_ns[0])), s.values, window_s) for s in signals]
     return ABOVE_NOISE * float(np.median(noise)) / OnsetSettings.start_share
@@ -75,8 +63,9 @@ def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
     shortest_s = window_s = min(shortest_s, LONGEST_WINDOW_S)
     best = 0.0, slowest, shortest_s
     while window_s <= LONGEST_WINDOW_S and signals:
-        peak = _typical_peak(signals, window_s)
-        least = least_reference(signals, window_s)
+        times_s = [signal.seconds(int(signal.stamps_ns[0])) for signal in signals]
+        peaks = [peak_speed(t, s.values, window_s) for t, s in zip(times_s, signals, strict=True)]
+        peak, least = float(np.median(peaks)), least_reference(signals, window_s)
         if peak >= least:
             best = 1.0, max(peak, slowest), window_s
             break
@@ -95,12 +84,6 @@ def _slowest(signals: Sequence[Signal]) -> float:
     values = np.concatenate([signal.values for signal in signals])
     size = max(np.ptp(values, axis=0).max(), 1e-9 * np.abs(values).max())  # rounding
     return SLOWEST * float(size or 1.0)
-
-
-def _typical_peak(signals: Sequence[Signal], window_s: float) -> float:
-    """Median of the peak speeds of a signal over its recordings, none of them empty."""
-    peaks = [peak_speed(s.seconds(int(s.stamps_ns[0])), s.values, window_s) for s in signals]
-    return float(np.median(peaks))
 
 
 def movement_span(

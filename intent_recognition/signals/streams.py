@@ -16,22 +16,10 @@ LARGEST_MISSING_SHARE = 0.1
 its end. Convention: above what the recorder costs (at most 0.085 in the shipped recordings).
 """
 LATENCY_S = 0.25
-"""Shift between streams above which it is named [s].
-
-Convention: longer than a tracker's latency.
-"""
-LATEST_SHARE = 0.2
-"""Share of the way after which a movement that is found is found too late. Convention: a reach is
-found within 2 % of it."""
+"""Shift between streams above which it is named [s]. Convention: longer than trackers take."""
 LEAST_EXTENT = {"m": 0.01, "rad": 0.01}
-"""Extent below which an agent has not moved, by unit [m], [rad].
-
-Convention: some times the noise of trackers and encoders, a fraction of any reach.
-"""
-
-ZERO_STEPS = 3.0
-"""Jump to zero that is named, in largest steps between other samples. Convention: a movement that
-ends at zero comes there by smaller steps."""
+"""Extent below which an agent has not moved, by unit [m, rad]. Convention: some times the noise of
+trackers and encoders."""
 
 
 class _Recorded(Protocol):
@@ -121,37 +109,25 @@ def _missing(recorded: _Recorded) -> str:
         first, last = int(signal.stamps_ns[0]), int(signal.stamps_ns[-1])
         if first > end_ns or last < start_ns:
             away_s = max(first - end_ns, start_ns - last) * 1e-9
-            edge = (
-                "begins {:.3g} s after they end"
-                if first > end_ns
-                else "ends {:.3g} s before they begin"
-            )
+            edge = f"ends {away_s:.3g} s before they begin"
+            edge = f"begins {away_s:.3g} s after they end" if first > end_ns else edge
             return (
-                f"{in_words(signal)} does not overlap with the observed streams: it"
-                f" {edge.format(away_s)}. Likely two clocks: synchronise them (chrony), or stamp"
-                " both streams on one machine."
+                f"{in_words(signal)} does not overlap with the observed streams: it {edge}. Likely"
+                " two clocks: synchronise them (chrony), or stamp both streams on one machine."
             )
         late, early = first - onset_ns, end_ns - last
         if max(late, early) <= LARGEST_MISSING_SHARE * length:
             continue
         share = (min(last, end_ns) - max(first, start_ns)) / length
-        where = " and ".join(
-            text
-            for text, missing_ns in (
-                (f"begins {late * 1e-9:.2f} s after the human's movement", late),
-                (f"ends {early * 1e-9:.2f} s before they do", early),
-            )
-            if missing_ns > LARGEST_MISSING_SHARE * length
-        )
-        shifted = last - first > (1.0 - LARGEST_MISSING_SHARE) * length
-        cause = (
-            "two clocks, since it is as long as they are"
-            if shifted
-            else "a stream that stopped early or started late"
-        )
+        missed = LARGEST_MISSING_SHARE * length
+        where = [f"begins {late * 1e-9:.2f} s after the human's movement"] * (late > missed)
+        where += [f"ends {early * 1e-9:.2f} s before they do"] * (early > missed)
+        cause = "a stream that stopped early or started late"
+        if last - first > length - missed:
+            cause = "two clocks, since it is as long as they are"
         return (
-            f"{in_words(signal)} covers {share:.0%} of the observed streams: it {where}. Likely"
-            f" {cause}: record again."
+            f"{in_words(signal)} covers {share:.0%} of the observed streams: it"
+            f" {' and '.join(where)}. Likely {cause}: record again."
         )
     return ""
 
@@ -241,7 +217,7 @@ def zeros(signal: Signal) -> list[str]:
         return []
     steps = np.linalg.norm(np.diff(signal.values, axis=0), axis=1)
     edge = zero[1:] != zero[:-1]
-    if steps[edge].min() <= ZERO_STEPS * steps[~edge].max(initial=0.0):
+    if steps[edge].min() <= 3.0 * steps[~edge].max(initial=0.0):  # it moves to zero
         return []
     return [
         f"{in_words(signal)} is at exactly zero in {zero.sum()} of {len(zero)} samples, and jumps"
@@ -261,7 +237,7 @@ def _found_late(recorded: _Recorded) -> Iterator[str]:
         until = signal.seconds(start_ns) <= (np.inf if onset_s is None else onset_s)
         before = np.ptp(signal.values[until], axis=0).max() if until.any() else 0.0
         shares.append(float(before) / extent)
-    if shares and min(shares) > LATEST_SHARE:
+    if shares and min(shares) > 0.2:  # a reach is found within 2 % of its way
         yield (
             f"the observed movement is found only after {min(shares):.0%} of its way: it is too"
             " slow beside its noise. Likely a very long task: divide it, or record it faster."

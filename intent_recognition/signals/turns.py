@@ -16,11 +16,8 @@ from intent_recognition.signals.signal import Signal
 ANGLE_UNIT = "rad"
 TURN = 2.0 * np.pi
 WRAP_TOLERANCE = 1.0
-"""How far a jump may be from a whole turn to be taken for one [rad].
-
-Convention: an angle may move that far between two samples; components of a rotation vector, which
-is no angle, jump by less than a turn.
-"""
+"""How far a jump may be from a whole turn to be taken for one [rad]. Convention: an angle may move
+that far between samples; components of a rotation vector, no angles, jump by less than a turn."""
 
 
 def whole_turns(difference: Floats) -> Floats:
@@ -65,12 +62,9 @@ def turn_reference(angles: Floats) -> float:
 def begin_near(
     signals: Sequence[Signal], start_ns: int, references: Sequence[float | None]
 ) -> tuple[Signal, ...]:
-    """The signals, each angle in the turn in which it begins nearest to its reference.
+    """The signals of one agent, each angle in the turn in which it begins nearest to its reference.
 
-    Args:
-        signals: of one agent.
-        start_ns: when they begin.
-        references: of the DOFs of all signals; None for what is no angle.
+    There is one for each DOF of all signals; None for what is no angle.
     """
     found, first = [], 0
     for signal in signals:

@@ -66,9 +66,6 @@ unit at most explains other steps."""
 FEWEST_M = 0.3
 """Distance from the origin of its frame that a body may have [m]: where two units leave it farther,
 the larger factor is named alone. Convention."""
-FEW_SHARE = 0.1
-"""Share of samples that are taken for errors of a tracker where they are far from all others.
-Convention."""
 FAR_SHARE = 0.1
 """How far outside what was learned numbers of another unit are, in learned extents and parts of the
 factor between the units. Convention: 100 extents for millimetres, 6 for degrees; a reach that
@@ -183,7 +180,7 @@ def _stray(signal: Signal) -> Misfit | None:
     away = np.linalg.norm(values - np.median(values, axis=0), axis=1)
     far = away > 0.5 * away.max()
     steps = np.linalg.norm(np.diff(values, axis=0), axis=1)[far[1:] != far[:-1]]
-    if far.mean() > FEW_SHARE or not steps.size or steps.min() < 0.5 * away.max():
+    if far.mean() > 0.1 or not steps.size or steps.min() < 0.5 * away.max():
         return None
     if misfit(Signal(signal.names, signal.stamps_ns[~far], values[~far], signal.unit)) is not None:
         return None
@@ -218,11 +215,7 @@ def learned_misfit(
 ) -> Misfit | None:
     """Why one sample (d,) is hardly in the unit that was learned; None where it may be.
 
-    Args:
-        names: of the DOFs, (d,).
-        unit: of the library.
-        values: of the sample.
-        learned: where the DOFs were, as far as the library knows.
+    `learned` is where the DOFs were, as far as the library knows.
     """
     lower, upper = learned.lower, learned.upper
     excess = np.maximum(lower - values, values - upper)
@@ -254,12 +247,9 @@ def place_misfit(position_m: Floats) -> Misfit | None:
 
 
 def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | None:
-    """Why one length is hardly in metres; None where it may be.
+    """Why a length, of an arm or from an origin, is hardly in metres; None where it may be.
 
-    Args:
-        length_m: of a place from its origin, or of an arm.
-        said: the same in words.
-        do: what helps, in metres.
+    `said` is the same in words, and `do` what helps, in metres.
     """
     if length_m <= WIDEST["m"]:
         return None
