@@ -19,7 +19,7 @@ from intent_recognition.demonstrations.fields import (
     reference_of,
     stamp_of,
 )
-from intent_recognition.demonstrations.folders import find_bags, no_bag
+from intent_recognition.demonstrations.folders import check_label, find_bags, no_bag
 from intent_recognition.demonstrations.hand_poses import (
     HAND_LINK,
     JOINTS_TOPIC,
@@ -33,7 +33,6 @@ from intent_recognition.demonstrations.inspect import (
     inspect_bag,
     inspect_streams,
 )
-from intent_recognition.demonstrations.labels import check_label
 from intent_recognition.demonstrations.observations import (
     ObservationReader,
     Sample,

@@ -84,17 +84,14 @@ def clean_topic(
     stamps_ns = np.array([message.stamp_ns for message in messages], np.int64)
     log_times_ns = np.array([message.log_time_ns for message in messages], np.int64)
     if is_raw_pose(topic, type_name):
-        raw = _pose_columns(stamps_ns, log_times_ns, decoded)
-        settings = _settings(raw, extrinsics)
-        accepted = ingest_poses(settings, raw)
-        frames = _names([settings.world_frame])
-        poses = accepted.rows, accepted.positions, accepted.orientations
-        for row, position, orientation in zip(*poses, strict=True):
-            decoded[row] = pose_message(decoded[row].header, position, orientation)
-        rows, rejected = _longest_increasing(stamps_ns, accepted)
-    else:
-        rows, rejected = _increasing(stamps_ns)
-        frames = _names(getattr(getattr(m, "header", None), "frame_id", "") for m in decoded)
+        cleaned = clean_columns(topic, _pose_columns(stamps_ns, log_times_ns, decoded), extrinsics)
+        poses: Any = cleaned.content
+        for row in cleaned.rows:
+            pose = poses.positions[row], poses.orientations[row]
+            decoded[row] = pose_message(decoded[row].header, *pose)
+        return replace(cleaned, content=decoded)
+    rows, rejected = _increasing(stamps_ns)
+    frames = _names(getattr(getattr(m, "header", None), "frame_id", "") for m in decoded)
     return TopicSamples(stamps_ns[rows], log_times_ns[rows], decoded, rows, rejected, frames)
 
 

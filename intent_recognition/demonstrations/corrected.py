@@ -7,26 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from intent_recognition.bags import BagReader, BagWriter, copy_message, decode
+from intent_recognition.bags import JOINT_STATE, BagReader, BagWriter, decode
 from intent_recognition.errors import BagError
 
 CORRECTION_TOPIC, CORRECTION_TYPE = "/intent/correction", "trajectory_msgs/msg/JointTrajectory"
 CORRECTED = "corrected"
 """Key of `custom_data`: the execution that a demonstration comes from."""
-_JOINT_STATES = "sensor_msgs/msg/JointState"
 
 
 def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str]) -> None:
     """Write what was seen, with the arm on the corrected path instead of where it was pushed.
 
-    Args:
-        execution: bag of it, with the corrected path on `CORRECTION_TOPIC`; the last counts.
-        target: directory of the new bag.
-        custom_data: its labels.
+    That path is the last on `CORRECTION_TOPIC` of the execution's bag.
 
     Raises:
         BagError: it holds no correction, or cannot be read.
-        ResourceBusyError: the directory exists already.
+        ResourceBusyError: the target's directory exists already.
     """
     reader = BagReader(execution)
     corrections = [message.message for message in reader.messages([CORRECTION_TOPIC])]
@@ -41,8 +37,8 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
         for raw in reader.raw_messages():
             if raw.topic == CORRECTION_TOPIC:
                 continue
-            if raw.type != _JOINT_STATES:
-                copy_message(writer, raw)
+            if raw.type != JOINT_STATE:
+                writer.write_raw(raw)
                 continue
             if raw.topic not in decoders:
                 decoders[raw.topic] = reader.decoder(raw.topic, raw.type)
@@ -50,23 +46,12 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
             stamp_ns = _ns(message.header.stamp)
             if stamp_ns > stamps_ns[-1] + 500_000_000:  # with half a second of rest
                 break
-            asked = dict(
-                zip(
-                    path.joint_names,
-                    (float(np.interp(stamp_ns, stamps_ns, column)) for column in positions.T),
-                    strict=True,
-                )
-            )
-            fields = {
-                "header": {"stamp": stamp_ns, "frame_id": message.header.frame_id},
-                "name": list(message.name),
-                "position": np.array(
-                    [
-                        asked.get(name, measured)
-                        for name, measured in zip(message.name, message.position, strict=True)
-                    ]
-                ),
-            }
+            joints = dict(zip(message.name, message.position, strict=True))
+            for name, column in zip(path.joint_names, positions.T, strict=True):
+                if name in joints:
+                    joints[name] = float(np.interp(stamp_ns, stamps_ns, column))
+            header = {"stamp": stamp_ns, "frame_id": message.header.frame_id}
+            fields = {"header": header, "name": [*joints], "position": [*joints.values()]}
             writer.write_message(raw.topic, raw.type, fields, raw.log_time_ns)
 
 

@@ -116,11 +116,7 @@ class DofSpec:
 
     @classmethod
     def from_dict(cls, content: object, source: str = "dofs") -> DofSpec:
-        """Check `content` and build the spec.
-
-        Args:
-            content: what `to_dict` or the YAML file gives.
-            source: name of the file, for messages.
+        """Check what `to_dict` or the YAML file gives, and build the spec; `source` names it.
 
         Raises:
             DofError: anything is missing, unknown, doubled or of the wrong kind.
@@ -147,10 +143,7 @@ class DofSpec:
 
 
 def load_dofs(path: str | Path | None = None) -> DofSpec:
-    """Read a DOF file.
-
-    Args:
-        path: a YAML file as described in docs/bags.md; by default the shipped config/dofs.yaml.
+    """Read a DOF file, as described in docs/bags.md; by default the shipped config/dofs.yaml.
 
     Raises:
         DofError: the file is missing, no YAML, or malformed; names the file, entry and key.
@@ -254,8 +247,10 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         std=_std(item, place) if is_velocity else None,
         link=link,
         robot=robot,
-        context=_flag(item, "context", place),
+        context=item.get("context", False),
     )
+    if not isinstance(found.context, bool):
+        raise _error(f"{place}: context", "true or false", found.context)
     _check_orientation(found, item, place)
     return found
 
@@ -291,13 +286,6 @@ def _reference(item: Mapping, place: str) -> tuple[float, ...]:
     if quaternion.shape != (4,) or not abs(norm - 1.0) < 1e-3:
         raise _error(f"{place}: reference", "a unit quaternion [x, y, z, w]", given)
     return tuple(quaternion.tolist())
-
-
-def _flag(item: Mapping, key: str, place: str) -> bool:
-    value = item.get(key, False)
-    if not isinstance(value, bool):
-        raise _error(f"{place}: {key}", "true or false", value)
-    return value
 
 
 def _text(item: Mapping, key: str, place: str) -> str:

@@ -48,13 +48,7 @@ pose_numbers = attrgetter(*POSE_FIELDS)
 
 
 def pose_message(header: object, position: ArrayLike, orientation: ArrayLike) -> SimpleNamespace:
-    """A pose with the attributes of a PoseStamped.
-
-    Args:
-        header: of the message.
-        position: (3,) [m].
-        orientation: (4,) xyzw.
-    """
+    """A pose, (3,) [m] and (4,) xyzw, with the attributes of a PoseStamped."""
     pose = SimpleNamespace(
         position=SimpleNamespace(**dict(zip("xyz", np.asarray(position), strict=True))),
         orientation=SimpleNamespace(**dict(zip("xyzw", np.asarray(orientation), strict=True))),
@@ -149,15 +143,10 @@ def reference_of(entry: DofEntry) -> tuple[float, ...]:
 
 
 def stamp_of(entry: DofEntry, message: Any, received_ns: int) -> int | None:
-    """When the entry's DOFs in a message were measured [ns].
+    """When the entry's DOFs in a message of rclpy or a bag were measured [ns].
 
-    Args:
-        entry: what is read.
-        message: of rclpy or of a bag.
-        received_ns: counts where neither the message nor its elements are stamped.
-
-    Returns:
-        None where the message is about other elements than the entry's.
+    The time it was received counts where neither it nor its elements are stamped. None where it is
+    about other elements than the entry's.
     """
     if entry.type in STAMPED_ELEMENTS:
         stamps = element_stamps_ns(message, entry.fields)
@@ -191,15 +180,9 @@ def has_columns(entry: DofEntry) -> bool:
 
 
 def values_of(entry: DofEntry, content: Content, rows: Integers) -> tuple[Floats, Flags]:
-    """Values of the entry's DOFs in some messages, and which messages have them all.
+    """Values (n, d) of the entry's DOFs in the messages `rows` (n,), and which of these have all.
 
-    Args:
-        entry: what to read; with columns one of which `has_columns` is true.
-        content: of the topic.
-        rows: indices of messages, (n,).
-
-    Returns:
-        (n, d), and (n,): False where a joint or field is missing.
+    Columns must be such that `has_columns` is true.
     """
     if isinstance(content, PoseColumns):
         poses = np.column_stack([content.positions[rows], content.orientations[rows]])

@@ -2,11 +2,12 @@
 """Bags in folders."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from intent_recognition.bags import cure_of, is_bag
 from intent_recognition.errors import BagError
-from intent_recognition.signals import Rejection
+from intent_recognition.signals import LABEL, LONGEST_LABEL, Rejection, can_name_task
 
 Paths = str | Path | Iterable[str | Path]
 
@@ -19,9 +20,7 @@ def as_paths(paths: Paths) -> list[Path]:
 def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
     """The bag `path` is, or all bags below it, sorted by name.
 
-    Args:
-        path: a bag, a file or a folder.
-        above: folders that it lies in, with links resolved; a link to one of them is not followed.
+    Links to the folders `above`, in which it lies, are not followed.
 
     Raises:
         BagError: the path does not exist.
@@ -48,3 +47,24 @@ def no_bag(folder: Path) -> Rejection:
     """Of a folder without bags."""
     cure = cure_of(folder, "Check the path.")
     return Rejection(str(folder), "", 0, "there is no bag in this folder", cure)
+
+
+def check_label(label: str, cure: str = "Give one such as give_cup.") -> None:
+    """Make sure that a text can name a task.
+
+    Raises:
+        BagError: it is empty, too long, means no task, or holds what a folder or a terminal
+            cannot show.
+    """
+    if not can_name_task(label):
+        shown = repr(label[:LONGEST_LABEL]) + ("..." if len(label) > LONGEST_LABEL else "")
+        raise BagError.about("task", LABEL, shown, cure)
+
+
+def label_problem(label: str, path: str, topic: str = "", stamp_ns: int = 0) -> Rejection | None:
+    """Why the label of a recording cannot name a task; None if it can."""
+    try:
+        check_label(label)
+    except BagError as error:
+        return replace(Rejection.of(path, error, "label", stamp_ns), topic=topic)
+    return None

@@ -30,9 +30,8 @@ WORLD_LINK = "world"
 def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int, Arm]]:
     """What to read instead of poses of the hand that were not recorded.
 
-    Returns:
-        The DOFs with joints in place of those poses, and by index of the controlled entry the arm
-        that turns them into poses again.
+    The DOFs with joints in their place, and by index of the controlled entry the arm that turns
+    them into poses again.
     """
     recorded = {relative_topic(name) for name in reader.topics}
     arms = {
@@ -70,11 +69,9 @@ def hand_numbers(entry: DofEntry, poses: Floats) -> Floats:
 
 
 def arm_in_world(description: str, link: str = "") -> Arm:
-    """The whole arm of a URDF, its poses in the frame `world` where there is one.
+    """The whole arm of a URDF's text, its poses in the frame `world` where there is one.
 
-    Args:
-        description: text of the URDF.
-        link: that is the hand, wherever on the arm; empty: the end of the arm, before its gripper.
+    Its hand is the link, wherever on the arm; without one the end of the arm, before its gripper.
 
     Raises:
         ArgumentError: it cannot be used.

@@ -33,11 +33,9 @@ EMPTY = "it holds no messages: nothing was published while it was recorded"
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic of a recording.
+    """One topic of a recording, with all messages that can be read.
 
     Attributes:
-        name: as recorded.
-        count: messages that can be read.
         rate_hz: one over the median step of the stamps, 0 with fewer than two messages.
         gaps: (stamp_ns before the gap, length in s) of every step longer than three medians.
         longest_gap_s: longest step, 0 with fewer than two messages.
@@ -60,12 +58,9 @@ class TopicSummary:
 
 @dataclass(frozen=True)
 class BagSummary:
-    """A whole recording.
+    """A whole recording, from the log time of its first message that can be read to the last.
 
     Attributes:
-        custom_data: all labels.
-        start_ns: log time of the first message that can be read.
-        end_ns: log time of the last.
         topics: one summary each, in the order recorded.
         demonstrations: of a session bag, in order; empty for others.
         unfinished: demonstrations of a session whose end is missing or whose label is none.
@@ -136,9 +131,7 @@ def inspect_streams(
 ) -> list[Rejection | SpeedCorrelation]:
     """What the demonstrations of a bag say about its streams, for `stream_doubts`, or their defect.
 
-    Args:
-        path: of the bag.
-        dofs: the degrees of freedom; None takes the positions of all tracked bodies and joints.
+    Without DOFs the positions of all tracked bodies and joints are taken.
 
     Raises:
         BagError: there is no readable MCAP file at all.

@@ -100,12 +100,9 @@ class ObservationReader:
             self.pose_columns = np.array([POSE_FIELDS.index(field) for field in entry.fields])
 
     def observe(self, stamp_ns: int, message: Any, covariance: Floats | None = None) -> Observation:
-        """The observation in a message; a NaN means that the value was not measured.
+        """The observation in a message of rclpy or a bag; a NaN means that it was not measured.
 
-        Args:
-            stamp_ns: time of measurement.
-            message: of rclpy or of a bag.
-            covariance: of the pose, (6, 6), instead of the message's own.
+        A covariance of the pose (6, 6) stands in place of the message's own.
 
         Raises:
             MessageError: a field, or every joint, is missing.
@@ -114,12 +111,7 @@ class ObservationReader:
         return self._observation(stamp_ns, values, self._noise(message, covariance, values))
 
     def observe_pose(self, stamp_ns: int, pose: Floats, covariance: Floats | None) -> Observation:
-        """As `observe` of a tracked pose, for entries with `pose_columns`.
-
-        Args:
-            stamp_ns: time of measurement.
-            pose: position and orientation, (7,).
-            covariance: of the pose (6, 6); None where unknown.
+        """As `observe` of a tracked pose (7,), for entries with `pose_columns`; covariance (6, 6).
 
         Raises:
             MessageError: the entry asks for more than the pose.
@@ -132,13 +124,10 @@ class ObservationReader:
         return self._observation(stamp_ns, values, self._noise(None, covariance, values))
 
     def _observation(self, stamp_ns: int, values: Floats, noise: Floats | None) -> Observation:
-        dofs, derivative = self._columns, self._columns is not None
-        if not self._whole and isnan(np.add.reduce(values)) and not np.all(np.isnan(values)):
-            kept = np.flatnonzero(~np.isnan(values))
-            values = values[kept]
-            dofs = tuple(kept.tolist()) if dofs is None else tuple(dofs[k] for k in kept)
-            noise = None if noise is None else noise[np.ix_(kept, kept)]
-        return Observation(stamp_ns, self.group, values, noise, dofs, derivative)
+        derivative = self._columns is not None
+        found = Observation(stamp_ns, self.group, values, noise, self._columns, derivative)
+        in_part = not self._whole and isnan(np.add.reduce(values))
+        return found.measured() or found if in_part else found
 
     def _noise(self, message: Any, covariance: Floats | None, values: Floats) -> Floats | None:
         """The covariance in the message, else that of the DOF file; None where neither is known."""
@@ -198,13 +187,8 @@ def iter_samples(
 ) -> Iterator[Sample]:
     """Measurements of both agents and of the scene in the order of recording.
 
-    Raw tracker poses are checked and transformed as by the node `mocap_ingest`.
-
-    Args:
-        reader: the recording.
-        dofs: which topics and fields to read.
-        settings: of the ingest; when None the node's defaults with the DOF file's extrinsics.
-        rejected: counts what is dropped, by reason.
+    Raw tracker poses are checked and transformed as by the node `mocap_ingest`, by its defaults
+    with the DOF file's extrinsics unless settings are given; `rejected` counts what is dropped.
     """
     settings = settings or IngestSettings(extrinsics=dofs.tracker_frames or {})
     rejected = Counter() if rejected is None else rejected

@@ -2,6 +2,7 @@
 """Demonstrations from bags, folders of bags and session bags."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,9 +20,14 @@ from intent_recognition.demonstrations.collecting import collect, missing_topic
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import joint_indices, reference_of
-from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags, no_bag
+from intent_recognition.demonstrations.folders import (
+    Paths,
+    as_paths,
+    find_bags,
+    label_problem,
+    no_bag,
+)
 from intent_recognition.demonstrations.hand_poses import as_hands, known_of, read_by_joints
-from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.paths import ElementAbsentError, follow, parse_path
 from intent_recognition.demonstrations.sessions import (
     SessionPart,
@@ -191,11 +197,8 @@ def _demonstration(
         if not signal.stamps_ns.size:
             reason = "empty: nothing of the context was recorded before the end of the movement"
             return Rejection(str(reader.path), f"/{entry.topic}", int(start_ns), reason)
-    delays_s = tuple(
-        float(np.median(samples[entry.stream].log_times_ns - samples[entry.stream].stamps_ns))
-        * 1e-9
-        for entry in (*dofs.observed, *dofs.controlled)
-    )
+    streams = [samples[entry.stream] for entry in (*dofs.observed, *dofs.controlled)]
+    delays_s = tuple(float(np.median(s.log_times_ns - s.stamps_ns)) * 1e-9 for s in streams)
     found = Demonstration(
         name, str(reader.path), task, observed, controlled, start_ns, end_ns, metadata, rejected,
         delays_s, context, _frames(dofs, samples), known,
@@ -248,11 +251,8 @@ def _absent(reader: BagReader, entry: DofEntry) -> str:
         return ""
     if entry.joints:
         there = tuple(first.name)
-        absent = [
-            j
-            for j, k in zip(entry.joints, joint_indices(entry.joints, there), strict=True)
-            if k is None
-        ]
+        places = zip(entry.joints, joint_indices(entry.joints, there), strict=True)
+        absent = [joint for joint, place in places if place is None]
         return f"no joint {', '.join(absent)}: the topic has {', '.join(there)}" if absent else ""
     absent = [field for field in entry.fields if not _has(first, field)]
     return f"no field {', '.join(absent)} in {entry.type}" if absent else ""
@@ -260,10 +260,9 @@ def _absent(reader: BagReader, entry: DofEntry) -> str:
 
 def _has(message: object, field: str) -> bool:
     """Whether the type of a message has a field; elements of arrays may come later."""
-    try:
-        follow(message, parse_path(field))
-    except (AttributeError, TypeError):
-        return False
-    except ElementAbsentError:
-        return True
+    with suppress(ElementAbsentError):
+        try:
+            follow(message, parse_path(field))
+        except (AttributeError, TypeError):
+            return False
     return True

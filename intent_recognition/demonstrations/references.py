@@ -25,9 +25,7 @@ REFERENCE_BAGS = 50
 def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
     """The same DOFs, with a reference for every orientation that has none: the mean of recordings.
 
-    Args:
-        dofs: topics and fields to read.
-        paths: bags and folders of bags, of which at most `REFERENCE_BAGS` are read.
+    Of the bags at most `REFERENCE_BAGS` are read.
 
     Raises:
         BagError: a path does not exist.

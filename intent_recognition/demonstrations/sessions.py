@@ -17,8 +17,7 @@ from intent_recognition.array_types import Integers
 from intent_recognition.bags import BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import TopicSamples
 from intent_recognition.demonstrations.dofs import relative_topic
-from intent_recognition.demonstrations.folders import find_bags, no_bag
-from intent_recognition.demonstrations.labels import check_label, label_problem
+from intent_recognition.demonstrations.folders import check_label, find_bags, label_problem, no_bag
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 
@@ -58,11 +57,7 @@ class TaskSequence(NamedTuple):
 
 
 def clock_shift_ns(differences: Integers) -> int:
-    """Log time minus stamp, where the two are different clocks; 0 where they are one.
-
-    Args:
-        differences: log time minus stamp of some messages, (n,).
-    """
+    """Log time minus stamp of messages (n,), where they are two clocks; 0 where they are one."""
     shift_ns = int(np.median(differences)) if differences.size else 0
     return shift_ns if abs(shift_ns) > SAME_CLOCK_NS else 0
 
@@ -104,12 +99,7 @@ def split_session(
 
 
 def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSequence]:
-    """The task sequences in a bag; none where it is not a session. Times are log times.
-
-    Args:
-        reader: the bag.
-        forget_after_s: a longer pause between two tasks ends a sequence [s].
-    """
+    """The task sequences in a bag; none where it is not a session. Times are log times."""
     tasks: list[str] = []
     durations_s: list[float] = []
     begun_ns, ended_ns, running = 0, 0, False
@@ -157,14 +147,9 @@ def _unended(source: str, marker: BagMessage, label: str, when: str) -> Rejectio
 def read_task_sequences(
     paths: Iterable[str | Path], forget_after_s: float
 ) -> tuple[list[TaskSequence], list[Rejection]]:
-    """Which task followed which in all session bags below `paths`.
+    """Which task followed which in all session bags below `paths`, and why other bags have none.
 
-    Args:
-        paths: session bags and folders of such, searched to any depth.
-        forget_after_s: a longer pause between two tasks ends a sequence [s].
-
-    Returns:
-        The sequences, and why other bags have none.
+    A pause between two tasks longer than `forget_after_s` [s] ends a sequence.
 
     Raises:
         BagError: a path does not exist.

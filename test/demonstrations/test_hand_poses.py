@@ -15,8 +15,7 @@ from intent_recognition.demonstrations import read_demonstrations, settle_orient
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.hand_poses import HAND_LINK, topics_of
 from intent_recognition.errors import ArgumentError, DofError
-from intent_recognition.kinematics.forward import frame_poses, hand_position
-from intent_recognition.kinematics.lwr import DH
+from intent_recognition.kinematics.lwr import DH, frame_poses, hand_position
 from intent_recognition.share import share_path
 from intent_recognition.signals import from_tangent, mean_orientation
 from sim_bridge.arm import describe_robot, find_robot
